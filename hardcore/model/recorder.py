@@ -1,0 +1,127 @@
+"""What a reader finds on a recorder page: the last words of a core, as values.
+
+The bytes are `docs/wires.md` section 3; `host/recorder.py` reads them. A torn entry (its writer died in
+the middle of it) keeps what could be read and says so: half a name is better evidence than none.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class SlotStage(IntEnum):
+    """How far a command has come. DECIDING marks exactly one; from WRITING on the whole batch is in it."""
+
+    FREE = 0
+    QUEUED = 1
+    DECIDING = 2
+    WRITING = 3
+    COMMITTED = 4
+    ANSWERING = 5
+
+
+class LifeState(IntEnum):
+    """What the core says of itself."""
+
+    STARTING = 0
+    READY = 1
+    DRAINING = 2
+    STOPPING = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Beats:
+    """The beat block. Times are monotonic nanoseconds, 0 for never; counts only grow."""
+
+    loop_ns: int = 0
+    loop_count: int = 0
+    thread_ns: int = 0
+    thread_count: int = 0
+    submitted: int = 0
+    completed: int = 0
+    completed_ns: int = 0
+    in_store_since_ns: int = 0
+    gc_since_ns: int = 0
+    epoch: int = 0
+    state: LifeState = LifeState.STARTING
+
+    @property
+    def waiting(self) -> int:
+        """Commands that have a slot and no answer yet."""
+        return max(0, self.submitted - self.completed)
+
+
+@dataclass(frozen=True, slots=True)
+class Threads:
+    """The core's own thread ids, once it has written them (0: not yet)."""
+
+    loop: int = 0
+    writer: int = 0
+    beat: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """The last commit somebody saw: sequence, epoch and the event's hash (hex)."""
+
+    seq: int
+    epoch: int
+    hash: str
+    at_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class CommandNote:
+    """A command in flight or just finished. `payload` is cut at 512 bytes; `outcome` is an HTTP status."""
+
+    stage: SlotStage
+    command_id: str
+    key_hash: str
+    kind: str
+    transaction_id: str
+    account_ids: tuple[str, ...]
+    started_ns: int
+    deadline_ns: int = 0
+    stage_ns: int = 0
+    thread: int = 0
+    ordinal: int = 0
+    payload: bytes = b""
+    payload_bytes: int = 0
+    outcome: int = 0
+    torn: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RingEvent:
+    """One line of the ring of events."""
+
+    at_ns: int
+    index: int
+    code: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class LastWords:
+    """What the core wrote when it knew that it was leaving."""
+
+    at_ns: int
+    code: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A whole recorder page, read at one moment."""
+
+    nonce: str
+    boot_id: str
+    pid: int
+    start: int
+    threads: Threads
+    beats: Beats
+    witness: Witness | None
+    last_words: LastWords | None
+    in_flight: tuple[CommandNote, ...]
+    finished: tuple[CommandNote, ...]
+    events: tuple[RingEvent, ...]
+    torn: int = 0
