@@ -1,0 +1,129 @@
+"""Orders: everything the FailoverManager may ask of the executor, in the imperative.
+
+The executor carries out each one and tells what came of it as an `Observation`. Nothing here says how.
+"""
+
+from dataclasses import dataclass
+
+from hardcore.model.observations import DeathNote, Exit, Proof, RequestOutcome
+from hardcore.model.recorder import CommandNote, LastWords, Witness
+from hardcore.model.verdicts import Diagnosis, Grade, Testimony
+
+
+@dataclass(frozen=True, slots=True)
+class Spawn:
+    """Start a core. `expected_epoch` None: raise whatever stands in the store."""
+
+    life: int
+    expected_epoch: int | None
+    witness: Witness | None
+
+
+@dataclass(frozen=True, slots=True)
+class Terminate:
+    """Ask the core to leave (SIGTERM)."""
+
+    life: int
+
+
+@dataclass(frozen=True, slots=True)
+class Kill:
+    """End the core and everything it started (SIGKILL)."""
+
+    life: int
+
+
+@dataclass(frozen=True, slots=True)
+class KillLeftovers:
+    """End the processes of an earlier sentinel, after an identity check."""
+
+    lives: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TakeEvidence:
+    """Take the evidence of life `life` for this incident: from a living core it is stopped first."""
+
+    life: int
+    incident: str
+    living: bool
+    budget_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """Tell the gateway that this life serves, and which keys must only be looked up."""
+
+    life: int
+    epoch: int
+    suspects: tuple[str, ...]
+    incident: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Incident:
+    """The story of an outage, as facts. Times are monotonic; the shell adds the wall's."""
+
+    id: str
+    opened_ns: int
+    diagnosis: Diagnosis
+    grade: Grade
+    evidence: tuple[Testimony, ...]
+    planned: bool
+    drill: str | None
+    reason: str
+    life: int
+    epoch: int
+    exit: Exit | None
+    last_words: LastWords | None
+    in_flight: tuple[CommandNote, ...]
+    suspects: tuple[str, ...]
+    timeline: tuple[tuple[str, int], ...]
+    deaths: tuple[DeathNote, ...]
+    requests: tuple[RequestOutcome, ...]
+    proof: Proof | None
+    witness: Witness | None
+    next_epoch: int | None
+    outcome: str
+    closed_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class CloseIncident:
+    """Write the facts down and have the report made."""
+
+    incident: Incident
+
+
+@dataclass(frozen=True, slots=True)
+class Alert:
+    """Say this to whoever runs the server."""
+
+    diagnosis: Diagnosis
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class KeepBudget:
+    """Write the deaths that count down, so that a successor of this sentinel knows them."""
+
+    deaths_ns: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Halt:
+    """Everything is stopped as asked: the sentinel may end."""
+
+
+Action = (
+    Spawn
+    | Terminate
+    | Kill
+    | KillLeftovers
+    | TakeEvidence
+    | Release
+    | CloseIncident
+    | Alert
+    | KeepBudget
+    | Halt
+)

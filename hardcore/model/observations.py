@@ -1,0 +1,248 @@
+"""Facts: everything that can be told to the FailoverManager, in the past tense.
+
+The whole conversation between the shell and the pure middle fits on this page and on `actions.py`. Each
+fact carries the monotonic time at which it was true; what concerns a core carries the number of its
+`life` (counted by the guard from 1), so that a late answer is never taken for another core's.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hardcore.model.recorder import Beats, CommandNote, Page, Threads
+from hardcore.model.verdicts import Diagnosis
+
+
+@dataclass(frozen=True, slots=True)
+class Exit:
+    """How a process ended: `code` or `signal`; both None when nobody could read its status."""
+
+    code: int | None = None
+    signal: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ThreadSample:
+    """One thread of the core. `state` is the kernel's letter, empty when the thread is gone."""
+
+    state: str
+    cpu_ns: int
+    waits_in: str  # kernel function or system call it sleeps in; empty when unknown
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSample:
+    """The core as the kernel sees it at one tick."""
+
+    state: str
+    cpu_ns: int
+    rss_bytes: int
+    threads: int
+    fds: int | None = None
+    loop: ThreadSample | None = None
+    writer: ThreadSample | None = None
+
+
+class Verb(StrEnum):
+    """What an operator may ask."""
+
+    START = "start"
+    STOP = "stop"
+    RESTART = "restart"
+    RESTART_HARD = "restart-hard"
+    RESUME = "resume"
+
+
+@dataclass(frozen=True, slots=True)
+class SentinelBegan:
+    """The guard is up. `leftovers`: lives of an earlier sentinel that were found and may still live."""
+
+    at_ns: int
+    leftovers: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """One tick of the watch. `in_flight` is read only while commands wait; None: not looked."""
+
+    at_ns: int
+    life: int
+    beats: Beats | None
+    threads: Threads
+    process: ProcessSample | None
+    in_flight: tuple[CommandNote, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CoreSpawned:
+    """A core process exists."""
+
+    at_ns: int
+    life: int
+    pid: int
+
+
+@dataclass(frozen=True, slots=True)
+class SpawnFailed:
+    """No core process could be made."""
+
+    at_ns: int
+    life: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class EpochRaised:
+    """The core has committed its fence."""
+
+    at_ns: int
+    life: int
+    epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class StartExtended:
+    """A starting core makes progress and asks for more time."""
+
+    at_ns: int
+    life: int
+    for_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """What the core proved of its ledger before it served: `kind` is "witness" or "chain"."""
+
+    kind: str
+    tail: int
+    seq: int
+    hash: str
+
+
+@dataclass(frozen=True, slots=True)
+class CoreReady:
+    """The core has proven its ledger and listens."""
+
+    at_ns: int
+    life: int
+    epoch: int
+    proof: Proof
+
+
+@dataclass(frozen=True, slots=True)
+class FenceBlocked:
+    """The core could not write its fence: somebody holds the store's lock."""
+
+    at_ns: int
+    life: int
+
+
+@dataclass(frozen=True, slots=True)
+class TermReceived:
+    """The core was sent a TERM by process `sender` (0: unknown)."""
+
+    at_ns: int
+    life: int
+    sender: int
+
+
+@dataclass(frozen=True, slots=True)
+class CoreExited:
+    """The core's process is gone. `page` is its recorder, read right after; None: unreadable."""
+
+    at_ns: int
+    life: int
+    exit: Exit
+    page: Page | None
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceTaken:
+    """The evidence of a living core is on disk, or what could be had of it. `steps` are timeline steps."""
+
+    at_ns: int
+    life: int
+    complete: bool
+    page: Page | None
+    steps: tuple[tuple[str, int], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class OperatorAsked:
+    """An operator's word, taken from the control socket or a signal."""
+
+    at_ns: int
+    verb: Verb
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DrillStarted:
+    """The core was told to break itself: its next death is a drill."""
+
+    at_ns: int
+    fault: str
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayHolding:
+    """The gateway has begun to hold requests."""
+
+    at_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class FirstServed:
+    """The first answer of this epoch came through the gateway."""
+
+    at_ns: int
+    epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class RequestOutcome:
+    """What became of one request that met an outage."""
+
+    method: str
+    path: str
+    key_hash: str
+    outcome: str
+    status: int
+    held_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class RequestsSettled:
+    """Every request that met the outage has an outcome."""
+
+    at_ns: int
+    incident: str
+    requests: tuple[RequestOutcome, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DeathNote:
+    """One death inside an incident."""
+
+    at_ns: int
+    diagnosis: Diagnosis
+    exit: Exit | None
+
+
+Observation = (
+    SentinelBegan
+    | Sampled
+    | CoreSpawned
+    | SpawnFailed
+    | EpochRaised
+    | StartExtended
+    | CoreReady
+    | FenceBlocked
+    | TermReceived
+    | CoreExited
+    | EvidenceTaken
+    | OperatorAsked
+    | DrillStarted
+    | GatewayHolding
+    | FirstServed
+    | RequestsSettled
+)

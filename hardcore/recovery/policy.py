@@ -1,0 +1,278 @@
+"""`failover_policy.json`: what is done on which diagnosis, and every number of the watch.
+
+The file is read whole or refused whole, with the line and the reason of everything that is wrong; a bad
+file never replaces a good one. Words of the contract that this version can't carry out in full are taken
+in their nearest honest sense (`EFFECT` below) and named by `notes`, so that nobody believes in a safe
+mode that is not there.
+"""
+
+import dataclasses
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from hardcore.model.verdicts import Diagnosis
+from hardcore.settings import Fault, Limits, read, setting
+
+VERSION = 1
+POLICY_BYTES_MAX = 256 << 10
+
+
+class Word(StrEnum):
+    """The words a policy may use for what is done."""
+
+    SEND_ALERT = "SEND_ALERT"
+    SNAPSHOT = "SNAPSHOT"
+    REBOOT_PROCESS = "REBOOT_PROCESS"
+    PLANNED_SWITCH = "PLANNED_SWITCH"
+    RESTART_COMPONENT = "RESTART_COMPONENT"
+    DEGRADE = "DEGRADE"
+    SAFE_MODE_ENTER = "SAFE_MODE_ENTER"
+    AWAIT_OPERATOR = "AWAIT_OPERATOR"
+    SHUTDOWN = "SHUTDOWN"
+    NONE = "NONE"
+
+
+#: What a word means here, where that is less than its name says.
+EFFECT = {
+    Word.RESTART_COMPONENT: (Word.REBOOT_PROCESS, "components are not restarted alone yet: the core is"),
+    Word.PLANNED_SWITCH: (Word.REBOOT_PROCESS, "there is no spare core yet: the core is restarted"),
+    Word.SAFE_MODE_ENTER: (Word.AWAIT_OPERATOR, "there is no safe mode yet: the guard waits for you"),
+    Word.DEGRADE: (Word.NONE, "the state shows DEGRADED while the cause lasts; nothing else is done"),
+}
+
+_RESTART = frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.REBOOT_PROCESS})
+_WAIT = frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.AWAIT_OPERATOR})
+_TELL = frozenset({Word.SEND_ALERT})
+
+#: What is done on a diagnosis that the policy does not list. Total: a new diagnosis needs a line here.
+DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
+    Diagnosis.CRASHED: _RESTART,
+    Diagnosis.EXITED: _RESTART,
+    Diagnosis.KILLED_FROM_OUTSIDE: _RESTART,
+    Diagnosis.STOPPED_FROM_OUTSIDE: frozenset({Word.NONE}),
+    Diagnosis.OUT_OF_MEMORY: _RESTART,
+    Diagnosis.FENCED: frozenset({Word.SNAPSHOT, Word.REBOOT_PROCESS}),
+    Diagnosis.COMMIT_FAILED: _RESTART,
+    Diagnosis.FROZEN: _RESTART,
+    Diagnosis.LOOP_BLOCKED: _RESTART,
+    Diagnosis.SPINNING: _RESTART,
+    Diagnosis.GIL_HELD: _RESTART,
+    Diagnosis.DEADLOCK: _RESTART,
+    Diagnosis.TRANSACTION_TIMEOUT: _RESTART,
+    Diagnosis.NO_PROGRESS: _RESTART,
+    Diagnosis.DB_LOCKED: _WAIT,
+    Diagnosis.DISK_FULL: _WAIT,
+    Diagnosis.DISK_READ_ONLY: _WAIT,
+    Diagnosis.DISK_STALLED: _TELL,
+    Diagnosis.STORE_CORRUPT: _WAIT,
+    Diagnosis.COMPONENT_STALLED: _TELL,
+    Diagnosis.MEMORY_PRESSURE: _TELL,
+    Diagnosis.LEAK: _TELL,
+    Diagnosis.FD_EXHAUSTION: _TELL,
+    Diagnosis.STARTUP_FAILED: _RESTART,
+    Diagnosis.CRASH_LOOP: _WAIT,
+    Diagnosis.CONFIG_INVALID: _WAIT,
+    Diagnosis.STARVED: frozenset({Word.NONE}),
+    Diagnosis.SLEPT: frozenset({Word.NONE}),
+    Diagnosis.SENTINEL_LOST: _RESTART,
+    Diagnosis.GATEWAY_LOST: _RESTART,
+    Diagnosis.SPARE_LOST: _TELL,
+    Diagnosis.OPERATOR: frozenset({Word.REBOOT_PROCESS}),
+    Diagnosis.PLANNED_SWITCH: frozenset({Word.REBOOT_PROCESS}),
+}
+
+#: A store that may be damaged is never put back to work by a policy.
+NEVER_REBOOT = frozenset({Diagnosis.STORE_CORRUPT})
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """The policy in force. Units stand at the end of each name."""
+
+    version: int = setting(VERSION, "format of this file", low=VERSION, high=VERSION)
+    mode: str = setting("act", "what the guard may do", words=("act", "assist", "observe"))
+    health_check_interval_ms: int = setting(100, "time between two looks at the core", low=10, high=10_000)
+    health_check_timeout_ms: int = setting(300, "a beat older than this is late", low=30, high=600_000)
+    failure_threshold: int = setting(3, "looks in a row that make a beat late", low=1, high=1000)
+    confirm_deadlock_ms: int = setting(400, "a conclusive hang is acted on after this", low=40, high=600_000)
+    confirm_hang_ms: int = setting(1500, "any other hang is acted on after this", low=40, high=3_600_000)
+    gc_grace_ms: int = setting(5000, "patience while the core collects garbage", low=0, high=3_600_000)
+    transaction_timeout_ms: int = setting(5000, "time a transaction may take", low=100, high=3_600_000)
+    startup_timeout_ms: int = setting(20_000, "a core must be ready after this", low=100, high=3_600_000)
+    probation_ms: int = setting(2000, "a core has proven itself after this", low=0, high=3_600_000)
+    degraded_after_ms: int = setting(1000, "worry for so long is shown as DEGRADED", low=0, high=600_000)
+    clean_after_ms: int = setting(10_000, "calm for so long ends DEGRADED", low=0, high=3_600_000)
+    stop_timeout_ms: int = setting(5000, "a core asked to leave is killed after this", low=10, high=600_000)
+    kill_timeout_ms: int = setting(500, "a killed core not gone by then is unkillable", low=10, high=600_000)
+    restart_delay_ms: int = setting(0, "pause before a proven core is replaced", low=0, high=600_000)
+    backoff_initial_ms: int = setting(500, "first pause after an unproven core", low=1, high=600_000)
+    backoff_max_ms: int = setting(30_000, "longest such pause", low=1, high=3_600_000)
+    max_restart_count: int = setting(5, "unplanned deaths allowed in a window", low=1, high=1000)
+    restart_window_sec: int = setting(60, "length of that window", low=1, high=86_400)
+    slow_retry_sec: int = setting(300, "a try this long after giving up; 0: never", low=0, high=86_400)
+    spare: bool = setting(True, "keep a warm spare core (not in this version)")
+    snapshot_budget_ms: int = setting(400, "time for the evidence before a kill", low=10, high=60_000)
+    memory_image: str = setting("never", "whether memory is written out", words=("never",))
+    enable_state_recovery: bool = setting(True, "start from checkpoints (not in this version)")
+    checkpoint_interval_sec: int = setting(60, "time between checkpoints (not in this version)", low=1, high=86_400)
+    memory_limit_mb: int = setting(512, "memory a core may use (not in this version)", low=64, high=1 << 20)
+    trial_limit: int = setting(64, "suspects tried in one incident (not in this version)", low=0, high=10_000)
+    max_convictions: int = setting(10, "convictions in 60 s (not in this version)", low=1, high=1000)
+    drills: bool = setting(True, "whether `hardcore drill` may break the core")
+    await_operator_sec: int = setting(300, "patience with the operator (not in this version)", low=1, high=86_400)
+    enable_leader_election: bool = setting(False, "several hosts (not in this version)")
+    actions: Mapping[Diagnosis, frozenset[Word]] = field(default_factory=dict)
+    gateway: Limits = field(default_factory=Limits)
+
+    def words(self, diagnosis: Diagnosis) -> frozenset[Word]:
+        """Return what is to be done on this diagnosis, in the words' full sense."""
+        return self.actions.get(diagnosis, DEFAULT_ACTIONS[diagnosis])
+
+    def asks(self, diagnosis: Diagnosis, word: Word) -> bool:
+        """Return whether this policy has `word` done on `diagnosis`, as far as this version can."""
+        return word in {EFFECT[w][0] if w in EFFECT else w for w in self.words(diagnosis)}
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyFault:
+    """One thing wrong with a policy file: the line it stands in (0: the whole file) and why."""
+
+    line: int
+    name: str
+    reason: str
+
+    def __str__(self) -> str:
+        where = f"line {self.line}: " if self.line else ""
+        return f"{where}{self.name}: {self.reason}" if self.name else f"{where}{self.reason}"
+
+
+def _line_of(text: str, name: str) -> int:
+    found = re.search(rf'"{re.escape(name)}"\s*:', text)
+    return text.count("\n", 0, found.start()) + 1 if found else 0
+
+
+def _no_twins(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    seen: dict[str, object] = {}
+    for name, value in pairs:
+        if name in seen:
+            raise ValueError(f'"{name}" stands there twice')
+        seen[name] = value
+    return seen
+
+
+def _parse(text: str) -> dict[str, object] | PolicyFault:
+    try:
+        values = json.loads(text, object_pairs_hook=_no_twins)
+    except json.JSONDecodeError as error:
+        return PolicyFault(error.lineno, "", f"not JSON: {error.msg} at column {error.colno}")
+    except (ValueError, RecursionError) as error:
+        return PolicyFault(0, "", str(error))
+    return values if isinstance(values, dict) else PolicyFault(1, "", "must be a JSON object")
+
+
+def _read_actions(value: object) -> dict[Diagnosis, frozenset[Word]] | list[Fault]:
+    if not isinstance(value, dict):
+        return [Fault("actions", "must be an object of diagnosis: [words]")]
+    actions: dict[Diagnosis, frozenset[Word]] = {}
+    faults: list[Fault] = []
+    for name, words in value.items():
+        if name not in Diagnosis.__members__:
+            faults.append(Fault(str(name), "is not a diagnosis this guard knows"))
+        elif not isinstance(words, list) or not words:
+            faults.append(Fault(str(name), "must be a list of at least one word"))
+        elif strange := [w for w in words if not isinstance(w, str) or w not in Word.__members__]:
+            faults.append(Fault(str(name), f"{strange[0]!r} is not a word for an action"))
+        else:
+            actions[Diagnosis(name)] = frozenset(Word(w) for w in words)
+    return faults or actions
+
+
+def _contradictions(policy: Policy) -> list[Fault]:
+    """Return what is wrong between the numbers, though each alone is in its bounds."""
+    faults = []
+    if policy.health_check_timeout_ms < policy.health_check_interval_ms * policy.failure_threshold:
+        faults.append(
+            Fault(
+                "health_check_timeout_ms", "must be at least health_check_interval_ms times failure_threshold"
+            )
+        )
+    if policy.confirm_deadlock_ms <= policy.health_check_timeout_ms:
+        faults.append(Fault("confirm_deadlock_ms", "must be more than health_check_timeout_ms"))
+    if policy.confirm_hang_ms < policy.confirm_deadlock_ms:
+        faults.append(Fault("confirm_hang_ms", "must not be less than confirm_deadlock_ms"))
+    if policy.backoff_max_ms < policy.backoff_initial_ms:
+        faults.append(Fault("backoff_max_ms", "must not be less than backoff_initial_ms"))
+    if policy.enable_leader_election:
+        faults.append(Fault("enable_leader_election", "several hosts: not in this version"))
+    if policy.mode != "act":
+        faults.append(Fault("mode", f"{policy.mode!r}: not in this version, only 'act'"))
+    for diagnosis, words in policy.actions.items():
+        faults.extend(_contradictory_words(diagnosis, words))
+    return faults
+
+
+def _contradictory_words(diagnosis: Diagnosis, words: frozenset[Word]) -> list[Fault]:
+    faults = []
+    meant = {EFFECT[w][0] if w in EFFECT else w for w in words}
+    if Word.NONE in words and len(words) > 1:
+        faults.append(Fault(diagnosis, "NONE can't stand beside other words"))
+    if len(meant & {Word.REBOOT_PROCESS, Word.AWAIT_OPERATOR, Word.SHUTDOWN}) > 1:
+        faults.append(Fault(diagnosis, "restart, wait for the operator, shut down: only one of them"))
+    if diagnosis in NEVER_REBOOT and Word.REBOOT_PROCESS in meant:
+        faults.append(Fault(diagnosis, "a ledger that may be damaged is never restarted by itself"))
+    return faults
+
+
+def read_policy(text: str) -> Policy | list[PolicyFault]:
+    """Return the policy that `text` describes, or everything that is wrong with it, in line order."""
+    values = _parse(text)
+    if isinstance(values, PolicyFault):
+        return [values]
+    faults: list[Fault] = []
+    special: dict[str, object] = {}
+    if "actions" in values:
+        special["actions"] = _read_actions(values.pop("actions"))
+    if "gateway" in values:
+        held = values.pop("gateway")
+        special["gateway"] = (
+            read(Limits, held) if isinstance(held, dict) else [Fault("gateway", "must be an object")]
+        )
+    if values.pop("alerts", []) != []:
+        faults.append(Fault("alerts", "alert channels are not in this version: leave the list empty"))
+    for result in special.values():
+        if isinstance(result, list):
+            faults.extend(result)
+    plain = read(Policy, values)
+    if isinstance(plain, list):
+        faults.extend(plain)
+    elif not faults:
+        policy = dataclasses.replace(plain, **special)  # type: ignore[arg-type]  # faults are ruled out
+        faults = _contradictions(policy)
+        if not faults:
+            return policy
+    return sorted(
+        (PolicyFault(_line_of(text, f.name), f.name, f.reason) for f in faults), key=lambda f: f.line
+    )
+
+
+def notes(policy: Policy) -> list[str]:
+    """Return a sentence for each word of this policy that does less here than its name says."""
+    return [
+        f"{diagnosis}: {word} here means: {EFFECT[word][1]}"
+        for diagnosis, words in sorted(policy.actions.items())
+        for word in sorted(words)
+        if word in EFFECT
+    ]
+
+
+def shipped_text() -> str:
+    """Return the policy file that a first start writes: every number with its default."""
+    numbers = {
+        f.name: f.default
+        for f in dataclasses.fields(Policy)
+        if "text" in f.metadata and "not in this version" not in f.metadata["text"]
+    }
+    return json.dumps({**numbers, "actions": {}, "alerts": []}, indent=2) + "\n"

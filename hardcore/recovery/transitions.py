@@ -1,0 +1,174 @@
+"""The table: in which phase what leads where, and what is done on the way.
+
+Everything that changes the phase lives in this file, and this file knows nothing of cores, sockets or
+clocks. It is total: a cell that is not listed means STAY, so no fact can surprise any phase. The pictures
+in the manual are drawn from it.
+
+How to read a death. A core that ends, however, leads to BACKOFF: the one phase without a process in which
+the next step is decided. On entering it three questions are asked, in this order, and the first that holds
+is taken at once (*state-triggered*, `ON_ENTRY`): does the operator want no core (UNWANTED)? is there no
+sense in another try (HOPELESS)? is there nothing to wait for (NO_DELAY)? Only if none holds does BACKOFF
+last, until its deadline. So a STOP given at any moment before is never forgotten: it is kept as `wanted`
+and asked for here.
+
+Why a dead core has no phase for its evidence: its recorder page is never reused, so it can be read at the
+wake-up (1 ms) and copied beside the restart; a phase in which to wait would only make the outage longer.
+Why UNKILLABLE is a phase: a START given there would make two cores. Why FATAL has no process: for the same
+reason. Why nothing leads back from SNAPSHOT_LIVE to RUNNING: the core was stopped by us in the middle of
+something, and two kinds of evidence had agreed.
+
+Each phase has at most one deadline; `DEADLINE_OF` in `failover.py` names it.
+"""
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+from hardcore.model.phases import Phase
+
+
+class Trigger(StrEnum):
+    """What a fact means to the table."""
+
+    START = "START"  # begin with nothing to clear away
+    FOUND = "FOUND"  # begin, and an earlier sentinel's processes are there
+    STOP = "STOP"  # the operator wants no core
+    RESTART = "RESTART"  # the operator wants a new core, the old one may finish
+    RESTART_HARD = "RESTART_HARD"  # the same, at once
+    RESUME = "RESUME"  # the operator says: try again
+    SPAWN_FAILED = "SPAWN_FAILED"
+    EPOCH_RAISED = "EPOCH_RAISED"
+    READY = "READY"
+    EXITED = "EXITED"  # the core is gone
+    LATE = "LATE"  # the verdict is yellow
+    ON_TIME = "ON_TIME"  # the verdict is green
+    LOST = "LOST"  # the verdict is red
+    EVIDENCE_TAKEN = "EVIDENCE_TAKEN"
+    DEADLINE = "DEADLINE"
+    UNWANTED = "UNWANTED"  # state-triggered, see above
+    HOPELESS = "HOPELESS"
+    NO_DELAY = "NO_DELAY"
+
+
+class Step(StrEnum):
+    """What is done on the way; the FailoverManager turns each into an order with its particulars."""
+
+    SPAWN = "SPAWN"
+    TERMINATE = "TERMINATE"
+    KILL = "KILL"
+    KILL_LEFTOVERS = "KILL_LEFTOVERS"
+    OPEN = "OPEN"  # an incident, or a further death in the open one
+    OPEN_PLANNED = "OPEN_PLANNED"  # an incident that the operator asked for
+    EVIDENCE_LIVE = "EVIDENCE_LIVE"
+    EVIDENCE_DEAD = "EVIDENCE_DEAD"
+    RELEASE = "RELEASE"
+    SETTLED = "SETTLED"  # the core has proven itself: the tries before it are forgotten
+    CLOSE = "CLOSE"  # the incident, if one is open
+    ALERT = "ALERT"
+    FORGET = "FORGET"  # the budget and the tries, because the operator said so
+    HALT = "HALT"
+
+
+Row = tuple[Phase, tuple[Step, ...]]
+
+P, T, S = Phase, Trigger, Step
+
+#: Asked on entering BACKOFF, in this order.
+ON_ENTRY = (T.UNWANTED, T.HOPELESS, T.NO_DELAY)
+
+_DIED = (P.BACKOFF, (S.OPEN, S.EVIDENCE_DEAD))
+_JUDGED = (P.SNAPSHOT_LIVE, (S.OPEN, S.EVIDENCE_LIVE))
+_LEAVE = (P.STOPPING, (S.TERMINATE,))
+_RENEW = (P.STOPPING, (S.OPEN_PLANNED, S.TERMINATE))
+_RENEW_HARD = (P.KILLING, (S.OPEN_PLANNED, S.KILL))
+_AGAIN = (P.STARTING, (S.FORGET, S.SPAWN))
+
+TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
+    P.STOPPED: {
+        T.START: (P.STARTING, (S.SPAWN,)),
+        T.FOUND: (P.ADOPTING, (S.KILL_LEFTOVERS,)),
+        T.STOP: (P.STOPPED, (S.HALT,)),
+    },
+    P.ADOPTING: {
+        T.EXITED: (P.BACKOFF, ()),
+        T.DEADLINE: (P.UNKILLABLE, (S.ALERT,)),
+    },
+    P.STARTING: {
+        T.EPOCH_RAISED: (P.PROVING, ()),
+        T.READY: (P.PROBATION, (S.RELEASE,)),
+        T.SPAWN_FAILED: (P.BACKOFF, (S.OPEN,)),
+        T.EXITED: _DIED,
+        T.DEADLINE: _JUDGED,
+        T.STOP: _LEAVE,
+        T.RESTART_HARD: _RENEW_HARD,
+    },
+    P.PROVING: {
+        T.READY: (P.PROBATION, (S.RELEASE,)),
+        T.EXITED: _DIED,
+        T.DEADLINE: _JUDGED,
+        T.STOP: _LEAVE,
+        T.RESTART_HARD: _RENEW_HARD,
+    },
+    P.PROBATION: {
+        T.DEADLINE: (P.RUNNING, (S.SETTLED, S.CLOSE)),
+        T.EXITED: _DIED,
+        T.LOST: _JUDGED,
+        T.STOP: _LEAVE,
+        T.RESTART: _RENEW,
+        T.RESTART_HARD: _RENEW_HARD,
+    },
+    P.RUNNING: {
+        T.LATE: (P.SUSPECT, ()),
+        T.EXITED: _DIED,
+        T.LOST: _JUDGED,
+        T.STOP: _LEAVE,
+        T.RESTART: _RENEW,
+        T.RESTART_HARD: _RENEW_HARD,
+    },
+    P.SUSPECT: {
+        T.ON_TIME: (P.RUNNING, ()),
+        T.EXITED: _DIED,
+        T.LOST: _JUDGED,
+        T.STOP: _LEAVE,
+        T.RESTART: _RENEW,
+        T.RESTART_HARD: _RENEW_HARD,
+    },
+    P.SNAPSHOT_LIVE: {
+        T.EVIDENCE_TAKEN: (P.KILLING, (S.KILL,)),
+        T.DEADLINE: (P.KILLING, (S.KILL,)),
+        T.EXITED: (P.BACKOFF, ()),
+    },
+    P.STOPPING: {
+        T.EXITED: (P.BACKOFF, ()),
+        T.DEADLINE: (P.KILLING, (S.KILL,)),
+        T.RESTART_HARD: (P.KILLING, (S.KILL,)),
+    },
+    P.KILLING: {
+        T.EXITED: (P.BACKOFF, ()),
+        T.DEADLINE: (P.UNKILLABLE, (S.ALERT,)),
+    },
+    P.UNKILLABLE: {
+        T.EXITED: (P.BACKOFF, ()),
+    },
+    P.BACKOFF: {
+        T.UNWANTED: (P.STOPPED, (S.CLOSE, S.HALT)),
+        T.HOPELESS: (P.FATAL, (S.ALERT, S.CLOSE)),
+        T.NO_DELAY: (P.STARTING, (S.SPAWN,)),
+        T.DEADLINE: (P.STARTING, (S.SPAWN,)),
+        T.STOP: (P.STOPPED, (S.CLOSE, S.HALT)),
+        T.RESTART: _AGAIN,
+        T.RESTART_HARD: _AGAIN,
+        T.RESUME: _AGAIN,
+    },
+    P.FATAL: {
+        T.DEADLINE: (P.STARTING, (S.SPAWN,)),
+        T.STOP: (P.STOPPED, (S.HALT,)),
+        T.RESTART: _AGAIN,
+        T.RESTART_HARD: _AGAIN,
+        T.RESUME: _AGAIN,
+    },
+}
+
+
+def step(phase: Phase, trigger: Trigger) -> Row | None:
+    """Return where `trigger` leads from `phase` and what is done on the way, or None for STAY."""
+    return TABLE[phase].get(trigger)
