@@ -1,0 +1,69 @@
+"""Which evidence is taken, in which order, and until when: two tables and the arithmetic between them.
+
+Every piece has a share of the budget, and its deadline is the sum of the shares up to its own: a piece that
+is done early leaves its time to the later ones, one that hangs takes nothing from them. What a stop would
+destroy comes before the stop, what is cheap and tells most comes before what is slow. A timeout per piece
+without the sum was not chosen: six patient collectors in a row are one late kill.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Piece(StrEnum):
+    """One thing to be collected."""
+
+    THREADS = "threads"  # where each thread sleeps; after the stop all of them read "do_signal_stop"
+    TRACEBACK = "traceback"  # the process prints its own stacks; a stopped one can't
+    STOP = "stop"  # from here on nothing changes under the hands of the others
+    RECORDER = "recorder"
+    PROCESS = "process"
+    SAMPLE = "sample"  # the watch's last look at a process that is gone
+    LOG = "log"
+    STACKS = "stacks"
+    LAST_TRACEBACK = "last-traceback"  # what a dying process printed of its stacks
+
+
+#: Per cent of the budget for each piece, in order. What is left to 100 belongs to the disk.
+LIVING: Mapping[Piece, int] = {
+    Piece.THREADS: 6,
+    Piece.TRACEBACK: 6,
+    Piece.STOP: 25,
+    Piece.RECORDER: 5,
+    Piece.PROCESS: 8,
+    Piece.LOG: 5,
+    Piece.STACKS: 25,
+}
+DEAD: Mapping[Piece, int] = {
+    Piece.RECORDER: 30,
+    Piece.SAMPLE: 5,
+    Piece.LAST_TRACEBACK: 15,
+    Piece.LOG: 20,
+}
+
+#: A thread in an uninterruptible sleep doesn't stop; waiting longer for it would tell nothing new.
+STOP_WAIT_MS_MAX = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One piece and the moment at which it must be done, in monotonic nanoseconds."""
+
+    piece: Piece
+    until_ns: int
+
+
+def plan(*, living: bool, start_ns: int, budget_ms: int) -> tuple[Step, ...]:
+    """Return the steps for a living or a dead core, in order. `budget_ms` counts from `start_ns`."""
+    assert budget_ms > 0, budget_ms
+    steps, percent = [], 0
+    for piece, share_percent in (LIVING if living else DEAD).items():
+        percent += share_percent
+        steps.append(Step(piece, start_ns + budget_ms * 10_000 * percent))
+    return tuple(steps)
+
+
+def end_ns(start_ns: int, budget_ms: int) -> int:
+    """Return when the whole budget is over, in monotonic nanoseconds."""
+    return start_ns + budget_ms * 1_000_000

@@ -1,0 +1,357 @@
+"""The black box: one folder per incident, written whole or not at all, that proves its own contents.
+
+A bundle is made in a hidden folder beside its place (`.<id>.partial`), every file is synced, the manifest
+with the size and SHA-256 of each comes last, and one rename makes it visible. So a folder under its real
+name is whole, and whatever a death in the middle leaves behind says by its name that it is not. An
+archive file was not chosen: what became of an incident (facts, report, evidence of a second death) arrives
+later, and a person with nothing but a shell must be able to read it. What goes wrong on the disk is the
+value `BundleFailed`; only a name that no reader could trust is a bug of ours and an assertion.
+"""
+
+import errno
+import fcntl
+import hashlib
+import json
+import os
+import re
+import shutil
+import stat
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+VERSION = 1
+MANIFEST = "manifest.json"
+
+#: One file, one bundle, and how many files: above it, the manifest says what was left out.
+FILE_BYTES_MAX = 8 << 20
+BUNDLE_BYTES_MAX = 32 << 20
+FILES_MAX = 128
+MANIFEST_BYTES_MAX = 256 << 10
+#: Folders looked at when a place is listed.
+FOLDERS_MAX = 20_000
+#: How long a writer waits for another one of the same bundle.
+LOCK_WAIT_MS = 2_000
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,95}")
+_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+_PARTIAL = re.compile(rf"\.({_ID.pattern})\.partial")
+
+
+@dataclass(frozen=True, slots=True)
+class BundleFailed:
+    """A bundle could not be written or read; `reason` is one sentence for people."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What the manifest says of one file."""
+
+    sha256: str
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """The contents of a bundle. `complete`: nothing more of its evidence is to come.
+
+    `missing` maps what should be there to the reason why it is not.
+    """
+
+    incident: str
+    written_at: str
+    complete: bool
+    files: Mapping[str, Entry] = field(default_factory=dict)
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One incident's folder. `partial`: its writing never came to an end."""
+
+    id: str
+    path: Path
+    partial: bool
+
+
+def write_bundle(
+    parent: Path,
+    incident_id: str,
+    files: Mapping[str, bytes],
+    missing: Mapping[str, str],
+    *,
+    complete: bool = True,
+) -> Path | BundleFailed:
+    """Write a new bundle and return its folder, or why there is none.
+
+    After a failure nothing of it is left that could be removed, so that a full disk gets its room back.
+    `complete=False` announces that `add_files` will follow.
+    """
+    assert is_incident_id(incident_id), incident_id
+    final, temporary = parent / incident_id, parent / f".{incident_id}.partial"
+    try:
+        parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if final.exists():
+            return BundleFailed(f"incident {incident_id} has a bundle already")
+        shutil.rmtree(temporary, ignore_errors=True)  # of a writer that died: this one says it anew
+        temporary.mkdir(mode=0o700)
+        manifest = _put_all(temporary, Manifest(incident_id, _now(), complete), files, missing)
+        _write_manifest(temporary, manifest)
+        _sync_folder(temporary)
+        temporary.rename(final)
+        _sync_folder(parent)
+    except OSError as error:
+        shutil.rmtree(temporary, ignore_errors=True)
+        return BundleFailed(_why(error, "the evidence could not be written"))
+    return final
+
+
+def add_files(
+    path: Path, files: Mapping[str, bytes], missing: Mapping[str, str], *, complete: bool | None = None
+) -> BundleFailed | None:
+    """Add or replace files of a bundle, each as a whole; the manifest follows last. None: all is written.
+
+    `complete` None: as it was. A manifest that can't be read is begun anew and says so: facts are worth
+    more than a neat folder.
+    """
+    try:
+        with _writing(path):
+            before = read_manifest(path)
+            if isinstance(before, BundleFailed):
+                reason = f"begun anew, files from before are not listed: {before.reason}"
+                before = Manifest(path.name, _now(), complete=False, missing={MANIFEST: reason})
+                complete = False
+            after = _put_all(
+                path,
+                replace(before, complete=before.complete if complete is None else complete),
+                files,
+                missing,
+            )
+            _sync_folder(path)
+            _write_manifest(path, after)
+            _sync_folder(path)
+    except OSError as error:
+        return BundleFailed(_why(error, "a file could not be added to the bundle"))
+    return None
+
+
+def add_file(path: Path, name: str, data: bytes) -> BundleFailed | None:
+    """Add or replace one file of a bundle; its evidence stays as complete as it was."""
+    return add_files(path, {name: data}, {})
+
+
+def read_manifest(path: Path) -> Manifest | BundleFailed:
+    """Return what the bundle in folder `path` says of itself, whatever bytes stand there."""
+    data = read_file(path, MANIFEST, MANIFEST_BYTES_MAX)
+    if isinstance(data, BundleFailed):
+        return data
+    try:
+        raw = json.loads(data)
+    except (ValueError, RecursionError):
+        return BundleFailed("its manifest is not JSON")
+    if not isinstance(raw, dict) or raw.get("version") != VERSION:
+        return BundleFailed("its manifest is of no version known here")
+    entries = _read_entries(raw.get("files"))
+    missing = raw.get("missing")
+    if entries is None or not isinstance(missing, dict):
+        return BundleFailed("its manifest is not in the form of a manifest")
+    return Manifest(
+        incident=str(raw.get("incident", "")),
+        written_at=str(raw.get("written_at", "")),
+        complete=raw.get("complete") is True,
+        files=entries,
+        missing={str(name): str(reason) for name, reason in missing.items()},
+    )
+
+
+def read_file(path: Path, name: str, bytes_max: int = FILE_BYTES_MAX) -> bytes | BundleFailed:
+    """Return the bytes of one file of a bundle. Links and anything but plain files are refused."""
+    if _NAME.fullmatch(name) is None:
+        return BundleFailed(f"{name!r} is not the name of a file in a bundle")
+    try:
+        # NONBLOCK: a pipe laid into the folder must not stop whoever reads it.
+        handle = os.open(path / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except (OSError, ValueError) as error:
+        return BundleFailed(f"{name} is not readable: {_words(error)}")
+    try:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            return BundleFailed(f"{name} is not a plain file")
+        data = _read_up_to(handle, bytes_max + 1)
+    except OSError as error:
+        return BundleFailed(f"{name} is not readable: {_words(error)}")
+    finally:
+        os.close(handle)
+    if len(data) > bytes_max:
+        return BundleFailed(f"{name} is larger than {bytes_max} bytes")
+    return data
+
+
+def verify_bundle(path: Path) -> list[str]:
+    """Compare a bundle with its manifest; return one sentence for each fault, none if it is whole."""
+    manifest = read_manifest(path)
+    if isinstance(manifest, BundleFailed):
+        return [manifest.reason]
+    faults = [] if manifest.complete else ["its evidence was never finished"]
+    for name, entry in sorted(manifest.files.items()):
+        data = read_file(path, name)
+        if isinstance(data, BundleFailed):
+            faults.append(data.reason)
+        elif len(data) != entry.size_bytes:
+            faults.append(f"{name} has {len(data)} bytes, its manifest says {entry.size_bytes}")
+        elif _digest(data) != entry.sha256:
+            faults.append(f"{name} is not what its manifest says")
+    try:
+        present = {item.name for item in os.scandir(path)}
+    except OSError as error:
+        return [*faults, f"its folder is not readable: {_words(error)}"]
+    unknown = sorted(present - set(manifest.files) - {MANIFEST})
+    return faults + [f"{name!r} is not in its manifest" for name in unknown[:FILES_MAX]]
+
+
+def find_bundles(parent: Path) -> list[Found]:
+    """Return the incidents' folders in `parent`, newest id first. No such folder: an empty list."""
+    found = []
+    with suppress(OSError), os.scandir(parent) as items:
+        for _, item in zip(range(FOLDERS_MAX), items, strict=False):
+            partial = _PARTIAL.fullmatch(item.name)
+            if not item.is_dir(follow_symlinks=False):
+                continue
+            if partial is not None:
+                found.append(Found(partial.group(1), parent / item.name, partial=True))
+            elif is_incident_id(item.name):
+                found.append(Found(item.name, parent / item.name, partial=False))
+    return sorted(found, key=lambda one: (one.id, not one.partial), reverse=True)
+
+
+def is_incident_id(text: str) -> bool:
+    """Tell whether `text` may be the name of an incident's folder."""
+    return _ID.fullmatch(text) is not None
+
+
+def _read_up_to(handle: int, bytes_max: int) -> bytes:
+    parts, left_bytes = [], bytes_max
+    while left_bytes and (part := os.read(handle, left_bytes)):
+        parts.append(part)
+        left_bytes -= len(part)
+    return b"".join(parts)
+
+
+def _read_entries(raw: object) -> dict[str, Entry] | None:
+    if not isinstance(raw, dict) or len(raw) > FILES_MAX:
+        return None
+    entries = {}
+    for name, entry in raw.items():
+        if not isinstance(entry, dict) or _NAME.fullmatch(name) is None:
+            return None
+        size, digest = entry.get("size_bytes"), entry.get("sha256")
+        if not isinstance(size, int) or not isinstance(digest, str):
+            return None
+        entries[name] = Entry(digest, size)
+    return entries
+
+
+def _put_all(
+    folder: Path, manifest: Manifest, files: Mapping[str, bytes], missing: Mapping[str, str]
+) -> Manifest:
+    """Write the files that fit and return the manifest that tells of them and of the rest."""
+    entries, absent = dict(manifest.files), {**manifest.missing, **missing}
+    for name, data in files.items():
+        assert _NAME.fullmatch(name) is not None, name
+        assert name != MANIFEST, name
+        others_bytes = sum(entry.size_bytes for other, entry in entries.items() if other != name)
+        if len(data) > FILE_BYTES_MAX:
+            absent[name] = f"has {len(data)} bytes, more than {FILE_BYTES_MAX}"
+        elif others_bytes + len(data) > BUNDLE_BYTES_MAX:
+            absent[name] = f"the bundle would grow over {BUNDLE_BYTES_MAX} bytes"
+        elif name not in entries and len(entries) >= FILES_MAX:
+            absent[name] = f"the bundle has {FILES_MAX} files already"
+        else:
+            _replace(folder, name, data)
+            entries[name] = Entry(_digest(data), len(data))
+            absent.pop(name, None)
+    return replace(manifest, files=entries, missing=absent)
+
+
+def _write_manifest(folder: Path, manifest: Manifest) -> None:
+    raw = {
+        "version": VERSION,
+        "incident": manifest.incident,
+        "written_at": manifest.written_at,
+        "complete": manifest.complete,
+        "files": {
+            name: {"sha256": entry.sha256, "size_bytes": entry.size_bytes}
+            for name, entry in sorted(manifest.files.items())
+        },
+        "missing": dict(sorted(manifest.missing.items())),
+    }
+    data = json.dumps(raw, ensure_ascii=False, indent=1).encode("utf-8", "backslashreplace")
+    _replace(folder, MANIFEST, data)
+
+
+def _replace(folder: Path, name: str, data: bytes) -> None:
+    """Put a file in its place as a whole: a reader sees the old one or the new one."""
+    temporary = folder / f".{name}.{os.getpid()}.partial"
+    try:
+        handle = os.open(
+            temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600
+        )
+        with os.fdopen(handle, "wb", buffering=0) as file:
+            view = memoryview(data)
+            while view:
+                view = view[file.write(view) :]
+            os.fsync(file.fileno())
+        temporary.rename(folder / name)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Hold the bundle alone: the guard adds evidence while the report of the same incident is made."""
+    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    try:
+        deadline_ns = time.monotonic_ns() + LOCK_WAIT_MS * 1_000_000
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic_ns() > deadline_ns:
+                    raise OSError(errno.EBUSY, "another writer holds it") from None
+                time.sleep(0.005)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _sync_folder(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _words(error: OSError | ValueError) -> str:
+    """Say an error in the system's own words, without the path: a bundle may be shown to others."""
+    return (error.strerror if isinstance(error, OSError) else None) or "unusable name"
+
+
+def _why(error: OSError, what: str) -> str:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return f"{what}: no room on the disk ({_words(error)})"
+    return f"{what}: {_words(error)}"
