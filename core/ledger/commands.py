@@ -1,0 +1,221 @@
+"""Commands: what somebody wishes, checked as far as it can be checked without looking at the book.
+
+A body becomes a command or a rejection here, once, and never again: a `PostTransaction` in hand is balanced,
+its amounts are whole minor units, its names are well formed. What depends on the book (does the account
+exist, is there money) is the decider's. The line matters: a malformed wish is forgotten, a wish that the book
+refused is remembered under its key. All faults of a body are told at once.
+"""
+
+import datetime
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+
+from core.ledger.accounts import AccountType, is_account_id
+from core.ledger.money import format_amount, is_currency, parse_amount
+from core.ledger.reasons import Fault, Reason, Rejection, Slug, reject
+
+POSTINGS_MIN: Final = 2
+POSTINGS_MAX: Final = 500
+TAGS_MAX: Final = 50
+TAG_CHARACTERS_MAX: Final = 64
+NAME_CHARACTERS_MAX: Final = 200
+DESCRIPTION_CHARACTERS_MAX: Final = 2_000
+
+_DATE: Final = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}")
+_CONTROL: Final = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+_CONTROL_BUT_LINES: Final = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+
+
+class AccountBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The body that opens an account, as it comes over the wire."""
+
+    id: str
+    name: str
+    type: str
+    currency: str
+    no_overdraft: bool = False
+
+
+class PostingBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One line of a transaction's body."""
+
+    account: str
+    amount: str
+    currency: str
+
+
+class TransactionBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The body that posts a transaction, as it comes over the wire."""
+
+    date: str
+    description: str
+    postings: list[PostingBody]
+    state: str = "posted"
+    tags: list[str] = []
+
+
+class NoBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The body of a command that says everything in its path: nothing, or an empty object."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenAccount:
+    """The wish to open an account."""
+
+    id: str
+    name: str
+    type: AccountType
+    currency: str
+    no_overdraft: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CloseAccount:
+    """The wish that an account takes no more postings. Its balance stays where it is."""
+
+    id: str
+
+
+@dataclass(frozen=True, slots=True)
+class Posting:
+    """One line of a transaction, in minor units, debit positive."""
+
+    account: str
+    amount: int
+    currency: str
+
+
+@dataclass(frozen=True, slots=True)
+class PostTransaction:
+    """The wish to book a transaction. Its postings are balanced in every currency."""
+
+    id: str
+    date: str
+    description: str
+    tags: tuple[str, ...]
+    postings: tuple[Posting, ...]
+
+
+Command = OpenAccount | CloseAccount | PostTransaction
+
+
+def open_account(body: AccountBody) -> OpenAccount | Rejection:
+    """Return the command in `body`, or everything that is wrong with it."""
+    faults = [*_name_faults("/id", body.id), *_text_faults("/name", body.name, NAME_CHARACTERS_MAX)]
+    if not body.name.strip():
+        faults.append(Fault("/name", Reason.EMPTY))
+    if body.type not in set(AccountType):
+        faults.append(Fault("/type", Reason.UNKNOWN_VALUE))
+    if not is_currency(body.currency):
+        faults.append(Fault("/currency", Reason.MALFORMED))
+    if faults:
+        return Rejection(Slug.INVALID_BODY, tuple(faults))
+    return OpenAccount(body.id, body.name, AccountType(body.type), body.currency, body.no_overdraft)
+
+
+def close_account(account_id: str) -> CloseAccount:
+    """Return the wish to close this account; the book knows whether there is one."""
+    return CloseAccount(account_id)
+
+
+def post_transaction(body: TransactionBody, transaction_id: str) -> PostTransaction | Rejection:
+    """Return the command in `body` under the id it will have, or everything that is wrong with it."""
+    postings, posting_faults = _postings(body.postings)
+    faults = [*_head_faults(body), *posting_faults]
+    if faults:
+        return Rejection(Slug.INVALID_BODY, tuple(faults))
+    unbalanced = _imbalance(postings)
+    if unbalanced is not None:
+        currency, off = unbalanced
+        off_by = format_amount(off, currency)
+        return reject(Slug.UNBALANCED, "/postings", Reason.NOT_ZERO_SUM, currency=currency, off_by=off_by)
+    return PostTransaction(transaction_id, body.date, body.description, tuple(body.tags), tuple(postings))
+
+
+def fingerprint_of(command: Command) -> bytes:
+    """Return the bytes that two requests share exactly if they wish the same.
+
+    Spelling is left out on purpose ("12" and "12.00" dollars, the order of the members, spaces), and so is
+    the id that the server gives: a client that builds its body anew for a retry must be recognised.
+    """
+    wish: object = command
+    if isinstance(command, PostTransaction):
+        wish = (command.date, command.description, command.tags, command.postings)
+    return msgspec.json.encode([type(command).__name__, wish])
+
+
+def accounts_of(command: Command) -> tuple[str, ...]:
+    """Return the accounts that the command touches, each once, in its own order."""
+    if isinstance(command, PostTransaction):
+        return tuple(dict.fromkeys(posting.account for posting in command.postings))
+    return (command.id,)
+
+
+def is_date(text: str) -> bool:
+    """Whether `text` is a day of the calendar, written YYYY-MM-DD."""
+    if _DATE.fullmatch(text) is None:
+        return False
+    try:
+        datetime.date.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _head_faults(body: TransactionBody) -> Iterator[Fault]:
+    if not is_date(body.date):
+        yield Fault("/date", Reason.MALFORMED)
+    if len(body.description) > DESCRIPTION_CHARACTERS_MAX:
+        yield Fault("/description", Reason.TOO_LONG)
+    if _CONTROL_BUT_LINES.search(body.description):
+        yield Fault("/description", Reason.CONTROL_CHARACTER)
+    if body.state == "pending":
+        yield Fault("/state", Reason.NOT_SUPPORTED)
+    elif body.state != "posted":
+        yield Fault("/state", Reason.UNKNOWN_VALUE)
+    if len(body.tags) > TAGS_MAX:
+        yield Fault("/tags", Reason.TOO_MANY)
+    for index, tag in enumerate(body.tags[:TAGS_MAX]):
+        yield from _text_faults(f"/tags/{index}", tag, TAG_CHARACTERS_MAX)
+
+
+def _postings(bodies: list[PostingBody]) -> tuple[list[Posting], list[Fault]]:
+    if len(bodies) > POSTINGS_MAX:
+        return [], [Fault("/postings", Reason.TOO_MANY)]
+    postings: list[Posting] = []
+    faults = [Fault("/postings", Reason.TOO_FEW)] if len(bodies) < POSTINGS_MIN else []
+    for index, body in enumerate(bodies):
+        here = f"/postings/{index}"
+        faults.extend(_name_faults(f"{here}/account", body.account))
+        if not is_currency(body.currency):
+            faults.append(Fault(f"{here}/currency", Reason.MALFORMED))
+            continue
+        amount = parse_amount(body.amount, body.currency)
+        if isinstance(amount, Reason):
+            faults.append(Fault(f"{here}/amount", amount))
+        else:
+            postings.append(Posting(body.account, amount, body.currency))
+    return postings, faults
+
+
+def _imbalance(postings: list[Posting]) -> tuple[str, int] | None:
+    sums: dict[str, int] = {}
+    for posting in postings:
+        sums[posting.currency] = sums.get(posting.currency, 0) + posting.amount
+    return next(((currency, total) for currency, total in sums.items() if total != 0), None)
+
+
+def _name_faults(pointer: str, text: str) -> Iterator[Fault]:
+    if not is_account_id(text):
+        yield Fault(pointer, Reason.MALFORMED)
+
+
+def _text_faults(pointer: str, text: str, characters_max: int) -> Iterator[Fault]:
+    if len(text) > characters_max:
+        yield Fault(pointer, Reason.TOO_LONG)
+    if _CONTROL.search(text):
+        yield Fault(pointer, Reason.CONTROL_CHARACTER)

@@ -1,0 +1,68 @@
+"""Why the ledger says no: the reasons and rejections, as values.
+
+A rejection is an answer like any other. It is stored under the key of its command and told in two languages,
+so it carries words for machines (slug, pointer, reason) and plain values for the sentence, and no sentence.
+Exceptions were not chosen: a "no" that travels as a value can't be swallowed on the way or lose its field.
+"""
+
+from enum import StrEnum
+
+import msgspec
+
+
+class Slug(StrEnum):
+    """The kinds of a ledger's no; each is a `/problems/<slug>` with a text in the catalogue."""
+
+    INVALID_BODY = "invalid-body"
+    UNBALANCED = "unbalanced"
+    UNKNOWN_ACCOUNT = "unknown-account"
+    ACCOUNT_EXISTS = "account-exists"
+    ACCOUNT_CLOSED = "account-closed"
+    CURRENCY_DIFFERS = "currency-differs"
+    OVERDRAFT = "overdraft"
+    BALANCE_OUT_OF_RANGE = "balance-out-of-range"
+
+
+class Reason(StrEnum):
+    """What is wrong with one field."""
+
+    MISSING = "missing"
+    UNKNOWN_FIELD = "unknown_field"
+    WRONG_TYPE = "wrong_type"
+    MALFORMED = "malformed"
+    UNKNOWN_VALUE = "unknown_value"
+    NOT_SUPPORTED = "not_supported"
+    TOO_LONG = "too_long"
+    TOO_SHORT = "too_short"
+    EMPTY = "empty"
+    CONTROL_CHARACTER = "control_character"
+    TOO_FEW = "too_few"
+    TOO_MANY = "too_many"
+    TOO_MANY_DIGITS = "too_many_digits"
+    OUT_OF_RANGE = "out_of_range"
+    NOT_ZERO_SUM = "not_zero_sum"
+    UNKNOWN_ACCOUNT = "unknown_account"
+    EXISTS = "exists"
+    CLOSED = "closed"
+    CURRENCY_DIFFERS = "currency_differs"
+    OVERDRAFT = "overdraft"
+
+
+class Fault(msgspec.Struct, frozen=True):
+    """One field that is wrong: its JSON pointer in the body (empty: the whole) and the reason."""
+
+    pointer: str
+    reason: Reason
+
+
+class Rejection(msgspec.Struct, frozen=True):
+    """A no: what kind, which fields, and the values its sentence names."""
+
+    slug: Slug
+    faults: tuple[Fault, ...] = ()
+    values: dict[str, str] = {}
+
+
+def reject(slug: Slug, pointer: str, reason: Reason, **values: str) -> Rejection:
+    """Return a rejection with one fault."""
+    return Rejection(slug, (Fault(pointer, reason),), values)
