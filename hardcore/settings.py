@@ -70,7 +70,11 @@ class Limits:
     header_bytes_max: int = setting(32 << 10, "longer headers are refused with 431", low=512, high=1 << 20)
     header_timeout_ms: int = setting(10_000, "a head must have arrived by then", low=10, high=600_000)
     upstream_deadline_ms: int = setting(30_000, "the core must have answered by then", low=10, high=3_600_000)
-    feed_silence_ms: int = setting(10_000, "without the sentinel's feed for so long: not alive", low=100, high=600_000)
+    feed_silence_ms: int = setting(
+        10_000, "without the sentinel's feed for so long: not alive", low=100, high=600_000
+    )
     connections_max: int = setting(2048, "client connections at a time", low=1, high=100_000)
-    keepalive_ms: int = setting(75_000, "an idle client connection is closed after this", low=10, high=3_600_000)
+    keepalive_ms: int = setting(
+        75_000, "an idle client connection is closed after this", low=10, high=3_600_000
+    )
     drain_ms: int = setting(5_000, "how long a leaving gateway finishes what it has", low=0, high=600_000)

@@ -45,7 +45,6 @@ class ProcessSample:
 class Verb(StrEnum):
     """What an operator may ask."""
 
-    START = "start"
     STOP = "stop"
     RESTART = "restart"
     RESTART_HARD = "restart-hard"
@@ -228,9 +227,9 @@ class DeathNote:
     exit: Exit | None
 
 
-Observation = (
-    SentinelBegan
-    | Sampled
+#: Facts about one life of the core.
+CoreObservation = (
+    Sampled
     | CoreSpawned
     | SpawnFailed
     | EpochRaised
@@ -240,9 +239,14 @@ Observation = (
     | TermReceived
     | CoreExited
     | EvidenceTaken
+)
+
+Observation = (
+    SentinelBegan
     | OperatorAsked
     | DrillStarted
     | GatewayHolding
     | FirstServed
     | RequestsSettled
+    | CoreObservation
 )

@@ -40,6 +40,7 @@ EFFECT = {
     Word.RESTART_COMPONENT: (Word.REBOOT_PROCESS, "components are not restarted alone yet: the core is"),
     Word.PLANNED_SWITCH: (Word.REBOOT_PROCESS, "there is no spare core yet: the core is restarted"),
     Word.SAFE_MODE_ENTER: (Word.AWAIT_OPERATOR, "there is no safe mode yet: the guard waits for you"),
+    Word.SHUTDOWN: (Word.AWAIT_OPERATOR, "the core stays down; the guard goes on and waits for you"),
     Word.DEGRADE: (Word.NONE, "the state shows DEGRADED while the cause lasts; nothing else is done"),
 }
 
@@ -117,12 +118,16 @@ class Policy:
     snapshot_budget_ms: int = setting(400, "time for the evidence before a kill", low=10, high=60_000)
     memory_image: str = setting("never", "whether memory is written out", words=("never",))
     enable_state_recovery: bool = setting(True, "start from checkpoints (not in this version)")
-    checkpoint_interval_sec: int = setting(60, "time between checkpoints (not in this version)", low=1, high=86_400)
+    checkpoint_interval_sec: int = setting(
+        60, "time between checkpoints (not in this version)", low=1, high=86_400
+    )
     memory_limit_mb: int = setting(512, "memory a core may use (not in this version)", low=64, high=1 << 20)
     trial_limit: int = setting(64, "suspects tried in one incident (not in this version)", low=0, high=10_000)
     max_convictions: int = setting(10, "convictions in 60 s (not in this version)", low=1, high=1000)
     drills: bool = setting(True, "whether `hardcore drill` may break the core")
-    await_operator_sec: int = setting(300, "patience with the operator (not in this version)", low=1, high=86_400)
+    await_operator_sec: int = setting(
+        300, "patience with the operator (not in this version)", low=1, high=86_400
+    )
     enable_leader_election: bool = setting(False, "several hosts (not in this version)")
     actions: Mapping[Diagnosis, frozenset[Word]] = field(default_factory=dict)
     gateway: Limits = field(default_factory=Limits)
@@ -219,8 +224,8 @@ def _contradictory_words(diagnosis: Diagnosis, words: frozenset[Word]) -> list[F
     meant = {EFFECT[w][0] if w in EFFECT else w for w in words}
     if Word.NONE in words and len(words) > 1:
         faults.append(Fault(diagnosis, "NONE can't stand beside other words"))
-    if len(meant & {Word.REBOOT_PROCESS, Word.AWAIT_OPERATOR, Word.SHUTDOWN}) > 1:
-        faults.append(Fault(diagnosis, "restart, wait for the operator, shut down: only one of them"))
+    if len(meant & {Word.REBOOT_PROCESS, Word.AWAIT_OPERATOR}) > 1:
+        faults.append(Fault(diagnosis, "restart it, or leave it down: only one of the two"))
     if diagnosis in NEVER_REBOOT and Word.REBOOT_PROCESS in meant:
         faults.append(Fault(diagnosis, "a ledger that may be damaged is never restarted by itself"))
     return faults

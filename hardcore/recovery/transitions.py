@@ -8,7 +8,7 @@ How to read a death. A core that ends, however, leads to BACKOFF: the one phase 
 the next step is decided. On entering it three questions are asked, in this order, and the first that holds
 is taken at once (*state-triggered*, `ON_ENTRY`): does the operator want no core (UNWANTED)? is there no
 sense in another try (HOPELESS)? is there nothing to wait for (NO_DELAY)? Only if none holds does BACKOFF
-last, until its deadline. So a STOP given at any moment before is never forgotten: it is kept as `wanted`
+last, until its deadline. UNKILLABLE asks the first of them. So a STOP given at any moment before is never forgotten: it is kept as `wanted`
 and asked for here.
 
 Why a dead core has no phase for its evidence: its recorder page is never reused, so it can be read at the
@@ -72,8 +72,11 @@ Row = tuple[Phase, tuple[Step, ...]]
 
 P, T, S = Phase, Trigger, Step
 
-#: Asked on entering BACKOFF, in this order.
-ON_ENTRY = (T.UNWANTED, T.HOPELESS, T.NO_DELAY)
+#: Asked on entering a phase, in this order; the first that holds is taken at once.
+ON_ENTRY: Mapping[Phase, tuple[Trigger, ...]] = {
+    P.BACKOFF: (T.UNWANTED, T.HOPELESS, T.NO_DELAY),
+    P.UNKILLABLE: (T.UNWANTED,),
+}
 
 _DIED = (P.BACKOFF, (S.OPEN, S.EVIDENCE_DEAD))
 _JUDGED = (P.SNAPSHOT_LIVE, (S.OPEN, S.EVIDENCE_LIVE))
@@ -85,7 +88,7 @@ _AGAIN = (P.STARTING, (S.FORGET, S.SPAWN))
 TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     P.STOPPED: {
         T.START: (P.STARTING, (S.SPAWN,)),
-        T.FOUND: (P.ADOPTING, (S.KILL_LEFTOVERS,)),
+        T.FOUND: (P.ADOPTING, (S.OPEN, S.KILL_LEFTOVERS)),
         T.STOP: (P.STOPPED, (S.HALT,)),
     },
     P.ADOPTING: {
@@ -148,6 +151,8 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     },
     P.UNKILLABLE: {
         T.EXITED: (P.BACKOFF, ()),
+        T.UNWANTED: (P.UNKILLABLE, (S.CLOSE, S.HALT)),
+        T.STOP: (P.UNKILLABLE, (S.CLOSE, S.HALT)),
     },
     P.BACKOFF: {
         T.UNWANTED: (P.STOPPED, (S.CLOSE, S.HALT)),

@@ -1,0 +1,1 @@
+"""The judge: witnesses look at facts, the verdict weighs what they say. Pure."""

@@ -1,0 +1,580 @@
+"""The FailoverManager: drives the table with facts and gives back orders.
+
+Four verbs, as pure machines with time have them: `receive` a fact, `handle_deadline`, ask for the
+`next_deadline_ns`, `take_actions`. It holds what the table can't: which life is meant, what the store's epoch
+is, how many deaths are on the budget, which incident is open. It asks no clock, rolls no dice and touches
+nothing: ids and jitter are given, so the same facts always lead to the same orders.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import assert_never
+
+from hardcore.model import observations as seen
+from hardcore.model import phases
+from hardcore.model.actions import (
+    Action,
+    Alert,
+    CloseIncident,
+    Halt,
+    KeepBudget,
+    Kill,
+    KillLeftovers,
+    Release,
+    Spawn,
+    TakeEvidence,
+    Terminate,
+)
+from hardcore.model.phases import Phase, StartCause, Wanted
+from hardcore.model.recorder import Page, Witness
+from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony, Verdict
+from hardcore.recovery import trial
+from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget, backoff_ns
+from hardcore.recovery.policy import Policy, Word
+from hardcore.recovery.story import Story
+from hardcore.recovery.transitions import ON_ENTRY, Step, Trigger, step
+from hardcore.sentinel.deaths import Death, describe, judge_death
+from hardcore.sentinel.verdict import Bench, Patience
+
+TRANSITIONS_MAX = 1024
+#: A drill that has shown no effect after this was no drill: a later death is a real one.
+DRILL_GRACE_NS = 15 * NS_PER_S
+#: Evidence that overruns its budget is given this much longer to hand over what it has.
+EVIDENCE_SLACK_NS = 250 * NS_PER_MS
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One change of phase with its real reason."""
+
+    at_ns: int
+    before: Phase
+    after: Phase
+    trigger: Trigger
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What the present moment means to everybody else."""
+
+    phase: Phase
+    state: phases.HAState
+    face: phases.Face
+    stage: int | None
+    since_ns: int
+    wanted: Wanted
+    life: int
+    epoch: int | None
+    incident: str | None
+    planned: bool
+    verdict: Verdict
+    late_ticks: int
+    deaths: int
+
+
+@dataclass(slots=True)
+class _Trouble:
+    """What is about to be told as an incident: set right before the table is asked."""
+
+    death: Death
+    fault_ns: int
+    exit: seen.Exit | None = None
+    page: Page | None = None
+
+
+@dataclass(slots=True)
+class _Store:
+    """What the guard knows of the ledger's store without ever opening it."""
+
+    epoch: int | None = None
+    #: A core that was started may have raised the epoch without living to say so.
+    certain: bool = False
+    witness: Witness | None = None
+
+    def saw(self, page: Page | None) -> None:
+        """Take over what a recorder page proves."""
+        if page is None:
+            return
+        if page.beats.epoch:
+            self.epoch, self.certain = page.beats.epoch, True
+        if page.witness is not None and (
+            self.witness is None
+            or (page.witness.seq, page.witness.epoch) >= (self.witness.seq, self.witness.epoch)
+        ):
+            self.witness = page.witness
+
+
+class FailoverManager:
+    """See the module. `new_id` gives incident ids, `jitter` numbers from 0 to 1."""
+
+    def __init__(
+        self,
+        policy: Policy,
+        wanted: Wanted,
+        new_id: Callable[[], str],
+        jitter: Callable[[], float],
+        deaths_ns: tuple[int, ...] = (),
+    ) -> None:
+        self.policy = policy
+        self.wanted = wanted
+        self._new_id = new_id
+        self._jitter = jitter
+        self._phase = Phase.STOPPED
+        self._since_ns = 0
+        self._deadline_ns: int | None = None
+        self._delay_ns = 0
+        self._cause = StartCause.FIRST
+        self._life = 0
+        self._store = _Store()
+        self._budget = Budget(policy.max_restart_count, policy.restart_window_sec * NS_PER_S, deaths_ns)
+        self._tries = 0
+        self._hopeless: Diagnosis | None = None
+        self._bench = self._new_bench()
+        self._verdict = GREEN
+        self._worried_ns: int | None = None
+        self._degraded = False
+        self._calm_ns = 0
+        self._alerted: Diagnosis | None = None
+        self._story: Story | None = None
+        self._trouble: _Trouble | None = None
+        self._stage_max = 0
+        self._drill: tuple[str, int] | None = None
+        self._term_sent = False
+        self._skip_evidence = False
+        self._actions: list[Action] = []
+        self._transitions: deque[Transition] = deque(maxlen=TRANSITIONS_MAX)
+
+    # ---- the four verbs ----
+
+    def receive(self, fact: seen.Observation) -> None:
+        """Take in one fact. Facts about another life than the present one are dropped."""
+        match fact:
+            case seen.SentinelBegan():
+                self._begin(fact)
+            case seen.OperatorAsked():
+                self._obey(fact)
+            case seen.DrillStarted():
+                self._drill = (fact.fault, fact.at_ns)
+            case seen.GatewayHolding():
+                self._mark("alerted", fact.at_ns)
+            case seen.FirstServed():
+                if fact.epoch == self._store.epoch:
+                    self._mark("serving", fact.at_ns)
+            case seen.RequestsSettled():
+                if self._story is not None and fact.incident == self._story.id:
+                    self._story.requests = (*self._story.requests, *fact.requests)
+            case _:
+                if fact.life == self._life:
+                    self._receive_of_core(fact)
+
+    def handle_deadline(self, now_ns: int) -> None:
+        """Ring the present phase's deadline if it has come."""
+        if self._deadline_ns is None or now_ns < self._deadline_ns:
+            return
+        self._deadline_ns = None
+        if self._phase in {Phase.STARTING, Phase.PROVING}:
+            limit_ms = (now_ns - self._since_ns) // NS_PER_MS
+            fact = Testimony("start", Colour.RED, f"the core was not ready within {limit_ms} ms")
+            self._trouble = _Trouble(Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (fact,)), self._since_ns)
+        self._fire(Trigger.DEADLINE, now_ns, "time is over")
+
+    def next_deadline_ns(self) -> int | None:
+        """Return when `handle_deadline` wants to be called, monotonic; None: not by itself."""
+        return self._deadline_ns
+
+    def take_actions(self) -> tuple[Action, ...]:
+        """Return the orders given since the last call, in their order."""
+        actions, self._actions = tuple(self._actions), []
+        return actions
+
+    def take_transitions(self) -> tuple[Transition, ...]:
+        """Return the changes of phase since the last call."""
+        taken = tuple(self._transitions)
+        self._transitions.clear()
+        return taken
+
+    def reading(self) -> Reading:
+        """Return what the present moment means to everybody else."""
+        shown = phases.stage(self._phase)
+        return Reading(
+            phase=self._phase,
+            state=phases.ha_state(self._phase, self.wanted, self._cause, yellow=self._degraded),
+            face=phases.face(self._phase, self.wanted),
+            stage=max(shown, self._stage_max) if shown is not None else None,
+            since_ns=self._since_ns,
+            wanted=self.wanted,
+            life=self._life,
+            epoch=self._store.epoch if self._phase in phases.SERVING else None,
+            incident=self._story.id if self._story else None,
+            planned=self._cause is StartCause.PLANNED,
+            verdict=self._verdict,
+            late_ticks=self._bench.late_ticks,
+            deaths=len(self._budget.deaths_ns),
+        )
+
+    # ---- facts ----
+
+    def _begin(self, fact: seen.SentinelBegan) -> None:
+        if self.wanted is Wanted.DOWN and not fact.leftovers:
+            self._fire(Trigger.STOP, fact.at_ns, "the operator wants no core")
+        elif fact.leftovers:
+            found = Testimony("run folder", Colour.RED, "the core of a guard that is gone was found")
+            death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found,))
+            self._trouble = _Trouble(death, fact.at_ns)
+            self._fire(Trigger.FOUND, fact.at_ns, "processes of an earlier guard were found")
+        else:
+            self._fire(Trigger.START, fact.at_ns, "the guard is up")
+
+    def _obey(self, fact: seen.OperatorAsked) -> None:
+        match fact.verb:
+            case seen.Verb.STOP:
+                self.wanted = Wanted.DOWN
+                self._fire(Trigger.STOP, fact.at_ns, fact.reason)
+            case seen.Verb.RESUME:
+                self._fire(Trigger.RESUME, fact.at_ns, fact.reason)
+            case seen.Verb.RESTART | seen.Verb.RESTART_HARD:
+                asked = Testimony("operator", Colour.GREEN, fact.reason or "no reason was given")
+                self._trouble = _Trouble(Death(Diagnosis.OPERATOR, Grade.CERTAIN, (asked,)), fact.at_ns)
+                hard = fact.verb is seen.Verb.RESTART_HARD
+                self._fire(Trigger.RESTART_HARD if hard else Trigger.RESTART, fact.at_ns, fact.reason)
+            case _:
+                assert_never(fact.verb)
+
+    def _receive_of_core(self, fact: "seen.CoreObservation") -> None:
+        match fact:
+            case seen.Sampled():
+                self._watch(fact)
+            case seen.CoreSpawned():
+                self._mark("spawned", fact.at_ns)
+            case seen.SpawnFailed():
+                told = Testimony("spawn", Colour.RED, f"no process could be started: {fact.reason}")
+                death = Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (told,))
+                self._trouble = _Trouble(death, fact.at_ns)
+                self._fire(Trigger.SPAWN_FAILED, fact.at_ns, fact.reason)
+            case seen.EpochRaised():
+                self._raised(fact.epoch, fact.at_ns)
+                self._fire(Trigger.EPOCH_RAISED, fact.at_ns, f"epoch {fact.epoch}")
+            case seen.StartExtended():
+                if self._phase in {Phase.STARTING, Phase.PROVING} and self._deadline_ns is not None:
+                    self._deadline_ns = max(self._deadline_ns, fact.at_ns + fact.for_ns)
+            case seen.CoreReady():
+                self._ready(fact)
+            case seen.FenceBlocked():
+                if self._story:
+                    blocked = Testimony("core", Colour.RED, "the store is locked by somebody else")
+                    self._story.add_evidence((blocked,))
+            case seen.TermReceived():
+                self._term_sent = True
+            case seen.CoreExited():
+                self._exited(fact)
+            case seen.EvidenceTaken():
+                self._evidence(fact)
+            case _:
+                assert_never(fact)
+
+    def _raised(self, epoch: int, now_ns: int) -> None:
+        self._store.epoch, self._store.certain = epoch, True
+        self._mark("fenced", now_ns)
+
+    def _ready(self, fact: seen.CoreReady) -> None:
+        if self._phase is Phase.STARTING:
+            self._raised(fact.epoch, fact.at_ns)
+        self._store.witness = Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns)
+        self._mark("ready", fact.at_ns)
+        self._mark("verified", fact.at_ns)
+        if self._story:
+            self._story.proof, self._story.next_epoch = fact.proof, fact.epoch
+        self._fire(Trigger.READY, fact.at_ns, f"proof: {fact.proof.kind}, {fact.proof.tail} events")
+
+    def _watch(self, tick: seen.Sampled) -> None:
+        if self._phase not in phases.SERVING:
+            return
+        self._verdict = verdict = self._bench.judge(tick)
+        self._show_worry(verdict, tick.at_ns)
+        if verdict.colour is Colour.GREEN:
+            self._alerted = None
+            self._fire(Trigger.ON_TIME, tick.at_ns, "the beats are back")
+            return
+        why = "; ".join(t.why for t in verdict.testimonies if t.colour is not Colour.GREEN)
+        if verdict.diagnosis is None:
+            self._fire(Trigger.LATE, tick.at_ns, why)
+        elif self.policy.asks(verdict.diagnosis, Word.REBOOT_PROCESS):
+            death = Death(verdict.diagnosis, verdict.grade, verdict.testimonies)
+            self._trouble = _Trouble(death, verdict.fault_ns)
+            self._fire(Trigger.LOST, tick.at_ns, f"{verdict.diagnosis}: {why}")
+        else:
+            self._fire(Trigger.LATE, tick.at_ns, why)
+            if self._alerted is not verdict.diagnosis:
+                self._alerted = verdict.diagnosis
+                self._alert(verdict.diagnosis, f"{why}. The policy says not to restart.")
+
+    def _show_worry(self, verdict: Verdict, now_ns: int) -> None:
+        if verdict.colour is Colour.GREEN:
+            self._worried_ns = None
+            if now_ns - self._calm_ns >= self.policy.clean_after_ms * NS_PER_MS:
+                self._degraded = False
+            return
+        self._calm_ns = now_ns
+        self._worried_ns = self._worried_ns or now_ns
+        if now_ns - self._worried_ns >= self.policy.degraded_after_ms * NS_PER_MS:
+            self._degraded = True
+
+    def _exited(self, fact: seen.CoreExited) -> None:
+        self._store.saw(fact.page)
+        how = describe(fact.exit)
+        if self._phase in {Phase.STARTING, Phase.PROVING, *phases.SERVING}:
+            words = fact.page.last_words if fact.page else None
+            ready = self._phase in phases.SERVING
+            death = judge_death(fact.exit, words, was_ready=ready, term_sent=self._term_sent)
+            self._trouble = _Trouble(death, fact.at_ns, fact.exit, fact.page)
+        elif self._story:
+            self._mark("killed", fact.at_ns)
+            self._story.exit = self._story.exit or fact.exit
+            self._take_over(self._story, self._story.diagnosis, fact.page)
+        self._fire(Trigger.EXITED, fact.at_ns, f"the core {how}")
+
+    def _evidence(self, fact: seen.EvidenceTaken) -> None:
+        if self._story:
+            for name, at_ns in fact.steps:
+                self._mark(name, at_ns)
+            self._take_over(self._story, self._story.diagnosis, fact.page)
+        if self._phase is Phase.SNAPSHOT_LIVE:
+            self._fire(Trigger.EVIDENCE_TAKEN, fact.at_ns, "whole" if fact.complete else "in part")
+
+    @staticmethod
+    def _take_over(story: Story, diagnosis: Diagnosis, page: Page | None) -> None:
+        story.add_page(page)
+        if page is not None:
+            new = trial.suspects(diagnosis, page.in_flight)
+            story.suspects += tuple(key for key in new if key not in story.suspects)
+
+    # ---- the table ----
+
+    def _fire(self, trigger: Trigger, now_ns: int, reason: str) -> None:
+        """Ask the table, go where it says, then ask what holds on arrival."""
+        row = step(self._phase, trigger)
+        if row is None:
+            return
+        before, (after, steps) = self._phase, row
+        for name in steps:
+            self._do(name, after, now_ns)
+        if after is not before:
+            self._enter(after, now_ns)
+        self._transitions.append(Transition(now_ns, before, after, trigger, reason))
+        if self._skip_evidence:
+            self._skip_evidence = False
+            self._fire(Trigger.EVIDENCE_TAKEN, now_ns, "the policy asks for none")
+            return
+        if after is before:
+            return
+        for question in ON_ENTRY.get(after, ()):
+            if self._holds(question):
+                self._fire(question, now_ns, self._why(question))
+                return
+
+    def _holds(self, question: Trigger) -> bool:
+        match question:
+            case Trigger.UNWANTED:
+                return self.wanted is Wanted.DOWN
+            case Trigger.HOPELESS:
+                return self._hopeless is not None
+            case Trigger.NO_DELAY:
+                return self._delay_ns == 0
+            case _:
+                raise AssertionError(f"{question} is no state-triggered question")
+
+    def _why(self, question: Trigger) -> str:
+        if question is Trigger.HOPELESS:
+            return f"{self._hopeless}: another try would not help"
+        return "the operator wants no core" if question is Trigger.UNWANTED else "nothing to wait for"
+
+    def _enter(self, phase: Phase, now_ns: int) -> None:
+        self._phase, self._since_ns = phase, now_ns
+        if phase is Phase.BACKOFF:
+            self._delay_ns = self._pause_ns()
+        wait_ns = self._deadline_of(phase)
+        self._deadline_ns = None if wait_ns is None else now_ns + wait_ns
+        self._stage_max = max(self._stage_max, phases.stage(phase) or 0) if self._story else 0
+        if phase not in phases.SERVING:
+            self._verdict, self._worried_ns, self._degraded = GREEN, None, False
+
+    def _pause_ns(self) -> int:
+        policy = self.policy
+        if self._tries:
+            return backoff_ns(self._tries, policy.backoff_initial_ms, policy.backoff_max_ms, self._jitter())
+        return policy.restart_delay_ms * NS_PER_MS
+
+    def _deadline_of(self, phase: Phase) -> int | None:
+        """Return how long this phase may last, in ns, or None for as long as it takes."""
+        policy = self.policy
+        match phase:
+            case Phase.ADOPTING | Phase.KILLING:
+                return policy.kill_timeout_ms * NS_PER_MS
+            case Phase.STARTING | Phase.PROVING:
+                return policy.startup_timeout_ms * NS_PER_MS
+            case Phase.PROBATION:
+                return policy.probation_ms * NS_PER_MS
+            case Phase.SNAPSHOT_LIVE:
+                return policy.snapshot_budget_ms * NS_PER_MS + EVIDENCE_SLACK_NS
+            case Phase.STOPPING:
+                return policy.stop_timeout_ms * NS_PER_MS
+            case Phase.BACKOFF:
+                return self._delay_ns
+            case Phase.FATAL:
+                again = self._hopeless is Diagnosis.CRASH_LOOP and policy.slow_retry_sec
+                return policy.slow_retry_sec * NS_PER_S if again else None
+            case Phase.STOPPED | Phase.RUNNING | Phase.SUSPECT | Phase.UNKILLABLE:
+                return None
+            case _:
+                assert_never(phase)
+
+    # ---- what is done on the way ----
+
+    def _do(self, name: Step, after: Phase, now_ns: int) -> None:
+        match name:
+            case Step.SPAWN:
+                self._spawn()
+            case Step.TERMINATE:
+                self._actions.append(Terminate(self._life))
+            case Step.KILL:
+                self._actions.append(Kill(self._life))
+            case Step.KILL_LEFTOVERS:
+                self._actions.append(KillLeftovers((self._life,)))
+            case Step.OPEN | Step.OPEN_PLANNED:
+                self._open(now_ns, planned=name is Step.OPEN_PLANNED)
+            case Step.EVIDENCE_LIVE | Step.EVIDENCE_DEAD:
+                self._order_evidence(living=name is Step.EVIDENCE_LIVE)
+            case Step.RELEASE:
+                self._release()
+            case Step.SETTLED:
+                self._tries = 0
+            case Step.CLOSE:
+                self._close("recovered" if after is Phase.RUNNING else "manual", now_ns)
+            case Step.ALERT:
+                self._alert_about(after)
+            case Step.FORGET:
+                self._tries, self._hopeless = 0, None
+                self._keep(Budget(self._budget.limit, self._budget.window_ns))
+            case Step.HALT:
+                self._actions.append(Halt())
+            case _:
+                assert_never(name)
+
+    def _spawn(self) -> None:
+        self._life += 1
+        self._hopeless = None
+        self._term_sent = False
+        expected = self._store.epoch if self._store.certain else None
+        self._store.certain = False
+        self._actions.append(Spawn(self._life, expected, self._store.witness))
+
+    def _new_bench(self) -> Bench:
+        policy = self.policy
+        return Bench(
+            Patience(
+                policy.health_check_interval_ms,
+                policy.health_check_timeout_ms,
+                policy.confirm_deadlock_ms,
+                policy.confirm_hang_ms,
+            )
+        )
+
+    def _release(self) -> None:
+        self._bench = self._new_bench()
+        assert self._store.epoch is not None, "a core that is ready has said its epoch"
+        suspects = self._story.suspects if self._story else ()
+        incident = self._story.id if self._story else None
+        self._actions.append(Release(self._life, self._store.epoch, suspects, incident))
+
+    def _open(self, now_ns: int, *, planned: bool) -> None:
+        trouble, self._trouble = self._trouble, None
+        assert trouble is not None, "an incident is opened only for a trouble that was named"
+        death = trouble.death
+        drill = self._take_drill(now_ns)
+        if self._story is None or self._story.planned:
+            self._tell_new(death, trouble.fault_ns, now_ns, planned=planned, drill=drill)
+        assert self._story is not None, "told just now, or open already"
+        self._story.add_evidence(death.evidence)
+        self._story.exit = self._story.exit or trouble.exit
+        self._take_over(self._story, death.diagnosis, trouble.page)
+        if planned:
+            self._cause = StartCause.PLANNED
+            return
+        self._story.add_death(death.diagnosis, trouble.exit, trouble.fault_ns)
+        if self._cause is not StartCause.FIRST or self._phase in phases.SERVING:
+            self._cause = StartCause.UNPLANNED
+        if death.diagnosis is not Diagnosis.SENTINEL_LOST:
+            self._count(death.diagnosis, now_ns, free=drill is not None)
+
+    def _tell_new(
+        self, death: Death, fault_ns: int, now_ns: int, *, planned: bool, drill: str | None
+    ) -> None:
+        """Open an incident; one that an operator opened and a death overtook becomes the death's."""
+        old = self._story
+        self._story = Story(
+            id=old.id if old else self._new_id(),
+            opened_ns=old.opened_ns if old else now_ns,
+            diagnosis=death.diagnosis,
+            grade=death.grade,
+            life=self._life,
+            epoch=self._store.epoch or 0,
+            planned=planned,
+            drill=drill,
+            reason=old.reason if old else (death.evidence[0].why if planned else ""),
+            evidence=old.evidence if old else [],
+        )
+        self._story.mark("fault", old.steps["fault"] if old else fault_ns)
+        self._story.mark("detected", now_ns)
+
+    def _take_drill(self, now_ns: int) -> str | None:
+        drill, self._drill = self._drill, None
+        return drill[0] if drill and now_ns - drill[1] <= DRILL_GRACE_NS else None
+
+    def _count(self, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
+        """Put an unplanned death on the budget and judge whether another try makes sense."""
+        if self._phase in {Phase.STARTING, Phase.PROVING, Phase.PROBATION}:
+            self._tries += 1
+        if not free:
+            self._keep(self._budget.after_death(now_ns))
+        if not self.policy.asks(diagnosis, Word.REBOOT_PROCESS):
+            self._hopeless = diagnosis
+        elif self._budget.spent(now_ns):
+            self._hopeless = Diagnosis.CRASH_LOOP
+
+    def _keep(self, budget: Budget) -> None:
+        self._budget = budget
+        self._actions.append(KeepBudget(budget.deaths_ns))
+
+    def _order_evidence(self, *, living: bool) -> None:
+        assert self._story is not None, "evidence belongs to an incident"
+        wanted = self.policy.asks(self._story.diagnosis, Word.SNAPSHOT)
+        if not wanted:
+            self._skip_evidence = living
+            return
+        self._actions.append(TakeEvidence(self._life, self._story.id, living, self.policy.snapshot_budget_ms))
+
+    def _close(self, outcome: str, now_ns: int) -> None:
+        if self._story is None:
+            return
+        self._actions.append(CloseIncident(self._story.told(outcome, now_ns)))
+        self._story = None
+        self._stage_max = 0
+
+    def _mark(self, name: str, at_ns: int) -> None:
+        if self._story:
+            self._story.mark(name, at_ns)
+
+    def _alert(self, diagnosis: Diagnosis, text: str) -> None:
+        if self.policy.asks(diagnosis, Word.SEND_ALERT):
+            self._actions.append(Alert(diagnosis, text))
+
+    def _alert_about(self, after: Phase) -> None:
+        if after is Phase.UNKILLABLE:
+            about = self._story.diagnosis if self._story else Diagnosis.OPERATOR
+            text = "The core does not die: it may hang in the kernel. No other is started beside it."
+            self._actions.append(Alert(about, text))
+            return
+        assert self._hopeless is not None, "FATAL is entered for a reason"
+        self._alert(self._hopeless, "Automatic recovery has stopped. `hardcore resume` tries again.")

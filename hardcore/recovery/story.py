@@ -1,0 +1,97 @@
+"""The open incident: a story that is still being told.
+
+One incident has one report, however many deaths it takes. A first moment is kept where the question is
+"when did it begin" (fault, detected, alerted), the last where it is "when was it over" (spawned to serving):
+with three tries the outage ends with the third.
+"""
+
+from dataclasses import dataclass, field
+
+from hardcore.model.actions import Incident
+from hardcore.model.observations import DeathNote, Exit, Proof, RequestOutcome
+from hardcore.model.recorder import CommandNote, LastWords, Page, Witness
+from hardcore.model.verdicts import Diagnosis, Grade, Testimony
+
+DEATHS_MAX = 64
+EVIDENCE_MAX = 64
+_FIRST = frozenset({"fault", "detected", "alerted", "frozen", "dumped", "killed"})
+
+
+@dataclass(slots=True)
+class Story:
+    """What is known so far. `life` is the core it is about."""
+
+    id: str
+    opened_ns: int
+    diagnosis: Diagnosis
+    grade: Grade
+    life: int
+    epoch: int
+    planned: bool = False
+    drill: str | None = None
+    reason: str = ""
+    evidence: list[Testimony] = field(default_factory=list)
+    exit: Exit | None = None
+    last_words: LastWords | None = None
+    in_flight: tuple[CommandNote, ...] = ()
+    suspects: tuple[str, ...] = ()
+    steps: dict[str, int] = field(default_factory=dict)
+    deaths: list[DeathNote] = field(default_factory=list)
+    requests: tuple[RequestOutcome, ...] = ()
+    proof: Proof | None = None
+    witness: Witness | None = None
+    next_epoch: int | None = None
+
+    def mark(self, name: str, at_ns: int) -> None:
+        """Note a step of the timeline."""
+        if name in _FIRST and name in self.steps:
+            return
+        self.steps[name] = at_ns
+
+    def add_death(self, diagnosis: Diagnosis, how: Exit | None, at_ns: int) -> None:
+        """Note one death, the first or a further one."""
+        if len(self.deaths) < DEATHS_MAX:
+            self.deaths.append(DeathNote(at_ns, diagnosis, how))
+
+    def add_evidence(self, facts: tuple[Testimony, ...]) -> None:
+        """Add facts that are not there yet."""
+        for fact in facts:
+            if fact not in self.evidence and len(self.evidence) < EVIDENCE_MAX:
+                self.evidence.append(fact)
+
+    def add_page(self, page: Page | None) -> None:
+        """Take over what a recorder page says, keeping what an earlier one said of commands in flight."""
+        if page is None:
+            return
+        self.last_words = self.last_words or page.last_words
+        self.witness = page.witness or self.witness
+        seen = {note.command_id for note in self.in_flight}
+        self.in_flight += tuple(note for note in page.in_flight if note.command_id not in seen)
+
+    def told(self, outcome: str, now_ns: int) -> Incident:
+        """Return the whole story as facts."""
+        self.mark("closed", now_ns)
+        return Incident(
+            id=self.id,
+            opened_ns=self.opened_ns,
+            diagnosis=self.diagnosis,
+            grade=self.grade,
+            evidence=tuple(self.evidence),
+            planned=self.planned,
+            drill=self.drill,
+            reason=self.reason,
+            life=self.life,
+            epoch=self.epoch,
+            exit=self.exit,
+            last_words=self.last_words,
+            in_flight=self.in_flight,
+            suspects=self.suspects,
+            timeline=tuple(sorted(self.steps.items(), key=lambda item: item[1])),
+            deaths=tuple(self.deaths),
+            requests=self.requests,
+            proof=self.proof,
+            witness=self.witness,
+            next_epoch=self.next_epoch,
+            outcome=outcome,
+            closed_ns=now_ns,
+        )

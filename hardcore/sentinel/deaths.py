@@ -1,0 +1,95 @@
+"""From the way a process ended to what that means.
+
+A dead process needs no second witness: its exit status is the fact. What the status alone can't tell (a
+SIGKILL has no sender) is said with the care it deserves: not ours, so from outside, and nobody is suspect.
+Exit codes are those of `docs/wires.md` section 2.
+"""
+
+from dataclasses import dataclass
+
+from hardcore.model.observations import Exit
+from hardcore.model.recorder import LastWords
+from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
+
+#: Linux signal numbers by name; the pure rooms import no `signal`.
+SIGNAL_NAMES = {
+    1: "SIGHUP",
+    2: "SIGINT",
+    3: "SIGQUIT",
+    4: "SIGILL",
+    5: "SIGTRAP",
+    6: "SIGABRT",
+    7: "SIGBUS",
+    8: "SIGFPE",
+    9: "SIGKILL",
+    10: "SIGUSR1",
+    11: "SIGSEGV",
+    12: "SIGUSR2",
+    13: "SIGPIPE",
+    14: "SIGALRM",
+    15: "SIGTERM",
+    24: "SIGXCPU",
+    25: "SIGXFSZ",
+    31: "SIGSYS",
+}
+
+#: Signals that a process brings upon itself.
+_OWN = frozenset({4, 5, 6, 7, 8, 11, 31})
+
+_CODES = {
+    65: Diagnosis.STORE_CORRUPT,
+    69: Diagnosis.DB_LOCKED,
+    73: Diagnosis.DISK_FULL,
+    74: Diagnosis.COMMIT_FAILED,
+    75: Diagnosis.FENCED,
+    78: Diagnosis.CONFIG_INVALID,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Death:
+    """What an end means: a diagnosis, how sure it is, and the facts it rests on."""
+
+    diagnosis: Diagnosis
+    grade: Grade
+    evidence: tuple[Testimony, ...]
+
+
+def describe(how: Exit) -> str:
+    """Return the way a process ended in words."""
+    if how.signal is not None:
+        return f"ended by {SIGNAL_NAMES.get(how.signal, f'signal {how.signal}')}"
+    if how.code is not None:
+        return f"exited with code {how.code}"
+    return "is gone; nobody could read its exit status"
+
+
+def judge_death(how: Exit, words: LastWords | None, *, was_ready: bool, term_sent: bool) -> Death:
+    """Return what this unasked end means.
+
+    `was_ready`: the core had reached READY. `term_sent`: a TERM had reached it that was not ours.
+    """
+    facts = [Testimony("pidfd", Colour.RED, f"the core {describe(how)}")]
+    if words is not None:
+        facts.append(Testimony("last words", Colour.RED, f"{words.code}: {words.text}"))
+    if term_sent:
+        facts.append(Testimony("core", Colour.RED, "a TERM had reached it from another process"))
+    diagnosis, grade = _name(how, words, was_ready=was_ready, term_sent=term_sent)
+    return Death(diagnosis, grade, tuple(facts))
+
+
+def _name(how: Exit, words: LastWords | None, *, was_ready: bool, term_sent: bool) -> tuple[Diagnosis, Grade]:
+    if how.signal in _OWN:
+        return Diagnosis.CRASHED, Grade.CERTAIN
+    if how.signal is not None:
+        return Diagnosis.KILLED_FROM_OUTSIDE, Grade.CERTAIN if how.signal == 9 else Grade.LIKELY
+    if how.code in _CODES:
+        # A program of somebody else's may use these numbers too: only with last words are they certain.
+        return _CODES[how.code], Grade.CERTAIN if words is not None else Grade.LIKELY
+    if how.code is None:
+        return Diagnosis.EXITED, Grade.UNKNOWN
+    if term_sent and how.code == 0:
+        return Diagnosis.KILLED_FROM_OUTSIDE, Grade.CERTAIN
+    if not was_ready:
+        return Diagnosis.STARTUP_FAILED, Grade.CERTAIN
+    return Diagnosis.EXITED, Grade.CERTAIN

@@ -1,0 +1,108 @@
+"""Weighs what the witnesses say.
+
+Two different kinds of evidence must agree before a living process is called lost: what the core wrote about
+itself (beats, queue) and what the kernel says of it (stopped, asleep without processor time). One kind alone
+is yellow. So a busy core, a long garbage collection, a core that the machine does not schedule and a guard
+that was itself asleep all stay alive.
+"""
+
+from dataclasses import dataclass, field
+
+from hardcore.model.observations import Sampled
+from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony, Verdict
+from hardcore.sentinel.witnesses import beats as beat_witness
+from hardcore.sentinel.witnesses import process_state, progress
+from hardcore.sentinel.witnesses.own_stall import OwnStall
+from hardcore.sentinel.witnesses.process_state import ProcessFacts, Sleep
+
+_NS_PER_MS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long each kind of silence is borne, as the policy says."""
+
+    interval_ms: int
+    late_ms: int
+    conclusive_ms: int
+    hang_ms: int
+
+
+@dataclass(slots=True)
+class Bench:
+    """The witnesses of one life, and their judge.
+
+    Made anew for each core: nothing that was held against one may be held against its successor.
+    """
+
+    patience: Patience
+    _own_stall: OwnStall = field(init=False)
+    _process: process_state.ProcessState = field(default_factory=process_state.ProcessState)
+    _progress: progress.Progress = field(default_factory=progress.Progress)
+
+    def __post_init__(self) -> None:
+        self._own_stall = OwnStall(self.patience.interval_ms * _NS_PER_MS)
+
+    @property
+    def late_ticks(self) -> int:
+        """How many of our own ticks came too late to conclude anything from."""
+        return self._own_stall.late_ticks
+
+    def judge(self, tick: Sampled) -> Verdict:
+        """Return the verdict on this tick's facts."""
+        overslept = self._own_stall.look(tick.at_ns)
+        if tick.beats is None or tick.process is None or not tick.beats.loop_ns:
+            return GREEN  # no page or no process to look at: its end is told by the pidfd, not by silence
+        facts = self._process.look(tick.process)
+        found = beat_witness.ages(tick.beats, tick.at_ns, self._own_stall.forgiven_ns)
+        stuck = self._progress.look(tick.beats, tick.in_flight, tick.at_ns, self._own_stall.forgiven_ns)
+        said = (
+            beat_witness.testify(found, self.patience.late_ms),
+            process_state.testify(facts),
+            progress.testify(stuck, self.patience.late_ms),
+        )
+        if overslept:
+            return GREEN
+        return self._red(found, facts, stuck, said) or _mildest(said, facts)
+
+    def _red(
+        self,
+        found: beat_witness.BeatAges,
+        facts: ProcessFacts,
+        stuck: progress.Stuck | None,
+        said: tuple[Testimony, ...],
+    ) -> Verdict | None:
+        conclusive = found.loop_stale(self.patience.conclusive_ms)
+        if facts.stopped and conclusive:
+            return Verdict(Colour.RED, Diagnosis.FROZEN, Grade.CERTAIN, found.last_loop_ns, said)
+        if not found.thread_stale(self.patience.late_ms):
+            if facts.loop is Sleep.CONCLUSIVE and conclusive:
+                return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, Grade.CERTAIN, found.last_loop_ns, said)
+            if facts.loop is Sleep.OTHER and found.loop_stale(self.patience.hang_ms):
+                return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, Grade.LIKELY, found.last_loop_ns, said)
+        beating = not found.loop_stale(self.patience.late_ms)
+        if stuck and beating and stuck.for_ns > self.patience.hang_ms * _NS_PER_MS:
+            return self._no_progress(facts, stuck, said)
+        return None
+
+    def _no_progress(
+        self, facts: ProcessFacts, stuck: progress.Stuck, said: tuple[Testimony, ...]
+    ) -> Verdict | None:
+        if facts.writer is Sleep.GONE:
+            fact = Testimony("process", Colour.RED, "the writer's thread is gone")
+            return Verdict(Colour.RED, Diagnosis.NO_PROGRESS, Grade.CERTAIN, stuck.since_ns, (*said, fact))
+        if facts.writer in {Sleep.CONCLUSIVE, Sleep.OTHER}:
+            fact = Testimony("process", Colour.RED, "the writer's thread sleeps without processor time")
+            return Verdict(Colour.RED, Diagnosis.NO_PROGRESS, Grade.LIKELY, stuck.since_ns, (*said, fact))
+        return None
+
+
+def _mildest(said: tuple[Testimony, ...], facts: ProcessFacts) -> Verdict:
+    """Return yellow if somebody is worried: one kind of evidence, however red, is not more than that.
+
+    A loop asleep between two beats is what a healthy idle core looks like: alone it is no worry at all.
+    """
+    worried = tuple(t for t in said if t.colour is not Colour.GREEN)
+    if facts.stopped or any(t.witness != "process" for t in worried):
+        return Verdict(Colour.YELLOW, testimonies=worried)
+    return GREEN

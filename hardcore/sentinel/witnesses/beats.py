@@ -1,0 +1,54 @@
+"""The witness of the two beats: one from the event loop, one from a thread beside it.
+
+The pair is the diagnosis: both stale, the process or its GIL stands still; only the loop's stale, the loop
+is blocked. A beat carries the time it was made at, and both clocks are the same machine's, so its age is
+a difference, not an arrival. A late beat alone is never a verdict.
+"""
+
+from dataclasses import dataclass
+
+from hardcore.model.recorder import Beats
+from hardcore.model.verdicts import Colour, Testimony
+
+_NS_PER_MS = 1_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class BeatAges:
+    """How long ago each beat was made, in ns, counted from the end of our own stall if that is later."""
+
+    loop_ns: int
+    thread_ns: int
+    last_loop_ns: int
+
+    def loop_stale(self, limit_ms: int) -> bool:
+        """Return whether the loop's beat is older than `limit_ms`."""
+        return self.loop_ns > limit_ms * _NS_PER_MS
+
+    def thread_stale(self, limit_ms: int) -> bool:
+        """Return whether the thread's beat is older than `limit_ms`."""
+        return self.thread_ns > limit_ms * _NS_PER_MS
+
+
+def ages(beats: Beats, at_ns: int, forgiven_ns: int) -> BeatAges:
+    """Return the ages of both beats at `at_ns`; silence before `forgiven_ns` does not count."""
+    return BeatAges(
+        loop_ns=max(0, at_ns - max(beats.loop_ns, forgiven_ns)),
+        thread_ns=max(0, at_ns - max(beats.thread_ns, forgiven_ns)),
+        last_loop_ns=beats.loop_ns,
+    )
+
+
+def testify(found: BeatAges, limit_ms: int) -> Testimony:
+    """Return what the beats say. Never red: lateness alone is no verdict."""
+    late = [
+        f"the {name}'s last beat is {age // _NS_PER_MS} ms old"
+        for name, age, stale in (
+            ("loop", found.loop_ns, found.loop_stale(limit_ms)),
+            ("thread", found.thread_ns, found.thread_stale(limit_ms)),
+        )
+        if stale
+    ]
+    if late:
+        return Testimony("beats", Colour.YELLOW, "; ".join(late))
+    return Testimony("beats", Colour.GREEN, "both beats are fresh")

@@ -1,0 +1,80 @@
+"""The witness of the process: what the kernel says it does.
+
+Independent of everything the core writes about itself. Two looks in a row must agree before it says that
+a thread sleeps: without any processor time between them, in the same kernel function. Stopped is the letter
+T; a thread that is runnable and not scheduled (R) is the machine's fault and is never called asleep.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from hardcore.model.observations import ProcessSample, ThreadSample
+from hardcore.model.verdicts import Colour, Testimony
+
+#: Kernel functions in which a thread waits for a lock or a timer: nothing outside can end that soon.
+_CONCLUSIVE = ("futex", "nanosleep")
+
+
+class Sleep(Enum):
+    """How a thread sleeps, as far as two looks can tell."""
+
+    NOT = "not asleep"
+    CONCLUSIVE = "asleep on a lock or a timer"
+    OTHER = "asleep in a wait"
+    GONE = "gone"
+
+
+@dataclass(slots=True)
+class ProcessState:
+    """Remembers the last look at one life."""
+
+    _last: ProcessSample | None = None
+    _stopped_looks: int = 0
+
+    def look(self, sample: ProcessSample) -> "ProcessFacts":
+        """Take in one look and return what it and the one before agree on."""
+        last, self._last = self._last, sample
+        self._stopped_looks = self._stopped_looks + 1 if sample.state == "T" else 0
+        return ProcessFacts(
+            stopped=self._stopped_looks >= 2,
+            loop=_sleep(last.loop if last else None, sample.loop),
+            loop_waits_in=sample.loop.waits_in if sample.loop else "",
+            writer=_sleep(last.writer if last else None, sample.writer),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessFacts:
+    """What two looks in a row agree on."""
+
+    stopped: bool
+    loop: Sleep
+    loop_waits_in: str
+    writer: Sleep
+
+
+def _sleep(before: ThreadSample | None, now: ThreadSample | None) -> Sleep:
+    if before is None or now is None:
+        return Sleep.NOT
+    if now.state == "":
+        return Sleep.GONE if before.state == "" else Sleep.NOT
+    same = (
+        before.state == now.state == "S" and before.cpu_ns == now.cpu_ns and before.waits_in == now.waits_in
+    )
+    if not same:
+        return Sleep.NOT
+    return Sleep.CONCLUSIVE if any(name in now.waits_in for name in _CONCLUSIVE) else Sleep.OTHER
+
+
+def testify(facts: ProcessFacts) -> Testimony:
+    """Return what the kernel says."""
+    if facts.stopped:
+        return Testimony("process", Colour.RED, "the process is stopped (state T), not by us")
+    if facts.loop in {Sleep.CONCLUSIVE, Sleep.OTHER}:
+        where = f" in {facts.loop_waits_in}" if facts.loop_waits_in else ""
+        return Testimony(
+            "process",
+            Colour.RED,
+            f"the loop's thread is {facts.loop.value}{where}, without processor time in two looks",
+        )
+    return Testimony("process", Colour.GREEN, "the process is running or waiting for work")
