@@ -1,0 +1,65 @@
+# The commands of the README. Each makes .venv from its lock first if that is not done yet.
+# Paths are passed through the environment, so that a folder with a space in its name works.
+
+PORT ?= 3000
+DATA ?= ./var
+PYTHON ?=
+SEED ?=
+SEEDS ?=
+ARGS ?=
+export PORT DATA PYTHON
+
+.DEFAULT_GOAL := help
+.PHONY: help run test check lint fast bench simulate lock venv venv-dev
+MAKEFLAGS += --no-print-directory
+
+help:
+	@echo 'Fieldstack Hard-Core: a household ledger that dies and comes back, with proof.'
+	@echo
+	@echo '  make run        start everything; the URL is printed (PORT=3000 DATA=./var)'
+	@echo '  make test       all tests, in at most 15 minutes on two cores (ARGS="-k restart" for some)'
+	@echo '  make check      format, lint, types, import laws, fast tests; under a minute'
+	@echo '  make bench      the numbers, measured on this machine beside their baselines (BENCH=gateway for one)'
+	@echo '  make simulate   many simulated crises (SEEDS=5000), or one again (SEED=1234)'
+	@echo '  make lock       write the two locks anew from pyproject.toml (needs uv)'
+	@echo
+	@echo 'Needed: Linux 5.4 or newer, CPython 3.11 or newer. The first run sets up .venv by itself.'
+	@echo 'Try it: make run, and in a second terminal: .venv/bin/hardcore drill crash'
+
+venv:
+	@sh scripts/venv run
+
+venv-dev:
+	@sh scripts/venv dev
+
+run: venv
+	@exec .venv/bin/hardcore --data "$$DATA" up --port "$$PORT"
+
+test: venv-dev
+	@exec .venv/bin/python -m pytest $(ARGS)
+
+check: lint fast
+
+lint: venv-dev
+	@echo 'Format'
+	@.venv/bin/ruff format --check --quiet . || { .venv/bin/ruff format --check . ; exit 1; }
+	@echo 'Lint'
+	@.venv/bin/ruff check --quiet .
+	@echo 'Types'
+	@.venv/bin/mypy --no-error-summary
+	@echo 'Import laws'
+	@.venv/bin/lint-imports --config pyproject.toml >.venv/lint-imports.log 2>&1 || { cat .venv/lint-imports.log; exit 1; }
+
+fast: venv-dev
+	@echo 'Fast tests'
+	@exec .venv/bin/python -m pytest --quiet tests/unit tests/architecture tests/contract
+
+bench: venv-dev
+	@set -e; for script in bench/bench_$(or $(BENCH),*).py; do echo "== $$script"; .venv/bin/python "$$script" $(ARGS); done
+
+simulate: venv-dev
+	@exec .venv/bin/python -m tests.simulation $(if $(SEED),--seed $(SEED)) $(if $(SEEDS),--seeds $(SEEDS)) $(ARGS)
+
+lock:
+	@command -v uv >/dev/null || { echo 'make lock needs uv on the PATH: install it (pip install uv) and start again.' >&2; exit 1; }
+	@sh scripts/lock
