@@ -28,12 +28,15 @@ from hardcore.model.actions import (
 )
 from hardcore.model.phases import Phase, StartCause, Wanted
 from hardcore.model.recorder import Page, Witness
-from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony, Verdict
+from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony
 from hardcore.recovery import trial
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget, backoff_ns
 from hardcore.recovery.policy import Policy, Word
+from hardcore.recovery.reading import Reading, Transition
+from hardcore.recovery.store import StoreKnowledge
 from hardcore.recovery.story import Story
 from hardcore.recovery.transitions import ON_ENTRY, Step, Trigger, step
+from hardcore.recovery.worry import Worry
 from hardcore.sentinel.deaths import Death, describe, judge_death
 from hardcore.sentinel.verdict import Bench, Patience
 
@@ -44,36 +47,6 @@ DRILL_GRACE_NS = 15 * NS_PER_S
 EVIDENCE_SLACK_NS = 250 * NS_PER_MS
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
-    """One change of phase with its real reason."""
-
-    at_ns: int
-    before: Phase
-    after: Phase
-    trigger: Trigger
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """What the present moment means to everybody else."""
-
-    phase: Phase
-    state: phases.HAState
-    face: phases.Face
-    stage: int | None
-    since_ns: int
-    wanted: Wanted
-    life: int
-    epoch: int | None
-    incident: str | None
-    planned: bool
-    verdict: Verdict
-    late_ticks: int
-    deaths: int
-
-
 @dataclass(slots=True)
 class _Trouble:
     """What is about to be told as an incident: set right before the table is asked."""
@@ -82,28 +55,6 @@ class _Trouble:
     fault_ns: int
     exit: seen.Exit | None = None
     page: Page | None = None
-
-
-@dataclass(slots=True)
-class _Store:
-    """What the guard knows of the ledger's store without ever opening it."""
-
-    epoch: int | None = None
-    #: A core that was started may have raised the epoch without living to say so.
-    certain: bool = False
-    witness: Witness | None = None
-
-    def saw(self, page: Page | None) -> None:
-        """Take over what a recorder page proves."""
-        if page is None:
-            return
-        if page.beats.epoch:
-            self.epoch, self.certain = page.beats.epoch, True
-        if page.witness is not None and (
-            self.witness is None
-            or (page.witness.seq, page.witness.epoch) >= (self.witness.seq, self.witness.epoch)
-        ):
-            self.witness = page.witness
 
 
 class FailoverManager:
@@ -127,15 +78,13 @@ class FailoverManager:
         self._delay_ns = 0
         self._cause = StartCause.FIRST
         self._life = 0
-        self._store = _Store()
+        self._store = StoreKnowledge()
         self._budget = Budget(policy.max_restart_count, policy.restart_window_sec * NS_PER_S, deaths_ns)
         self._tries = 0
         self._hopeless: Diagnosis | None = None
         self._bench = self._new_bench()
         self._verdict = GREEN
-        self._worried_ns: int | None = None
-        self._degraded = False
-        self._calm_ns = 0
+        self._worry = Worry(policy.degraded_after_ms, policy.clean_after_ms)
         self._alerted: Diagnosis | None = None
         self._story: Story | None = None
         self._trouble: _Trouble | None = None
@@ -200,7 +149,7 @@ class FailoverManager:
         shown = phases.stage(self._phase)
         return Reading(
             phase=self._phase,
-            state=phases.ha_state(self._phase, self.wanted, self._cause, yellow=self._degraded),
+            state=phases.ha_state(self._phase, self.wanted, self._cause, yellow=self._worry.shown),
             face=phases.face(self._phase, self.wanted),
             stage=max(shown, self._stage_max) if shown is not None else None,
             since_ns=self._since_ns,
@@ -292,7 +241,7 @@ class FailoverManager:
         if self._phase not in phases.SERVING:
             return
         self._verdict = verdict = self._bench.judge(tick)
-        self._show_worry(verdict, tick.at_ns)
+        self._worry.look(verdict.colour, tick.at_ns)
         if verdict.colour is Colour.GREEN:
             self._alerted = None
             self._fire(Trigger.ON_TIME, tick.at_ns, "the beats are back")
@@ -309,17 +258,6 @@ class FailoverManager:
             if self._alerted is not verdict.diagnosis:
                 self._alerted = verdict.diagnosis
                 self._alert(verdict.diagnosis, f"{why}. The policy says not to restart.")
-
-    def _show_worry(self, verdict: Verdict, now_ns: int) -> None:
-        if verdict.colour is Colour.GREEN:
-            self._worried_ns = None
-            if now_ns - self._calm_ns >= self.policy.clean_after_ms * NS_PER_MS:
-                self._degraded = False
-            return
-        self._calm_ns = now_ns
-        self._worried_ns = self._worried_ns or now_ns
-        if now_ns - self._worried_ns >= self.policy.degraded_after_ms * NS_PER_MS:
-            self._degraded = True
 
     def _exited(self, fact: seen.CoreExited) -> None:
         self._store.saw(fact.page)
@@ -398,7 +336,8 @@ class FailoverManager:
         self._deadline_ns = None if wait_ns is None else now_ns + wait_ns
         self._stage_max = max(self._stage_max, phases.stage(phase) or 0) if self._story else 0
         if phase not in phases.SERVING:
-            self._verdict, self._worried_ns, self._degraded = GREEN, None, False
+            self._verdict = GREEN
+            self._worry.forget()
 
     def _pause_ns(self) -> int:
         policy = self.policy

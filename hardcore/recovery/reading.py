@@ -1,0 +1,37 @@
+"""What the manager tells of itself: the present moment, and each change of phase with its real reason."""
+
+from dataclasses import dataclass
+
+from hardcore.model.phases import Face, HAState, Phase, Wanted
+from hardcore.model.verdicts import Verdict
+from hardcore.recovery.transitions import Trigger
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One change of phase with its real reason."""
+
+    at_ns: int
+    before: Phase
+    after: Phase
+    trigger: Trigger
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What the present moment means to everybody else."""
+
+    phase: Phase
+    state: HAState
+    face: Face
+    stage: int | None
+    since_ns: int
+    wanted: Wanted
+    life: int
+    epoch: int | None
+    incident: str | None
+    planned: bool
+    verdict: Verdict
+    late_ticks: int
+    deaths: int

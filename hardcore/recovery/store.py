@@ -1,0 +1,33 @@
+"""What the guard knows of the ledger's store without ever opening it.
+
+A stalled disk must not stop the watch, so the guard never touches the ledger's files: it learns the epoch
+and the last commit from what cores say and from the recorder pages they leave.
+"""
+
+from dataclasses import dataclass
+
+from hardcore.model.recorder import Page, Witness
+
+
+@dataclass(slots=True)
+class StoreKnowledge:
+    """The store's epoch and the last commit anybody saw.
+
+    `certain` is False while a core that was started may have raised the epoch without living to say so.
+    """
+
+    epoch: int | None = None
+    certain: bool = False
+    witness: Witness | None = None
+
+    def saw(self, page: Page | None) -> None:
+        """Take over what a recorder page proves."""
+        if page is None:
+            return
+        if page.beats.epoch:
+            self.epoch, self.certain = page.beats.epoch, True
+        if page.witness is not None and (
+            self.witness is None
+            or (page.witness.seq, page.witness.epoch) >= (self.witness.seq, self.witness.epoch)
+        ):
+            self.witness = page.witness
