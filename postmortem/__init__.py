@@ -1,0 +1,1 @@
+"""The investigators: bundle in, findings and a report out. Imports neither the guard nor the guarded."""

@@ -96,7 +96,7 @@ def write_bundle(
     final, temporary = parent / incident_id, parent / f".{incident_id}.partial"
     try:
         parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if final.exists():
+        if is_there(final):
             return BundleFailed(f"incident {incident_id} has a bundle already")
         shutil.rmtree(temporary, ignore_errors=True)  # of a writer that died: this one says it anew
         temporary.mkdir(mode=0o700)
@@ -226,6 +226,15 @@ def find_bundles(parent: Path) -> list[Found]:
             elif is_incident_id(item.name):
                 found.append(Found(item.name, parent / item.name, partial=False))
     return sorted(found, key=lambda one: (one.id, not one.partial), reverse=True)
+
+
+def is_there(path: Path) -> bool:
+    """Tell whether something stands at `path`, a dangling link included. Unreadable counts as nothing."""
+    try:
+        path.lstat()
+    except OSError:
+        return False
+    return True
 
 
 def is_incident_id(text: str) -> bool:

@@ -1,0 +1,1 @@
+"""One report, printed as JSON for programs and as Markdown for people."""

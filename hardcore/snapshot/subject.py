@@ -1,0 +1,67 @@
+"""Who the evidence is about and what came of taking it: the values between the guard and the collectors.
+
+Everything a collector may touch stands in the `Subject`, so that none of them looks anything up by itself;
+in particular a process is only ever signalled through the `pidfd` given here, never through its number.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hardcore.model.recorder import Page
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """One life of the core and where its evidence goes. `pidfd` is not used once the core is dead."""
+
+    pid: int
+    pidfd: int
+    nonce: str
+    recorder: Path
+    logs: tuple[Path, ...]
+    incident: str
+    incidents: Path
+    data: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Tools:
+    """What is at hand on this host. `py_spy` None: not installed, the core's own traceback must do."""
+
+    py_spy: Path | None
+
+
+@dataclass(slots=True)
+class Haul:
+    """What has been collected so far; filled on a thread, and readable from another at any moment."""
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    steps: list[tuple[str, int]] = field(default_factory=list)
+    page: Page | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """The evidence of one life, on disk at `path`. `complete`: nothing of the recipe is missing.
+
+    `steps` are (name, monotonic ns) of the timeline: `frozen` and `dumped` of a living core.
+    """
+
+    path: Path
+    complete: bool
+    missing: Mapping[str, str]
+    page: Page | None
+    steps: tuple[tuple[str, int], ...]
+    duration_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class EvidenceFailed:
+    """Nothing is on disk, or not yet; `reason` is one sentence. What was read is handed on all the same."""
+
+    reason: str
+    page: Page | None
+    steps: tuple[tuple[str, int], ...]
+    duration_ms: int

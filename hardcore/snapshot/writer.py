@@ -1,0 +1,176 @@
+"""Takes the evidence of one life and puts it on disk, inside its budget: the shell around the collectors.
+
+The collectors run one after another on a thread of the caller's pool and fill a `Haul`; the loop only waits,
+and when the budget is over it stores what the haul holds at that moment, even if a collector hangs in the
+kernel. py-spy is a plain child of that thread: an asyncio child would need the loop's child watcher and wake
+the deciding loop a dozen times, for an answer that nobody else waits for. The pool needs at least two
+threads, so that a hanging collector can't keep the haul from the disk. Nothing here kills the subject.
+"""
+
+import asyncio
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any, assert_never
+
+from hardcore.model.observations import ProcessSample
+from hardcore.snapshot import collectors, recipe, stacks, threads
+from hardcore.snapshot.recipe import Piece, Step
+from hardcore.snapshot.subject import Evidence, EvidenceFailed, Haul, Subject, Tools
+from postmortem import bundle
+
+#: How much longer than the budget the disk may take before the kill goes on without it.
+STORE_GRACE_MS = 250
+#: Evidence of a dead core holds nobody up: the disk gets this long.
+DEAD_STORE_MS = 10_000
+#: Lives whose evidence one incident keeps.
+LIVES_MAX = 16
+
+
+async def take_live(
+    subject: Subject, budget_ms: int, pool: Executor, tools: Tools
+) -> Evidence | EvidenceFailed:
+    """Stop the living process and take its evidence; it stays stopped.
+
+    Returns after `budget_ms` + STORE_GRACE_MS at the latest. A bundle whose writing takes longer is still
+    finished on its thread; the answer says so in `missing`.
+    """
+    start_ns = time.monotonic_ns()
+    haul = Haul()
+    steps = recipe.plan(living=True, start_ns=start_ns, budget_ms=budget_ms)
+    await _collect(pool, steps, subject, haul, tools, None)
+    haul.steps.append(("dumped", time.monotonic_ns()))
+    until_ns = recipe.end_ns(start_ns, budget_ms + STORE_GRACE_MS)
+    return await _store(pool, subject, haul, start_ns, until_ns)
+
+
+async def take_dead(
+    subject: Subject, budget_ms: int, pool: Executor, sample: ProcessSample | None
+) -> Evidence | EvidenceFailed:
+    """Take what a dead core left behind; meant to run beside the restart.
+
+    Returns after `budget_ms` + DEAD_STORE_MS at the latest.
+    """
+    start_ns = time.monotonic_ns()
+    haul = Haul()
+    steps = recipe.plan(living=False, start_ns=start_ns, budget_ms=budget_ms)
+    await _collect(pool, steps, subject, haul, Tools(None), sample)
+    until_ns = recipe.end_ns(start_ns, budget_ms + DEAD_STORE_MS)
+    return await _store(pool, subject, haul, start_ns, until_ns)
+
+
+def write_facts(path: Path, facts: Mapping[str, Any]) -> bundle.BundleFailed | None:
+    """Write `incident.json` into the incident's folder, which is made if no evidence was taken.
+
+    Blocks on the disk: to be called on a thread. None: written and synced.
+    """
+    data = collectors.as_bytes(facts)
+    if bundle.is_there(path):
+        return bundle.add_file(path, "incident.json", data)
+    made = bundle.write_bundle(path.parent, path.name, {"incident.json": data}, {})
+    return made if isinstance(made, bundle.BundleFailed) else None
+
+
+async def _collect(
+    pool: Executor,
+    steps: Sequence[Step],
+    subject: Subject,
+    haul: Haul,
+    tools: Tools,
+    sample: ProcessSample | None,
+) -> None:
+    # Every piece is missing until it was had: what the end of the budget cuts off is named by itself.
+    haul.missing.update({str(step.piece): "the budget was over" for step in steps})
+    loop = asyncio.get_running_loop()
+    work = loop.run_in_executor(pool, _collect_all, steps, subject, haul, tools, sample)
+    await asyncio.wait({work}, timeout=_left_s(steps[-1].until_ns))
+
+
+def _collect_all(
+    steps: Sequence[Step], subject: Subject, haul: Haul, tools: Tools, sample: ProcessSample | None
+) -> None:
+    seen: list[threads.ThreadFacts] = []
+    for step in steps:
+        if time.monotonic_ns() > steps[-1].until_ns:
+            return
+        haul.missing.pop(step.piece)
+        try:
+            _collect_one(step, subject, haul, tools, sample, seen)
+        except Exception as error:  # noqa: BLE001  a bug in one collector must not cost the others' evidence
+            haul.missing[step.piece] = f"a fault in the collector: {type(error).__name__}: {error}"
+
+
+def _collect_one(
+    step: Step,
+    subject: Subject,
+    haul: Haul,
+    tools: Tools,
+    sample: ProcessSample | None,
+    seen: list[threads.ThreadFacts],
+) -> None:
+    match step.piece:
+        case Piece.THREADS:
+            threads.collect_threads(subject, haul, seen, step.until_ns)
+        case Piece.TRACEBACK:
+            stacks.ask_for_traceback(subject, haul, step.until_ns)
+        case Piece.STOP:
+            threads.stop(subject, haul, step.until_ns)
+        case Piece.RECORDER:
+            collectors.collect_recorder(subject, haul)
+        case Piece.PROCESS:
+            collectors.collect_process(subject, haul, seen)
+        case Piece.SAMPLE:
+            collectors.collect_sample(subject, haul, sample)
+        case Piece.LOG:
+            collectors.collect_log(subject, haul, step.until_ns)
+        case Piece.STACKS:
+            stacks.collect_stacks(subject, haul, tools, step.until_ns)
+        case Piece.LAST_TRACEBACK:
+            stacks.keep_traceback(subject, haul)
+        case _:
+            assert_never(step.piece)
+
+
+async def _store(
+    pool: Executor, subject: Subject, haul: Haul, start_ns: int, until_ns: int
+) -> Evidence | EvidenceFailed:
+    # Copies: a collector that hangs may come back while the files are being written.
+    files, missing, page = dict(haul.files), dict(haul.missing), haul.page
+    steps = tuple(haul.steps)
+    loop = asyncio.get_running_loop()
+    work = loop.run_in_executor(pool, _write, subject, files, missing)
+    await asyncio.wait({work}, timeout=_left_s(until_ns))
+    duration_ms = (time.monotonic_ns() - start_ns) // 1_000_000
+    if not work.done():
+        return EvidenceFailed("the disk had not taken the evidence in time", page, steps, duration_ms)
+    written = work.result()
+    if isinstance(written, bundle.BundleFailed):
+        return EvidenceFailed(written.reason, page, steps, duration_ms)
+    return Evidence(written, not missing, missing, page, steps, duration_ms)
+
+
+def _write(
+    subject: Subject, files: Mapping[str, bytes], missing: Mapping[str, str]
+) -> Path | bundle.BundleFailed:
+    """Write a bundle, or beside the first life of this incident the evidence of its next one."""
+    path = subject.incidents / subject.incident
+    if not bundle.is_there(path):
+        return bundle.write_bundle(subject.incidents, subject.incident, files, missing)
+    before = bundle.read_manifest(path)
+    taken = {*before.files, *before.missing} if isinstance(before, bundle.Manifest) else set()
+    ours = {*files, *missing}
+    prefixes = ("", *(f"life-{number}." for number in range(2, LIVES_MAX + 1)))
+    prefix = next((text for text in prefixes if taken.isdisjoint(text + name for name in ours)), None)
+    if prefix is None:
+        return bundle.BundleFailed(f"this incident has the evidence of {LIVES_MAX} lives already")
+    added = bundle.add_files(
+        path,
+        {prefix + name: data for name, data in files.items()},
+        {prefix + name: reason for name, reason in missing.items()},
+    )
+    return added if isinstance(added, bundle.BundleFailed) else path
+
+
+def _left_s(until_ns: int) -> float:
+    return max(0.0, (until_ns - time.monotonic_ns()) / 1e9)
