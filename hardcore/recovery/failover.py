@@ -29,8 +29,8 @@ from hardcore.model.actions import (
 from hardcore.model.phases import Phase, StartCause, Wanted
 from hardcore.model.recorder import Page, Witness
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony
-from hardcore.recovery import trial
-from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget, backoff_ns
+from hardcore.recovery import plan, trial
+from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.store import StoreKnowledge
@@ -38,13 +38,11 @@ from hardcore.recovery.story import Story
 from hardcore.recovery.transitions import ON_ENTRY, Step, Trigger, step
 from hardcore.recovery.worry import Worry
 from hardcore.sentinel.deaths import Death, describe, judge_death
-from hardcore.sentinel.verdict import Bench, Patience
+from hardcore.sentinel.verdict import Bench
 
 TRANSITIONS_MAX = 1024
 #: A drill that has shown no effect after this was no drill: a later death is a real one.
 DRILL_GRACE_NS = 15 * NS_PER_S
-#: Evidence that overruns its budget is given this much longer to hand over what it has.
-EVIDENCE_SLACK_NS = 250 * NS_PER_MS
 
 
 @dataclass(slots=True)
@@ -82,7 +80,7 @@ class FailoverManager:
         self._budget = Budget(policy.max_restart_count, policy.restart_window_sec * NS_PER_S, deaths_ns)
         self._tries = 0
         self._hopeless: Diagnosis | None = None
-        self._bench = self._new_bench()
+        self._bench = Bench(plan.patience(policy))
         self._verdict = GREEN
         self._worry = Worry(policy.degraded_after_ms, policy.clean_after_ms)
         self._alerted: Diagnosis | None = None
@@ -331,43 +329,13 @@ class FailoverManager:
     def _enter(self, phase: Phase, now_ns: int) -> None:
         self._phase, self._since_ns = phase, now_ns
         if phase is Phase.BACKOFF:
-            self._delay_ns = self._pause_ns()
-        wait_ns = self._deadline_of(phase)
+            self._delay_ns = plan.pause_ns(self.policy, self._tries, self._jitter())
+        wait_ns = plan.limit_ns(self.policy, phase, self._delay_ns, self._hopeless)
         self._deadline_ns = None if wait_ns is None else now_ns + wait_ns
         self._stage_max = max(self._stage_max, phases.stage(phase) or 0) if self._story else 0
         if phase not in phases.SERVING:
             self._verdict = GREEN
             self._worry.forget()
-
-    def _pause_ns(self) -> int:
-        policy = self.policy
-        if self._tries:
-            return backoff_ns(self._tries, policy.backoff_initial_ms, policy.backoff_max_ms, self._jitter())
-        return policy.restart_delay_ms * NS_PER_MS
-
-    def _deadline_of(self, phase: Phase) -> int | None:
-        """Return how long this phase may last, in ns, or None for as long as it takes."""
-        policy = self.policy
-        match phase:
-            case Phase.ADOPTING | Phase.KILLING:
-                return policy.kill_timeout_ms * NS_PER_MS
-            case Phase.STARTING | Phase.PROVING:
-                return policy.startup_timeout_ms * NS_PER_MS
-            case Phase.PROBATION:
-                return policy.probation_ms * NS_PER_MS
-            case Phase.SNAPSHOT_LIVE:
-                return policy.snapshot_budget_ms * NS_PER_MS + EVIDENCE_SLACK_NS
-            case Phase.STOPPING:
-                return policy.stop_timeout_ms * NS_PER_MS
-            case Phase.BACKOFF:
-                return self._delay_ns
-            case Phase.FATAL:
-                again = self._hopeless is Diagnosis.CRASH_LOOP and policy.slow_retry_sec
-                return policy.slow_retry_sec * NS_PER_S if again else None
-            case Phase.STOPPED | Phase.RUNNING | Phase.SUSPECT | Phase.UNKILLABLE:
-                return None
-            case _:
-                assert_never(phase)
 
     # ---- what is done on the way ----
 
@@ -409,19 +377,8 @@ class FailoverManager:
         self._store.certain = False
         self._actions.append(Spawn(self._life, expected, self._store.witness))
 
-    def _new_bench(self) -> Bench:
-        policy = self.policy
-        return Bench(
-            Patience(
-                policy.health_check_interval_ms,
-                policy.health_check_timeout_ms,
-                policy.confirm_deadlock_ms,
-                policy.confirm_hang_ms,
-            )
-        )
-
     def _release(self) -> None:
-        self._bench = self._new_bench()
+        self._bench = Bench(plan.patience(self.policy))
         assert self._store.epoch is not None, "a core that is ready has said its epoch"
         suspects = self._story.suspects if self._story else ()
         incident = self._story.id if self._story else None
@@ -477,10 +434,7 @@ class FailoverManager:
             self._tries += 1
         if not free:
             self._keep(self._budget.after_death(now_ns))
-        if not self.policy.asks(diagnosis, Word.REBOOT_PROCESS):
-            self._hopeless = diagnosis
-        elif self._budget.spent(now_ns):
-            self._hopeless = Diagnosis.CRASH_LOOP
+        self._hopeless = plan.hopeless(self.policy, diagnosis, spent=self._budget.spent(now_ns))
 
     def _keep(self, budget: Budget) -> None:
         self._budget = budget

@@ -17,7 +17,7 @@ Why UNKILLABLE is a phase: a START given there would make two cores. Why FATAL h
 reason. Why nothing leads back from SNAPSHOT_LIVE to RUNNING: the core was stopped by us in the middle of
 something, and two kinds of evidence had agreed.
 
-Each phase has at most one deadline; `DEADLINE_OF` in `failover.py` names it.
+Each phase has at most one deadline; `plan.limit_ns` names it.
 """
 
 from collections.abc import Mapping

@@ -1,0 +1,70 @@
+"""Diagnosis + history + policy: whether to try again, when, and how long each phase may last."""
+
+from typing import assert_never
+
+from hardcore.model.phases import Phase
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, backoff_ns
+from hardcore.recovery.policy import Policy, Word
+from hardcore.sentinel.verdict import Patience
+
+#: Evidence that overruns its budget is given this much longer to hand over what it has.
+EVIDENCE_SLACK_MS = 250
+
+
+def patience(policy: Policy) -> Patience:
+    """Return how long the witnesses bear each kind of silence."""
+    return Patience(
+        policy.health_check_interval_ms,
+        policy.health_check_timeout_ms,
+        policy.confirm_deadlock_ms,
+        policy.confirm_hang_ms,
+    )
+
+
+def hopeless(policy: Policy, diagnosis: Diagnosis, *, spent: bool) -> Diagnosis | None:
+    """Return why another try makes no sense after this death, or None if it does.
+
+    `spent`: the budget holds more deaths than it allows.
+    """
+    if not policy.asks(diagnosis, Word.REBOOT_PROCESS):
+        return diagnosis
+    return Diagnosis.CRASH_LOOP if spent else None
+
+
+def pause_ns(policy: Policy, tries: int, jitter: float) -> int:
+    """Return the pause before the next start. `tries`: cores in a row that proved nothing.
+
+    Only the successor of such a core waits longer and longer; a proven core is replaced at once.
+    """
+    if tries:
+        return backoff_ns(tries, policy.backoff_initial_ms, policy.backoff_max_ms, jitter)
+    return policy.restart_delay_ms * NS_PER_MS
+
+
+def limit_ns(policy: Policy, phase: Phase, pause: int, reason: Diagnosis | None) -> int | None:
+    """Return how long `phase` may last, in ns, or None for as long as it takes.
+
+    `pause` is BACKOFF's own length; `reason` is why FATAL was entered: only a spent budget comes back by
+    itself, since time alone heals neither a bad configuration nor a damaged ledger.
+    """
+    match phase:
+        case Phase.ADOPTING | Phase.KILLING:
+            return policy.kill_timeout_ms * NS_PER_MS
+        case Phase.STARTING | Phase.PROVING:
+            return policy.startup_timeout_ms * NS_PER_MS
+        case Phase.PROBATION:
+            return policy.probation_ms * NS_PER_MS
+        case Phase.SNAPSHOT_LIVE:
+            return (policy.snapshot_budget_ms + EVIDENCE_SLACK_MS) * NS_PER_MS
+        case Phase.STOPPING:
+            return policy.stop_timeout_ms * NS_PER_MS
+        case Phase.BACKOFF:
+            return pause
+        case Phase.FATAL:
+            again = reason is Diagnosis.CRASH_LOOP and policy.slow_retry_sec
+            return policy.slow_retry_sec * NS_PER_S if again else None
+        case Phase.STOPPED | Phase.RUNNING | Phase.SUSPECT | Phase.UNKILLABLE:
+            return None
+        case _:
+            assert_never(phase)
