@@ -98,6 +98,7 @@ class RingEvent:
     index: int
     code: str
     text: str
+    torn: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +108,12 @@ class LastWords:
     at_ns: int
     code: str
     text: str
+    torn: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A whole recorder page, read at one moment."""
+    """A whole recorder page, read at one moment. `torn` counts the entries that were half written."""
 
     nonce: str
     boot_id: str
