@@ -1,0 +1,1 @@
+"""The only rooms that touch the operating system: clock, processes, folders, files, recorder pages."""

@@ -1,0 +1,28 @@
+"""Time, asked here and nowhere else.
+
+Monotonic nanoseconds for every decision; the wall clock only as a label in reports, through one offset
+taken at the moment of writing, so that a clock that jumps can't reorder a story.
+"""
+
+import datetime
+import time
+from pathlib import Path
+
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+def now_ns() -> int:
+    """Return the monotonic time that every process of this machine shares."""
+    return time.monotonic_ns()
+
+
+def wall(at_ns: int) -> str:
+    """Return the moment `at_ns` as RFC 3339 in UTC, in milliseconds, by today's wall clock."""
+    offset_ns = time.time_ns() - time.monotonic_ns()
+    moment = datetime.datetime.fromtimestamp((at_ns + offset_ns) / 1e9, tz=datetime.UTC)
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def boot_id() -> str:
+    """Return the id of this boot of the machine."""
+    return _BOOT_ID.read_text("ascii").strip()

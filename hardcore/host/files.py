@@ -1,0 +1,70 @@
+"""Small files that survive a death in the middle of writing them: temp, fsync, rename, fsync the folder."""
+
+import fcntl
+import json
+import os
+from pathlib import Path
+
+SMALL_FILE_BYTES_MAX = 1 << 20
+
+
+def write_whole(path: Path, data: bytes, *, durable: bool = True) -> None:
+    """Put `data` at `path`, wholly or not at all. Not `durable` on tmpfs, where nothing outlives a boot.
+
+    Raises OSError as the file system gives it.
+    """
+    temp = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    fd = os.open(temp, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    try:
+        with open(fd, "wb", closefd=True) as file:
+            file.write(data)
+            file.flush()
+            if durable:
+                os.fsync(file.fileno())
+        temp.replace(path)
+    except OSError:
+        temp.unlink(missing_ok=True)
+        raise
+    if durable:
+        sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make a rename in `folder` durable."""
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def write_json(path: Path, value: object, *, durable: bool = True) -> None:
+    """Put `value` at `path` as JSON, wholly or not at all."""
+    write_whole(path, json.dumps(value, ensure_ascii=False, indent=1).encode() + b"\n", durable=durable)
+
+
+def read_json(path: Path) -> dict[str, object]:
+    """Return the JSON object at `path`; empty when there is none, or none that can be read."""
+    try:
+        with path.open("rb") as file:
+            value = json.loads(file.read(SMALL_FILE_BYTES_MAX))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return value if isinstance(value, dict) else {}
+
+
+def take_lock(path: Path) -> int | None:
+    """Return a descriptor that holds `path` exclusively until it is closed, or None if somebody else does.
+
+    The file is never unlinked, and its inode is compared after locking: two owners were seen when a lock
+    file was removed and made anew between one's open and lock.
+    """
+    fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(fd).st_ino == path.stat().st_ino:
+            return fd
+    except (BlockingIOError, FileNotFoundError):
+        pass
+    os.close(fd)
+    return None

@@ -1,0 +1,151 @@
+"""Where everything lies: the data folder, and the short run folder on tmpfs that it links to.
+
+Unix socket paths end at 107 bytes, so sockets can't lie under a data folder of any length: they live in a
+private folder named after a hash of it. The link is made anew when the data was moved or copied.
+"""
+
+import hashlib
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+SOCKET_PATH_BYTES_MAX = 107
+_LONGEST_NAME = "core-0123456789abcdef.sock"
+
+
+@dataclass(frozen=True, slots=True)
+class Unusable:
+    """Why a folder can't be used, as one sentence with the next step."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Folders:
+    """The names of all files of one instance."""
+
+    data: Path
+    run: Path
+
+    @property
+    def policy(self) -> Path:
+        """The policy in force."""
+        return self.data / "failover_policy.json"
+
+    @property
+    def good_policy(self) -> Path:
+        """The last policy that was read without a fault."""
+        return self.state / "policy.json"
+
+    @property
+    def state(self) -> Path:
+        """Small files about what is wanted and what is counted."""
+        return self.data / "state"
+
+    @property
+    def incidents(self) -> Path:
+        """One folder for each incident."""
+        return self.data / "incidents"
+
+    @property
+    def logs(self) -> Path:
+        """Bounded logs."""
+        return self.data / "logs"
+
+    @property
+    def control(self) -> Path:
+        """The operator's door and the feed."""
+        return self.run / "control.sock"
+
+    @property
+    def notify(self) -> Path:
+        """Where cores say that they are ready."""
+        return self.run / "notify.sock"
+
+    @property
+    def switch(self) -> Path:
+        """Which processes are ours, and the step a switch is at."""
+        return self.run / "switch"
+
+    @property
+    def sentinel(self) -> Path:
+        """Who the sentinel is."""
+        return self.run / "sentinel.json"
+
+    @property
+    def exits(self) -> Path:
+        """Exit statuses of orphans, written by the launcher."""
+        return self.run / "exits"
+
+    def recorder(self, nonce: str) -> Path:
+        """The recorder page of one life."""
+        return self.run / f"recorder-{nonce}"
+
+    def core_socket(self, nonce: str) -> Path:
+        """Where one life of the core listens."""
+        return self.run / f"core-{nonce}.sock"
+
+    def core_control(self, nonce: str) -> Path:
+        """The control socket of one life of the core."""
+        return self.run / f"core-{nonce}.ctl"
+
+
+def _run_base() -> Path:
+    own = os.environ.get("XDG_RUNTIME_DIR", "")
+    for base in (Path(own) if own else None, Path("/dev/shm")):  # noqa: S108  # the folder in it is 0700
+        if base is None or not base.is_dir() or not os.access(base, os.W_OK):
+            continue
+        if (
+            len(os.fsencode(base)) + len("/hardcore-0123456789ab/") + len(_LONGEST_NAME)
+            <= SOCKET_PATH_BYTES_MAX
+        ):
+            return base
+    return Path("/tmp")  # noqa: S108  # as above
+
+
+def run_folder(data: Path) -> Path:
+    """Return the run folder that belongs to this data folder."""
+    name = hashlib.sha256(os.fsencode(data.resolve()) + b"\0" + str(os.getuid()).encode()).hexdigest()[:12]
+    return _run_base() / f"hardcore-{name}"
+
+
+def locate(data: Path) -> Folders:
+    """Return the names of this instance's files without making anything."""
+    return Folders(data.resolve(), run_folder(data))
+
+
+def prepare(data: Path) -> Folders | Unusable:
+    """Make the folders of an instance, owner-only, and the link to its run folder."""
+    shown = str(data) if len(str(data)) <= 120 else f"{str(data)[:117]}…"
+    try:
+        data.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folders = locate(data)
+        for folder in (folders.state, folders.incidents, folders.logs, folders.run, folders.exits):
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        probe = folders.state / ".writable"
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        return Unusable(
+            f"The data folder {shown} can't be used ({error.strerror}). Choose another with --data DIR."
+        )
+    status = folders.run.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o077:
+        return Unusable(
+            f"{folders.run} must be a folder that only you can open. Remove it, or set XDG_RUNTIME_DIR."
+        )
+    return _link(folders)
+
+
+def _link(folders: Folders) -> Folders | Unusable:
+    link = folders.data / "run"
+    try:
+        if link.is_symlink() and link.readlink() == folders.run:
+            return folders
+        if link.is_symlink():
+            link.unlink()
+        link.symlink_to(folders.run)
+    except OSError as error:
+        return Unusable(f"{link} must be a link that this program makes ({error.strerror}). Remove it.")
+    return folders

@@ -1,0 +1,220 @@
+"""Processes of ours: started, looked at, signalled, ended; always through a pidfd.
+
+A pid alone names whoever has it now: a supervisor that kills by a remembered number sooner or later hits a
+stranger. So an identity is pid + start time, the pidfd is opened *first* and the start time compared *after*,
+and every signal goes through the descriptor.
+"""
+
+import os
+import signal
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+from hardcore.model.observations import Exit, ProcessSample, ThreadSample
+
+_LETTERS = {
+    psutil.STATUS_RUNNING: "R",
+    psutil.STATUS_SLEEPING: "S",
+    psutil.STATUS_DISK_SLEEP: "D",
+    psutil.STATUS_STOPPED: "T",
+    psutil.STATUS_TRACING_STOP: "t",
+    psutil.STATUS_ZOMBIE: "Z",
+    psutil.STATUS_DEAD: "X",
+    psutil.STATUS_IDLE: "I",
+}
+
+#: System calls by number, for kernels that don't show the function a thread waits in.
+_CALLS = {
+    "x86_64": {"202": "futex", "230": "clock_nanosleep", "35": "nanosleep", "232": "epoll_wait"},
+    "aarch64": {"98": "futex", "115": "clock_nanosleep", "101": "nanosleep", "22": "epoll_pwait"},
+}.get(os.uname().machine, {})
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who a process is: its number, and when it started in the kernel's ticks since boot."""
+
+    pid: int
+    start: int
+
+
+def _stat_fields(pid: int) -> list[str]:
+    text = Path(f"/proc/{pid}/stat").read_text("utf-8", "replace")
+    return text[text.rindex(")") + 2 :].split()
+
+
+def start_of(pid: int) -> int | None:
+    """Return the start time of the process that has this pid now, or None if there is none."""
+    try:
+        return int(_stat_fields(pid)[19])
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+class Handle:
+    """A process of ours, held by its pidfd."""
+
+    def __init__(self, identity: Identity, pidfd: int, *, child: bool) -> None:
+        self.identity = identity
+        self.pidfd = pidfd
+        self._child = child
+        self._process: psutil.Process | None = None
+
+    @property
+    def pid(self) -> int:
+        """Its number, for people to read; never to signal by."""
+        return self.identity.pid
+
+    def signal(self, number: int) -> bool:
+        """Send a signal through the pidfd; return whether the process was still there."""
+        try:
+            signal.pidfd_send_signal(self.pidfd, number)
+        except ProcessLookupError:
+            return False
+        return True
+
+    def kill_tree(self) -> None:
+        """SIGKILL the process and everything in its session."""
+        members = _session_members(self.pid)
+        self.signal(signal.SIGKILL)
+        for pid in members:
+            _kill_member(pid, self.pid)
+
+    def reap(self) -> Exit | None:
+        """Return how the process ended, or None while it has not. Someone else's child has no status."""
+        if not self._child:
+            return Exit() if not self.signal(0) or self._zombie() else None
+        result = os.waitid(os.P_PIDFD, self.pidfd, os.WEXITED | os.WNOHANG)
+        if result is None:
+            return None
+        if result.si_code == os.CLD_EXITED:
+            return Exit(code=result.si_status)
+        return Exit(signal=result.si_status)
+
+    def _zombie(self) -> bool:
+        try:
+            return _stat_fields(self.pid)[0] in {"Z", "X"}
+        except (OSError, IndexError):
+            return True
+
+    def sample(self, loop_tid: int, writer_tid: int, *, fds: bool = False) -> ProcessSample | None:
+        """Return what the kernel says of it now; thread ids of 0 are not looked at. None: it is gone."""
+        try:
+            if self._process is None:
+                self._process = psutil.Process(self.pid)
+            process = self._process
+            with process.oneshot():
+                times = process.cpu_times()
+                return ProcessSample(
+                    state=_LETTERS.get(process.status(), "?"),
+                    cpu_ns=int((times.user + times.system) * 1e9),
+                    rss_bytes=process.memory_info().rss,
+                    threads=process.num_threads(),
+                    fds=process.num_fds() if fds else None,
+                    loop=thread_sample(self.pid, loop_tid) if loop_tid else None,
+                    writer=thread_sample(self.pid, writer_tid) if writer_tid else None,
+                )
+        except (psutil.Error, OSError):
+            return None
+
+    def close(self) -> None:
+        """Give the descriptor back."""
+        os.close(self.pidfd)
+
+
+def thread_sample(pid: int, tid: int) -> ThreadSample:
+    """Return one thread's state, its processor time to the nanosecond, and what it waits in."""
+    base = f"/proc/{pid}/task/{tid}"
+    try:
+        text = Path(f"{base}/stat").read_text("utf-8", "replace")
+        state = text[text.rindex(")") + 2]
+        cpu_ns = int(Path(f"{base}/schedstat").read_text().split()[0])
+    except (OSError, ValueError, IndexError):
+        return ThreadSample("", 0, "")
+    return ThreadSample(state, cpu_ns, _waits_in(base))
+
+
+def _waits_in(base: str) -> str:
+    try:
+        where = Path(f"{base}/wchan").read_text().strip()
+        if where and where != "0":
+            return where
+        number = Path(f"{base}/syscall").read_text().split()[0]
+    except (OSError, IndexError):
+        return ""
+    return _CALLS.get(number, f"call {number}" if number != "running" else "")
+
+
+def _session_members(session: int) -> list[int]:
+    members = []
+    for name in os.listdir("/proc"):
+        if name.isdigit() and int(name) != session and _session_of(int(name)) == session:
+            members.append(int(name))
+    return members
+
+
+def _session_of(pid: int) -> int:
+    try:
+        return int(_stat_fields(pid)[3])
+    except (OSError, ValueError, IndexError):
+        return 0
+
+
+def _kill_member(pid: int, session: int) -> None:
+    try:
+        pidfd = os.pidfd_open(pid)
+    except OSError:
+        return
+    try:
+        if _session_of(pid) == session:  # asked again, now that the descriptor pins who it is
+            signal.pidfd_send_signal(pidfd, signal.SIGKILL)
+    except ProcessLookupError:
+        pass
+    finally:
+        os.close(pidfd)
+
+
+def find(identity: Identity) -> Handle | None:
+    """Return a handle on a process started earlier, if it is still the same one and still there."""
+    try:
+        pidfd = os.pidfd_open(identity.pid)
+    except OSError:
+        return None
+    handle = Handle(identity, pidfd, child=False)
+    if start_of(identity.pid) == identity.start and handle.reap() is None:
+        return handle
+    handle.close()
+    return None
+
+
+def spawn(
+    argv: Sequence[str], environment: Mapping[str, str], log: Path, cwd: Path, fds: Sequence[int] = ()
+) -> Handle:
+    """Start a process in a session of its own, its output appended to `log`.
+
+    Output goes to a file, never through the guard: a pipe to a dead guard would stop or kill the core.
+    Raises OSError when it can't be started.
+    """
+    out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+    try:
+        process = subprocess.Popen(
+            argv,
+            env=dict(environment),
+            cwd=cwd,
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=out,
+            start_new_session=True,
+            pass_fds=tuple(fds),
+        )
+    finally:
+        os.close(out)
+    pidfd = os.pidfd_open(process.pid)
+    start = start_of(process.pid)
+    assert start is not None, "an unreaped child is in /proc"
+    process.returncode = 0  # the pidfd is what it is waited on with; Popen must never try by number
+    return Handle(Identity(process.pid, start), pidfd, child=True)
