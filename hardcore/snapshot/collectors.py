@@ -168,7 +168,7 @@ def _open_files(subject: Subject) -> dict[str, Any]:
             names.append(target.removeprefix(home))
         else:
             # "socket:[123]" and "anon_inode:[eventpoll]" say a kind; a path outside is nobody's business.
-            counts["outside" if target.startswith("/") else target.split("[")[0].rstrip(":")] += 1
+            counts["outside" if target.startswith("/") else target.partition("[")[0].rstrip(":")] += 1
     return {"count": counts.total(), "kinds": dict(counts), "in_data": sorted(names)[:OPEN_NAMES_MAX]}
 
 

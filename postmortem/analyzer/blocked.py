@@ -1,0 +1,76 @@
+"""Rule: a thread of the core hung in one frame; which one, and with which transaction and account.
+
+By the ledger's convention a frame that may block keeps `transaction_id` and `account_id` as plain local
+texts, so the stack itself names them. The frame is the innermost one that is not a mere wait for events:
+a loop that waits in its selector is not blocked.
+"""
+
+import re
+from collections.abc import Iterable
+
+from postmortem.analyzer.case import Case, Confidence, Finding, Frame, Thread, loop_thread
+from postmortem.incident import unique
+
+DIAGNOSES = frozenset({"LOOP_BLOCKED", "SPINNING", "GIL_HELD", "DEADLOCK", "TRANSACTION_TIMEOUT"})
+
+_WAITS_FOR_EVENTS = re.compile(r"^(?:select|poll|_run_once|run_forever|run_until_complete)$")
+_TEXT = re.compile(r"""^(["'])(.*)\1$""", re.DOTALL)
+_ITEM = re.compile(r"""["']([^"']+)["']""")
+
+
+def examine(case: Case) -> list[Finding]:
+    """Name the blocked frame of the loop's thread, or the one frame elsewhere that carries a transaction."""
+    if case.incident.diagnosis not in DIAGNOSES:
+        return []
+    loop = loop_thread(case)
+    if loop is not None and (frame := blocked_frame(loop)) is not None:
+        return [_finding(case, loop, frame, Confidence.CERTAIN)]
+    # Loop at rest or not seen: a worker with a transaction in its hands is the next best.
+    for thread in case.threads:
+        if thread is not loop and ids_of(thread.frames)[1] and (frame := blocked_frame(thread)) is not None:
+            return [_finding(case, thread, frame, Confidence.LIKELY)]
+    return []
+
+
+def blocked_frame(thread: Thread) -> Frame | None:
+    """Return the innermost frame, or None if the thread only waits for events."""
+    if not thread.frames or _WAITS_FOR_EVENTS.match(thread.frames[0].function):
+        return None
+    return thread.frames[0]
+
+
+def ids_of(frames: Iterable[Frame]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return (account ids, transaction ids) that the locals of these frames show, innermost first."""
+    accounts: list[str] = []
+    transactions: list[str] = []
+    for frame in frames:
+        accounts += [
+            _plain(frame.shown.get("account_id", "")),
+            *_ITEM.findall(frame.shown.get("account_ids", "")),
+        ]
+        transactions.append(_plain(frame.shown.get("transaction_id", "")))
+    return unique(accounts), unique(transactions)
+
+
+def _finding(case: Case, thread: Thread, frame: Frame, sure: Confidence) -> Finding:
+    accounts, transactions = ids_of(thread.frames)
+    state = "running" if thread.active else "asleep"
+    evidence = [f"thread {thread.name or thread.tid} {state} in {frame.function} ({frame.place})"]
+    if thread.holds_gil:
+        evidence.append("it held the interpreter lock")
+    evidence += [f"called from {caller.function} ({caller.place})" for caller in thread.frames[1:4]]
+    evidence += [f"local account_id = {one}" for one in accounts]
+    evidence += [f"local transaction_id = {one}" for one in transactions]
+    values = {
+        "function": frame.function,
+        "place": frame.place,
+        "thread": thread.name or str(thread.tid or ""),
+    }
+    rule = "spinning" if case.incident.diagnosis == "SPINNING" else "blocked"
+    return Finding(rule, sure, values, tuple(evidence), accounts, transactions)
+
+
+def _plain(shown: str) -> str:
+    """Return the text inside its quotes; anything else that a local may hold is no id."""
+    match = _TEXT.match(shown)
+    return match[2] if match else ""

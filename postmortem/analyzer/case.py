@@ -1,0 +1,96 @@
+"""What a rule gets to see and what it gives back: the case, and a finding with its confidence.
+
+A case is a bundle turned into values: rules are plain functions from it, so that each can be read and tested
+alone. Findings name facts, not sentences; the sentences stand in the catalogue, in every language.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+from postmortem.incident import Incident, mapping, mappings, number, text
+
+
+class Confidence(StrEnum):
+    """How sure a finding is: a fact was seen, the facts fit, or nobody can tell."""
+
+    CERTAIN = "certain"
+    LIKELY = "likely"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame of a stack. `place` is `file:line`; `shown` are the locals as the evidence shows them."""
+
+    function: str
+    place: str
+    shown: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Thread:
+    """One thread's stack, the innermost frame first."""
+
+    tid: int | None
+    name: str
+    active: bool
+    holds_gil: bool
+    frames: tuple[Frame, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Everything a bundle says. `traceback` is what the core itself printed of its stacks."""
+
+    incident: Incident
+    threads: tuple[Thread, ...]
+    process: Mapping[str, Any]
+    recorder: Mapping[str, Any]
+    traceback: str
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What a rule found. `values` fill the catalogue's sentence for `rule`; `evidence` are facts as read."""
+
+    rule: str
+    confidence: Confidence
+    values: Mapping[str, str]
+    evidence: tuple[str, ...]
+    account_ids: tuple[str, ...] = ()
+    transaction_ids: tuple[str, ...] = ()
+
+
+Rule = Callable[[Case], list[Finding]]
+
+FRAMES_MAX = 256
+THREADS_MAX = 512
+
+
+def read_threads(raw: object) -> tuple[Thread, ...]:
+    """Return the threads of a `stacks.json`, of whatever it holds."""
+    return tuple(
+        Thread(
+            tid=number(thread.get("os_thread_id")),
+            name=text(thread.get("thread_name")),
+            active=thread.get("active") is True,
+            holds_gil=thread.get("owns_gil") is True,
+            frames=tuple(_frame(frame) for frame in mappings(thread.get("frames"))[:FRAMES_MAX]),
+        )
+        for thread in mappings(raw)[:THREADS_MAX]
+    )
+
+
+def loop_thread(case: Case) -> Thread | None:
+    """Return the stack of the event loop's thread: named by the recorder, else the process's main one."""
+    tid = number(mapping(case.recorder.get("threads")).get("loop")) or number(case.process.get("pid"))
+    by_id = next((thread for thread in case.threads if tid is not None and thread.tid == tid), None)
+    return by_id or next((thread for thread in case.threads if thread.name == "MainThread"), None)
+
+
+def _frame(raw: Mapping[str, Any]) -> Frame:
+    place = text(raw.get("short_filename")) or text(raw.get("filename")).rpartition("/")[2]
+    shown = {text(local.get("name")): text(local.get("repr")) for local in mappings(raw.get("locals"))}
+    return Frame(text(raw.get("name")), f"{place}:{number(raw.get('line')) or 0}", shown)

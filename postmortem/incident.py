@@ -1,0 +1,288 @@
+"""One incident as values: what the guard's facts say, read without trusting a byte of them.
+
+The facts come from a file that a full disk, a dying guard or somebody's editor may have had a hand in, so
+reading is total: what is absent or of the wrong kind becomes "nothing known" and never a surprise further
+on. A schema library that refuses the whole file for one bad field was not chosen: in a post-mortem half a
+story beats none.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+TEXT_MAX = 4_096
+ITEMS_MAX = 2_000
+OUTCOMES = frozenset({"recovered", "manual", "safe_mode", "assist", "open"})
+GRADES = frozenset({"certain", "likely", "unknown"})
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One moment of the timeline; `offset_ms` counts from the fault."""
+
+    step: str
+    at: str | None
+    offset_ms: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Exit:
+    """How a process ended; both None: nobody could read its status."""
+
+    code: int | None = None
+    signal: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """A short code and the sentence to it: last words of a core, or one line of evidence."""
+
+    code: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command in flight when the core was lost."""
+
+    command_id: str
+    kind: str
+    stage: str
+    transaction_id: str
+    account_ids: tuple[str, ...]
+    key_hash: str
+    age_ms: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What became of one request that met the outage."""
+
+    method: str
+    path: str
+    key_hash: str
+    outcome: str
+    status: int | None
+    held_ms: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """What the next core proved before it served. `witness_seq` None: nobody had seen a last commit."""
+
+    kind: str
+    tail: int | None
+    seq: int | None
+    epoch: int | None
+    witness_seq: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Death:
+    """One death inside the incident."""
+
+    at: str | None
+    diagnosis: str
+    exit: Exit
+
+
+@dataclass(frozen=True, slots=True)
+class Money:
+    """The verdict on the money. A number stands only where a recorded proof gives it; None: not known."""
+
+    lost: int | None
+    doubled: int | None
+    verified: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Incident:
+    """The story of one outage. Times are RFC 3339 texts, None where nobody recorded them."""
+
+    id: str
+    opened_at: str | None
+    closed_at: str | None
+    outcome: str
+    diagnosis: str
+    grade: str
+    evidence: tuple[Words, ...]
+    planned: bool
+    reason: str | None
+    timeline: tuple[Step, ...]
+    detected_ms: int | None
+    outage_ms: int | None
+    pid: int | None
+    epoch: int | None
+    next_epoch: int | None
+    exit: Exit
+    last_words: Words | None
+    in_flight: tuple[Command, ...]
+    suspects: tuple[str, ...]
+    requests: tuple[Request, ...]
+    proof: Proof | None
+    deaths: tuple[Death, ...]
+
+
+#: Stages in which the core was at work on a command; QUEUED only waited for its turn.
+_AT_WORK = ("DECIDING", "WRITING", "COMMITTED", "ANSWERING")
+
+
+def from_facts(incident_id: str, raw: object) -> Incident:
+    """Return the incident that a closed (or half-written) `incident.json` tells of."""
+    facts = mapping(raw)
+    core = mapping(facts.get("core"))
+    outcome, grade = text(facts.get("outcome")), text(facts.get("grade"))
+    return Incident(
+        id=incident_id,
+        opened_at=optional_text(facts.get("opened_at")),
+        closed_at=optional_text(facts.get("closed_at")),
+        outcome=outcome if outcome in OUTCOMES else "open",
+        diagnosis=text(facts.get("diagnosis")) or "UNKNOWN",
+        grade=grade if grade in GRADES else "unknown",
+        evidence=tuple(
+            Words(text(line.get("kind")), text(line.get("text"))) for line in mappings(facts.get("evidence"))
+        ),
+        planned=facts.get("planned") is True,
+        reason=optional_text(facts.get("reason")),
+        timeline=tuple(_step(line) for line in mappings(facts.get("timeline"))),
+        detected_ms=number(facts.get("detected_ms")),
+        outage_ms=number(facts.get("outage_ms")),
+        pid=number(core.get("pid")),
+        epoch=number(core.get("epoch")),
+        next_epoch=number(facts.get("next_epoch")),
+        exit=_exit(core.get("exit")),
+        last_words=_words(facts.get("last_words")),
+        in_flight=tuple(_command(line) for line in mappings(facts.get("in_flight"))),
+        suspects=texts(facts.get("suspects")),
+        requests=tuple(_request(line) for line in mappings(facts.get("requests"))),
+        proof=_proof(facts.get("proof")),
+        deaths=tuple(_death(line) for line in mappings(facts.get("deaths"))),
+    )
+
+
+def still_open(incident_id: str, opened_at: str | None, page: object) -> Incident:
+    """Return an incident without facts: it goes on, or its guard died. `page` is its `recorder.json`."""
+    recorder = mapping(page)
+    beats = mapping(recorder.get("beats"))
+    facts = {
+        "opened_at": opened_at,
+        "core": {"pid": recorder.get("pid"), "epoch": beats.get("epoch")},
+        "last_words": recorder.get("last_words"),
+        "in_flight": recorder.get("in_flight"),
+    }
+    return from_facts(incident_id, facts)
+
+
+def money(incident: Incident) -> Money:
+    """Return what the recorded proof says about the money, and nothing that it does not say.
+
+    A proof with a witness found every commit up to the last that was seen, with the same hash: nothing that
+    was acknowledged is lost. It does not look for duplicates, so nothing is said about them.
+    """
+    proof = incident.proof
+    if proof is None or proof.seq is None:
+        return Money(None, None, verified=False)
+    seen = proof.kind == "witness" and proof.witness_seq is not None and proof.seq >= proof.witness_seq
+    return Money(0 if seen else None, None, verified=True)
+
+
+def at_work(incident: Incident) -> tuple[Command, ...]:
+    """Return the commands in flight, those that the core was at work on before those that waited."""
+    return tuple(sorted(incident.in_flight, key=lambda one: one.stage not in _AT_WORK))
+
+
+def unique(items: Iterable[str]) -> tuple[str, ...]:
+    """Return the non-empty items once each, in order."""
+    return tuple(dict.fromkeys(item for item in items if item))
+
+
+def mapping(raw: object) -> Mapping[str, Any]:
+    """Return `raw` if it is a JSON object, else an empty one."""
+    return raw if isinstance(raw, dict) else {}
+
+
+def mappings(raw: object) -> list[Mapping[str, Any]]:
+    """Return the objects of a JSON list, at most ITEMS_MAX."""
+    return [item for item in raw[:ITEMS_MAX] if isinstance(item, dict)] if isinstance(raw, list) else []
+
+
+def text(raw: object) -> str:
+    """Return `raw` if it is a text, cut at TEXT_MAX, else an empty one."""
+    return raw[:TEXT_MAX] if isinstance(raw, str) else ""
+
+
+def optional_text(raw: object) -> str | None:
+    """Return `raw` if it is a text with something in it."""
+    return text(raw) or None
+
+
+def texts(raw: object) -> tuple[str, ...]:
+    """Return the texts of a JSON list, at most ITEMS_MAX."""
+    return (
+        tuple(text(item) for item in raw[:ITEMS_MAX] if isinstance(item, str))
+        if isinstance(raw, list)
+        else ()
+    )
+
+
+def number(raw: object) -> int | None:
+    """Return `raw` as a whole number if it is one that a clock or a counter may give."""
+    if isinstance(raw, bool) or not isinstance(raw, int | float) or not abs(raw) < 1 << 63:
+        return None
+    return int(raw)
+
+
+def _step(raw: Mapping[str, Any]) -> Step:
+    return Step(text(raw.get("step")), optional_text(raw.get("at")), number(raw.get("offset_ms")))
+
+
+def _exit(raw: object) -> Exit:
+    ended = mapping(raw)
+    return Exit(number(ended.get("code")), number(ended.get("signal")))
+
+
+def _words(raw: object) -> Words | None:
+    words = mapping(raw)
+    return Words(text(words.get("code")), text(words.get("text"))) if words else None
+
+
+def _command(raw: Mapping[str, Any]) -> Command:
+    return Command(
+        command_id=text(raw.get("command_id")),
+        kind=text(raw.get("kind")),
+        stage=text(raw.get("stage")),
+        transaction_id=text(raw.get("transaction_id")),
+        account_ids=texts(raw.get("account_ids")),
+        key_hash=text(raw.get("key_hash")),
+        age_ms=number(raw.get("age_ms")),
+    )
+
+
+def _request(raw: Mapping[str, Any]) -> Request:
+    return Request(
+        method=text(raw.get("method")),
+        path=text(raw.get("path")),
+        key_hash=text(raw.get("key_hash")),
+        outcome=text(raw.get("outcome")) or "unknown",
+        status=number(raw.get("status")),
+        held_ms=number(raw.get("held_ms")),
+    )
+
+
+def _proof(raw: object) -> Proof | None:
+    proof = mapping(raw)
+    if not proof:
+        return None
+    return Proof(
+        kind=text(proof.get("kind")),
+        tail=number(proof.get("tail")),
+        seq=number(proof.get("seq")),
+        epoch=number(proof.get("epoch")),
+        witness_seq=number(proof.get("witness_seq")),
+    )
+
+
+def _death(raw: Mapping[str, Any]) -> Death:
+    return Death(
+        optional_text(raw.get("at")), text(raw.get("diagnosis")) or "UNKNOWN", _exit(raw.get("exit"))
+    )
