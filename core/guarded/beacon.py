@@ -1,0 +1,105 @@
+"""Tells the service manager what this core has reached, in datagrams on its notify socket.
+
+What must not get lost (the epoch, READY, leaving) is kept in order and sent again until the manager's
+socket takes it: a sentinel that is just being replaced, or whose buffer is full, hears it a moment later.
+What is true for a moment only (a watchdog's sign, a status line) is sent once or not at all. Nothing
+blocks and nothing raises: a core does not stall because its guard does. Not chosen: a connected socket,
+which would stay bound to a sentinel that is gone.
+"""
+
+import os
+import socket
+import threading
+from collections import deque
+from collections.abc import Mapping
+
+#: More facts than one life has: the epoch, READY, a blocked fence, some TERMs, STOPPING.
+KEPT_MAX = 32
+STATUS_CHARACTERS_MAX = 200
+
+
+class Beacon:
+    """Speaks to the notify socket at `address`: a path, an abstract name with a leading `@`, or None."""
+
+    def __init__(self, address: str | None) -> None:
+        """Without an address every word is a no-op: nobody listens."""
+        self._address = address
+        self._kept: deque[bytes] = deque(maxlen=KEPT_MAX)
+        self._lock = threading.Lock()
+        self._socket: socket.socket | None = None
+        if address is not None:
+            self._address = "\0" + address[1:] if address.startswith("@") else address
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+
+    @classmethod
+    def from_environment(cls, environ: Mapping[str, str] = os.environ) -> "Beacon":
+        """Make the beacon that `NOTIFY_SOCKET` asks for. `GuardedEnvironment.read` has judged it."""
+        return cls(environ.get("NOTIFY_SOCKET") or None)
+
+    def epoch_raised(self, epoch: int) -> None:
+        """Say that the fence is committed."""
+        self._keep(f"X_EPOCH={epoch}")
+
+    def ready(self, epoch: int, seq: int, hash_hex: str, proof: str, tail: int) -> None:
+        """Say that the ledger is proven and the socket bound. `proof` is `witness` or `chain`."""
+        self._keep(
+            f"READY=1\nX_EPOCH={epoch}\nX_SEQ={seq}\nX_HASH={hash_hex}\nX_PROOF={proof}\nX_TAIL={tail}"
+        )
+
+    def fence_blocked(self) -> None:
+        """Say that the fence could not be written because the store stayed busy."""
+        self._keep("X_FENCE=BLOCKED")
+
+    def term_from(self, pid: int) -> None:
+        """Say who sent a TERM; 0: nobody knows."""
+        self._keep(f"X_TERM={pid}")
+
+    def stopping(self) -> None:
+        """Say that this core begins to leave."""
+        self._keep("STOPPING=1")
+
+    def watchdog(self) -> None:
+        """Give a sign of life, after whatever could not be sent before."""
+        if self.resend():
+            self._send(b"WATCHDOG=1")
+
+    def extend(self, usec: int) -> None:
+        """Ask for `usec` more microseconds to start in."""
+        self._send(f"EXTEND_TIMEOUT_USEC={usec}".encode())
+
+    def status(self, text: str) -> None:
+        """Say one line to people; line breaks become spaces."""
+        line = " ".join(text.split())[:STATUS_CHARACTERS_MAX]
+        self._send(f"STATUS={line}".encode("utf-8", "replace"))
+
+    def resend(self) -> bool:
+        """Send what is kept, oldest first; return whether nothing is left. Safe from any thread."""
+        with self._lock:
+            while self._kept:
+                if not self._send(self._kept[0]):
+                    return False
+                self._kept.popleft()
+            return True
+
+    def close(self) -> None:
+        """Say no more."""
+        with self._lock:
+            if self._socket is not None:
+                self._socket.close()
+                self._socket = None
+
+    def _keep(self, message: str) -> None:
+        with self._lock:
+            if self._socket is not None:
+                self._kept.append(message.encode())
+        self.resend()
+
+    def _send(self, message: bytes) -> bool:
+        if self._socket is None or self._address is None:
+            return True
+        try:
+            self._socket.sendto(message, self._address)
+        except OSError:
+            # No reader, a full buffer, a replaced socket: all of them may be over at the next beat.
+            return False
+        return True

@@ -1,0 +1,131 @@
+"""What a guard tells its core at birth: the environment variables of `docs/wires.md` section 1, as a value.
+
+Everything is read once, judged together and frozen; nothing else in the core looks into the environment.
+Each variable is optional by itself, because a program that is guarded by somebody else's service manager
+has only some of them, and a core run by hand has none. Not chosen: defaults for missing paths; a core
+that guesses its own socket would be one that nobody asked for.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+#: The kernel's limit for a Unix socket's path, without the closing zero.
+SOCKET_PATH_BYTES_MAX = 107
+_NUMBER_MAX = 2**63 - 1
+_WITNESS = re.compile(r"([0-9]{1,19}):([0-9]{1,19}):([0-9a-f]{64})")
+_NUMBER = re.compile(r"[0-9]{1,19}")
+
+
+@dataclass(frozen=True, slots=True)
+class LastSeen:
+    """The last commit of the predecessor that its recorder shows. `hash`: 32 bytes."""
+
+    seq: int
+    epoch: int
+    hash: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class GuardedEnvironment:
+    """What the guard said. None: it said nothing about that."""
+
+    data: Path | None = None
+    socket: Path | None = None
+    recorder: Path | None = None
+    control: Path | None = None
+    expected_epoch: int | None = None
+    witness: LastSeen | None = None
+    notify_socket: str | None = None
+    watchdog_usec: int | None = None
+
+    @property
+    def guarded(self) -> bool:
+        """Whether somebody watches: a core that was given nothing runs alone."""
+        return any((self.socket, self.recorder, self.control, self.notify_socket))
+
+    @classmethod
+    def read(cls, environ: Mapping[str, str], own_pid: int | None = None) -> "GuardedEnvironment | list[str]":
+        """Return what `environ` says, or one sentence for each thing that is wrong with it.
+
+        `own_pid`: a `WATCHDOG_PID` other than this means that the watchdog is meant for somebody else.
+        """
+        reading = _Reading(environ)
+        found = cls(
+            data=reading.path("HARDCORE_DATA"),
+            socket=reading.socket("HARDCORE_SOCKET"),
+            recorder=reading.path("HARDCORE_RECORDER"),
+            control=reading.socket("HARDCORE_CONTROL"),
+            expected_epoch=reading.number("HARDCORE_EPOCH"),
+            witness=reading.witness("HARDCORE_WITNESS"),
+            notify_socket=reading.notify("NOTIFY_SOCKET"),
+            watchdog_usec=reading.watchdog(own_pid),
+        )
+        return reading.faults or found
+
+
+class _Reading:
+    """One pass over the environment that collects every fault on its way."""
+
+    def __init__(self, environ: Mapping[str, str]) -> None:
+        self._environ = environ
+        self.faults: list[str] = []
+
+    def _text(self, name: str) -> str | None:
+        return self._environ.get(name) or None
+
+    def path(self, name: str) -> Path | None:
+        text = self._text(name)
+        if text is None:
+            return None
+        if not text.startswith("/"):
+            self.faults.append(f"{name} must be an absolute path, not {text!r}.")
+            return None
+        return Path(text)
+
+    def socket(self, name: str) -> Path | None:
+        found = self.path(name)
+        if found is not None and len(bytes(found)) > SOCKET_PATH_BYTES_MAX:
+            self.faults.append(f"{name} is longer than the {SOCKET_PATH_BYTES_MAX} bytes of a socket's path.")
+            return None
+        return found
+
+    def number(self, name: str) -> int | None:
+        text = self._text(name)
+        if text is None:
+            return None
+        if not _NUMBER.fullmatch(text) or int(text) > _NUMBER_MAX:
+            self.faults.append(f"{name} must be a whole number, not {text!r}.")
+            return None
+        return int(text)
+
+    def witness(self, name: str) -> LastSeen | None:
+        text = self._text(name)
+        if text is None:
+            return None
+        parts = _WITNESS.fullmatch(text)
+        if parts is None or max(int(parts[1]), int(parts[2])) > _NUMBER_MAX:
+            self.faults.append(f"{name} must be sequence:epoch:hash, not {text!r}.")
+            return None
+        return LastSeen(int(parts[1]), int(parts[2]), bytes.fromhex(parts[3]))
+
+    def notify(self, name: str) -> str | None:
+        text = self._text(name)
+        if text is None:
+            return None
+        if text[0] not in "/@" or len(text) < 2:
+            self.faults.append(f"{name} must be an absolute path or an abstract name, not {text!r}.")
+            return None
+        if len(text.encode("utf-8", "surrogateescape")) > SOCKET_PATH_BYTES_MAX:
+            self.faults.append(f"{name} is longer than the {SOCKET_PATH_BYTES_MAX} bytes of a socket's path.")
+            return None
+        return text
+
+    def watchdog(self, own_pid: int | None) -> int | None:
+        usec = self.number("WATCHDOG_USEC")
+        if usec == 0:
+            self.faults.append("WATCHDOG_USEC must be above 0.")
+            return None
+        meant_for = self.number("WATCHDOG_PID")
+        return None if own_pid is not None and meant_for not in {None, own_pid} else usec
