@@ -4,7 +4,7 @@ Monotonic nanoseconds for every decision; the wall clock only as a label in repo
 taken at the moment of writing, so that a clock that jumps can't reorder a story.
 """
 
-import datetime
+import datetime as dt
 import time
 from pathlib import Path
 
@@ -19,7 +19,7 @@ def now_ns() -> int:
 def wall(at_ns: int) -> str:
     """Return the moment `at_ns` as RFC 3339 in UTC, in milliseconds, by today's wall clock."""
     offset_ns = time.time_ns() - time.monotonic_ns()
-    moment = datetime.datetime.fromtimestamp((at_ns + offset_ns) / 1e9, tz=datetime.UTC)
+    moment = dt.datetime.fromtimestamp((at_ns + offset_ns) / 1e9, tz=dt.UTC)
     return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 

@@ -16,7 +16,7 @@ def write_whole(path: Path, data: bytes, *, durable: bool = True) -> None:
     temp = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     fd = os.open(temp, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
     try:
-        with open(fd, "wb", closefd=True) as file:
+        with os.fdopen(fd, "wb") as file:
             file.write(data)
             file.flush()
             if durable:

@@ -150,11 +150,8 @@ def _waits_in(base: str) -> str:
 
 
 def _session_members(session: int) -> list[int]:
-    members = []
-    for name in os.listdir("/proc"):
-        if name.isdigit() and int(name) != session and _session_of(int(name)) == session:
-            members.append(int(name))
-    return members
+    pids = (int(entry.name) for entry in Path("/proc").iterdir() if entry.name.isdigit())
+    return [pid for pid in pids if pid != session and _session_of(pid) == session]
 
 
 def _session_of(pid: int) -> int:

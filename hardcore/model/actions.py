@@ -35,9 +35,7 @@ class Kill:
 
 @dataclass(frozen=True, slots=True)
 class KillLeftovers:
-    """End the processes of an earlier sentinel, after an identity check."""
-
-    lives: tuple[int, ...]
+    """End the cores of an earlier guard, after an identity check; life 0 stands for all of them."""
 
 
 @dataclass(frozen=True, slots=True)

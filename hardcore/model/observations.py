@@ -53,10 +53,14 @@ class Verb(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SentinelBegan:
-    """The guard is up. `leftovers`: lives of an earlier sentinel that were found and may still live."""
+    """The guard is up. `leftovers`: an earlier guard's core was found and may still live (as life 0).
+
+    `page` is the recorder of the last core that committed, if there is one of this boot.
+    """
 
     at_ns: int
-    leftovers: tuple[int, ...] = ()
+    leftovers: bool = False
+    page: Page | None = None
 
 
 @dataclass(frozen=True, slots=True)

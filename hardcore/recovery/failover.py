@@ -164,6 +164,7 @@ class FailoverManager:
     # ---- facts ----
 
     def _begin(self, fact: seen.SentinelBegan) -> None:
+        self._store.saw(fact.page)
         if self.wanted is Wanted.DOWN and not fact.leftovers:
             self._fire(Trigger.STOP, fact.at_ns, "the operator wants no core")
         elif fact.leftovers:
@@ -348,7 +349,7 @@ class FailoverManager:
             case Step.KILL:
                 self._actions.append(Kill(self._life))
             case Step.KILL_LEFTOVERS:
-                self._actions.append(KillLeftovers((self._life,)))
+                self._actions.append(KillLeftovers())
             case Step.OPEN | Step.OPEN_PLANNED:
                 self._open(now_ns, planned=name is Step.OPEN_PLANNED)
             case Step.EVIDENCE_LIVE | Step.EVIDENCE_DEAD:

@@ -1,0 +1,86 @@
+"""Lines of the control socket as values: what is asked, what is answered, what is fed. Pure.
+
+One JSON object a line. The shapes are `docs/wires.md` sections 6 and 7; a line that is not one of them is
+answered with a code, never with a closed connection and silence.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+LINE_BYTES_MAX = 1 << 20
+REASON_CHARACTERS_MAX = 500
+
+
+class Ask(StrEnum):
+    """What a client of the control socket may ask."""
+
+    STATUS = "status"
+    RESTART = "restart"
+    RESUME = "resume"
+    DOWN = "down"
+    DRILL = "drill"
+    ATTACH = "attach"
+    SUBSCRIBE = "subscribe"
+
+
+#: Faults that this version can break the core with.
+DRILLS = ("crash", "exit", "freeze", "block")
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One line from a client."""
+
+    ask: Ask
+    reason: str = ""
+    hard: bool = False
+    fault: str = ""
+    yes: bool = False
+    pid: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class BadRequest:
+    """A line that can't be understood, and why."""
+
+    code: str
+    error: str
+
+
+def read_object(line: bytes) -> dict[str, object] | BadRequest:
+    """Return the JSON object of a line."""
+    try:
+        value = json.loads(line)
+    except (ValueError, RecursionError):
+        return BadRequest("bad-json", "the line is not JSON")
+    return value if isinstance(value, dict) else BadRequest("bad-json", "the line is not an object")
+
+
+def read_request(line: bytes) -> Request | BadRequest:
+    """Return what a client asks."""
+    value = read_object(line)
+    if isinstance(value, BadRequest):
+        return value
+    verb = value.get("verb")
+    if not isinstance(verb, str) or verb not in set(Ask):
+        return BadRequest("unknown-verb", f"{str(verb)[:40]!r} is not something the guard can be asked")
+    reason, fault, pid = value.get("reason", ""), value.get("fault", ""), value.get("pid", 0)
+    if not isinstance(reason, str) or not isinstance(fault, str) or not isinstance(pid, int):
+        return BadRequest("bad-field", "reason and fault are text, pid is a number")
+    if verb == Ask.DRILL and fault not in DRILLS:
+        return BadRequest("unknown-drill", f"the drills are: {', '.join(DRILLS)}")
+    return Request(
+        Ask(verb),
+        reason=reason[:REASON_CHARACTERS_MAX],
+        hard=value.get("hard") is True,
+        fault=fault,
+        yes=value.get("yes") is True,
+        pid=pid,
+    )
+
+
+def write_line(value: Mapping[str, object]) -> bytes:
+    """Return an object as one line."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode() + b"\n"

@@ -1,0 +1,204 @@
+"""One life of the core as the guard holds it: a nonce, a recorder page, sockets, a process.
+
+A life's files are never reused: the page of a dead core stays what it was at its death. A life that an
+earlier guard left behind is found by its environment, which names our run folder: a core that was started
+the moment before its guard died may not have written its page yet, but it can't lose its environment.
+"""
+
+import os
+import secrets
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hardcore.host import clock, processes
+from hardcore.host.folders import Folders
+from hardcore.host.processes import Handle, Identity
+from hardcore.host.recorder import PageReader, make_page
+from hardcore.model.observations import ProcessSample, Sampled
+from hardcore.model.recorder import Page, Threads, Witness
+
+#: Files of so many dead lives are kept in the run folder, for whoever still reads them.
+DEAD_LIVES_KEPT = 2
+#: Commands in flight are read only while some wait this long after the last one was completed.
+LOOK_CLOSER_NS = 200_000_000
+#: The thread samples cost three reads each: only a beat this old is worth them.
+STALE_NS = 80_000_000
+FDS_EVERY_TICKS = 10
+ENVIRONMENT_BYTES_MAX = 1 << 20
+
+_PASSED_ON = ("PATH", "HOME", "LANG", "LC_ALL", "TZ", "TMPDIR")
+
+
+def clean_environment() -> dict[str, str]:
+    """Return what a process of ours inherits: nothing that could change how Python behaves."""
+    kept = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
+    return {"PATH": "/usr/bin:/bin", **kept}
+
+
+@dataclass(slots=True)
+class Life:
+    """A core's life. `number` counts from 1 in one guard; 0 is one that an earlier guard left behind."""
+
+    number: int
+    nonce: str
+    folders: Folders
+    reader: PageReader | None = None
+    handle: Handle | None = None
+    sample: ProcessSample | None = None
+    _ticks: int = 0
+    _threads: Threads = field(default_factory=Threads)
+
+    def look(self) -> Sampled:
+        """Return what can be seen of the core now."""
+        now_ns = clock.now_ns()
+        beats = self.reader.beats() if self.reader else None
+        in_flight = None
+        if beats is not None and self.reader is not None:
+            if not self._threads.writer:
+                self._threads = self.reader.threads()
+            if beats.waiting and now_ns - beats.completed_ns > LOOK_CLOSER_NS:
+                in_flight = self.reader.in_flight()
+        closer = beats is not None and (now_ns - beats.loop_ns > STALE_NS or in_flight is not None)
+        self._ticks += 1
+        if self.handle is not None:
+            self.sample = self.handle.sample(
+                self._threads.loop if closer else 0,
+                self._threads.writer if closer else 0,
+                fds=self._ticks % FDS_EVERY_TICKS == 1,
+            )
+        return Sampled(clock.now_ns(), self.number, beats, self._threads, self.sample, in_flight)
+
+    def page(self) -> Page | None:
+        """Return the whole recorder page, or None if it is no evidence."""
+        page = self.reader.read() if self.reader else None
+        return page if isinstance(page, Page) else None
+
+    def discard(self) -> None:
+        """Give everything back and remove the life's files."""
+        if self.reader is not None:
+            self.reader.close()
+        if self.handle is not None:
+            self.handle.close()
+        for path in _files(self.folders, self.nonce):
+            path.unlink(missing_ok=True)
+
+
+def _files(folders: Folders, nonce: str) -> tuple[Path, ...]:
+    page = folders.recorder(nonce)
+    return (
+        page,
+        page.with_name(f"{page.name}.stacks"),
+        folders.core_socket(nonce),
+        folders.core_control(nonce),
+    )
+
+
+def conceive(folders: Folders, number: int) -> Life:
+    """Return a new life with its recorder page made. Raises OSError when there is no room for it."""
+    nonce = secrets.token_hex(8)
+    path = folders.recorder(nonce)
+    make_page(path, nonce, clock.boot_id())
+    return Life(number, nonce, folders, PageReader(path, nonce))
+
+
+def start(life: Life, expected_epoch: int | None, witness: Witness | None, watchdog_usec: int) -> Handle:
+    """Start the core of this life. Raises OSError when no process can be made."""
+    folders = life.folders
+    environment = {
+        **clean_environment(),
+        "HARDCORE_DATA": str(folders.data),
+        "HARDCORE_SOCKET": str(folders.core_socket(life.nonce)),
+        "HARDCORE_RECORDER": str(folders.recorder(life.nonce)),
+        "HARDCORE_CONTROL": str(folders.core_control(life.nonce)),
+        "HARDCORE_EPOCH": "" if expected_epoch is None else str(expected_epoch),
+        "NOTIFY_SOCKET": str(folders.notify),
+        "WATCHDOG_USEC": str(watchdog_usec),
+    }
+    if witness is not None:
+        environment["HARDCORE_WITNESS"] = f"{witness.seq}:{witness.epoch}:{witness.hash}"
+    argv = [sys.executable, "-I", "-m", "core", "serve", "--data", str(folders.data)]
+    life.handle = processes.spawn(argv, environment, folders.logs / "core.log", folders.data)
+    return life.handle
+
+
+@dataclass(frozen=True, slots=True)
+class Leftovers:
+    """What an earlier guard left behind: its cores, its gateways, and the page of its last core."""
+
+    cores: tuple[Life, ...]
+    gateways: tuple[Handle, ...]
+    last_page: Page | None
+
+
+def find_leftovers(folders: Folders) -> Leftovers:
+    """Look for processes of an earlier guard of this instance, and for the last recorder page."""
+    cores, gateways = [], []
+    core_mark = f"HARDCORE_RECORDER={folders.run}/recorder-"
+    gateway_mark = f"HARDCORE_GATEWAY={folders.run}"
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit() or int(entry.name) == os.getpid():
+            continue
+        found = _read_environment(int(entry.name))
+        recorder = next((v for v in found if v.startswith(core_mark)), None)
+        if recorder is None and gateway_mark not in found:
+            continue
+        handle = _hold(int(entry.name), recorder or gateway_mark)
+        if handle is None:
+            continue
+        if recorder is None:
+            gateways.append(handle)
+        else:
+            nonce = recorder.removeprefix(core_mark)
+            reader = PageReader(folders.recorder(nonce), nonce)
+            cores.append(Life(0, nonce, folders, reader, handle))
+    return Leftovers(tuple(cores), tuple(gateways), _last_page(folders))
+
+
+def _read_environment(pid: int) -> list[str]:
+    try:
+        with Path(f"/proc/{pid}/environ").open("rb") as file:
+            return os.fsdecode(file.read(ENVIRONMENT_BYTES_MAX)).split("\0")
+    except OSError:
+        return []
+
+
+def _hold(pid: int, mark: str) -> Handle | None:
+    """Return a handle on the process if it still is the one whose environment was read."""
+    start = processes.start_of(pid)
+    handle = processes.find(Identity(pid, start)) if start is not None else None
+    if handle is not None and mark not in _read_environment(pid):
+        handle.close()
+        return None
+    return handle
+
+
+def _last_page(folders: Folders) -> Page | None:
+    """Return the page with the highest commit among those of this boot."""
+    best: Page | None = None
+    for path in folders.run.glob("recorder-*"):
+        if path.suffix:
+            continue
+        reader = PageReader(path)
+        page = reader.read()
+        reader.close()
+        if not isinstance(page, Page) or page.boot_id != clock.boot_id() or page.witness is None:
+            continue
+        if best is None or best.witness is None or page.witness.seq > best.witness.seq:
+            best = page
+    return best
+
+
+def sweep(folders: Folders, living: Mapping[str, object]) -> None:
+    """Remove the files of dead lives that nobody needs any more, but for the youngest."""
+    pages = sorted(folders.run.glob("recorder-*"), key=lambda p: p.stat().st_mtime_ns, reverse=True)
+    nonces = [p.name.removeprefix("recorder-") for p in pages if not p.suffix]
+    for nonce in [n for n in nonces if n not in living][DEAD_LIVES_KEPT:]:
+        for path in _files(folders, nonce):
+            path.unlink(missing_ok=True)
+
+
+def environment_of_gateway(folders: Folders) -> dict[str, str]:
+    """Return the environment by which a later guard recognises our gateway."""
+    return {**clean_environment(), "HARDCORE_GATEWAY": str(folders.run)}
