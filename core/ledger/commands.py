@@ -6,7 +6,7 @@ exist, is there money) is the decider's. The line matters: a malformed wish is f
 refused is remembered under its key. All faults of a body are told at once.
 """
 
-import datetime
+import datetime as dt
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -160,7 +160,7 @@ def is_date(text: str) -> bool:
     if _DATE.fullmatch(text) is None:
         return False
     try:
-        datetime.date.fromisoformat(text)
+        dt.date.fromisoformat(text)
     except ValueError:
         return False
     return True

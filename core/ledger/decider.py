@@ -117,7 +117,11 @@ def _other_currencies(command: PostTransaction, book: Book) -> Rejection | None:
 def _limits(command: PostTransaction, after: Book) -> Rejection | None:
     """Judge the balances as they would be. A line is at fault if its account is."""
     for slug, reason, broken in (
-        (Slug.BALANCE_OUT_OF_RANGE, Reason.OUT_OF_RANGE, {a.id for a in after.values() if not fits(a.posted)}),
+        (
+            Slug.BALANCE_OUT_OF_RANGE,
+            Reason.OUT_OF_RANGE,
+            {a.id for a in after.values() if not fits(a.posted)},
+        ),
         (Slug.OVERDRAFT, Reason.OVERDRAFT, {a.id for a in after.values() if _forbidden(a)}),
     ):
         lines = [n for n, posting in enumerate(command.postings) if posting.account in broken]

@@ -5,7 +5,7 @@ under a command's key and the answer of a later GET are made by the same functio
 Times are RFC 3339 in UTC with all nine digits, so that anybody can hash an event again from what is shown.
 """
 
-import datetime
+import datetime as dt
 from dataclasses import dataclass
 
 import msgspec
@@ -139,5 +139,5 @@ def balances_of(account: Account) -> Balances:
 def timestamp(wall_ns: int) -> str:
     """Return wall time in nanoseconds since 1970 as RFC 3339 in UTC, to the nanosecond."""
     seconds, rest_ns = divmod(wall_ns, 1_000_000_000)
-    day = datetime.datetime.fromtimestamp(seconds, datetime.UTC)
+    day = dt.datetime.fromtimestamp(seconds, dt.UTC)
     return f"{day:%Y-%m-%dT%H:%M:%S}.{rest_ns:09d}Z"

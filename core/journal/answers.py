@@ -1,0 +1,129 @@
+"""What is asked of the writer, and what it answers: values, with the HTTP status each of them has.
+
+The status stands here and not in `web/` because the row of a key keeps the whole answer, status included, and
+the recorder speaks of it too. A refusal is kept as its parts, so that a replay can tell it in the language of
+whoever asks again; a success is kept as the very bytes that were sent.
+"""
+
+from dataclasses import dataclass
+from typing import Final, assert_never
+
+import msgspec
+
+from core.ledger.commands import Command
+from core.ledger.reasons import Rejection, Slug
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A command for the writer. `fingerprint` tells one wish from another under the same key."""
+
+    command: Command
+    key: str | None
+    fingerprint: bytes
+    command_id: str
+    transaction_id: str
+    account_ids: tuple[str, ...]
+    slot: int
+
+
+@dataclass(frozen=True, slots=True)
+class LookUp:
+    """The question what became of a key.
+
+    It stands in the same line as the commands, because "not done" must be true of every command that came
+    before the question, and is checked against the epoch like a write.
+    """
+
+    key: str
+    slot: int
+
+
+Work = Order | LookUp
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """The command was carried out: the JSON of its answer."""
+
+    status: int
+    body: bytes
+    replayed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """The book said no."""
+
+    rejection: Rejection
+    replayed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class KeyTaken:
+    """The key belongs to another wish."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyUnknown:
+    """No command under this key has been carried out or refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class DecisionFailed:
+    """Our own bug while deciding this one command; nothing was written for it. `text` is for the log."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class StoreBusy:
+    """Somebody else held the store's lock for too long: the command was not begun."""
+
+
+@dataclass(frozen=True, slots=True)
+class OutcomeUnknown:
+    """The store raised inside the transaction: whether the command was carried out, nobody can say yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leaving:
+    """This core is leaving: the command was not begun."""
+
+
+Answer = Done | Refused | KeyTaken | KeyUnknown | DecisionFailed | StoreBusy | OutcomeUnknown | Leaving
+
+CREATED: Final = 201
+OK: Final = 200
+
+
+class KeyRow(msgspec.Struct, frozen=True):
+    """What the store keeps under a key."""
+
+    fingerprint: bytes
+    seq: int | None
+    status: int
+    reply: bytes
+
+
+def status_of(slug: Slug) -> int:
+    """Return the HTTP status of a refusal."""
+    return 409 if slug is Slug.ACCOUNT_EXISTS else 422
+
+
+def keep(answer: Done | Refused, fingerprint: bytes, seq: int | None) -> KeyRow:
+    """Return the row that keeps this answer under its key."""
+    match answer:
+        case Done(status, body):
+            return KeyRow(fingerprint, seq, status, body)
+        case Refused(rejection):
+            return KeyRow(fingerprint, seq, status_of(rejection.slug), msgspec.json.encode(rejection))
+        case _:
+            assert_never(answer)
+
+
+def replay(row: KeyRow) -> Done | Refused:
+    """Return the answer that a row keeps, marked as given before."""
+    if row.seq is None:
+        return Refused(msgspec.json.decode(row.reply, type=Rejection), replayed=True)
+    return Done(row.status, row.reply, replayed=True)
