@@ -1,0 +1,56 @@
+"""The start guard: one sentence instead of two cores by accident.
+
+A lock on `ledger.lock` beside the book: a core that runs alone takes it for itself, cores under a guard share
+it (the guard sees to it that one of them writes). It is a courtesy at the door and never the fence: a frozen
+owner keeps it, a forked child inherits it, and only the epoch inside the transaction decides who may commit.
+The file is never unlinked: two owners of two inodes with one name was the trap.
+"""
+
+import errno
+import fcntl
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+LOCK_FILE: Final = "ledger.lock"
+
+
+@dataclass(frozen=True, slots=True)
+class StartGuard:
+    """The lock, held until this is let go or the process ends."""
+
+    descriptor: int
+
+    def release(self) -> None:
+        """Let the next one in."""
+        os.close(self.descriptor)
+
+
+@dataclass(frozen=True, slots=True)
+class DoorClosed:
+    """The lock could not be had; the sentence says why and what to do."""
+
+    sentence: str
+
+
+def take_start_guard(data: Path, *, shared: bool) -> StartGuard | DoorClosed:
+    """Take the lock of a data folder, shared with other guarded cores or alone."""
+    path = data / LOCK_FILE
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        return DoorClosed(
+            f"{data} can't be written to ({error.strerror}): choose another folder with --data."
+        )
+    try:
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(descriptor)
+        if error.errno != errno.EWOULDBLOCK:
+            return DoorClosed(f"{path} can't be locked ({error.strerror}): choose a folder on a local disk.")
+        other = "a core that runs alone" if shared else "another core"
+        return DoorClosed(
+            f"{other} is already at work in {data}: stop it, or choose another folder with --data."
+        )
+    return StartGuard(descriptor)

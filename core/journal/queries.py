@@ -1,0 +1,183 @@
+"""Reading the book: questions to the store, each short, each at one moment.
+
+Lists go backwards by sequence and a cursor is the sequence last shown, so a page never shifts under new
+bookings; an offset would. A transaction is told from its event, not from its readings: the readings find it,
+the event is what happened.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+from msgspec import Raw
+from sqlalchemy import Connection, select
+
+from core.journal import schema
+from core.journal.append import account_of
+from core.journal.chain import EventRow
+from core.journal.proof import Tail, Witness, tail_start
+from core.ledger.accounts import Account
+from core.ledger.events import TransactionPosted, decode
+from core.ledger.views import EventView, Place, TransactionView, timestamp, view_transaction
+
+ACCOUNTS_MAX: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class TransactionFilter:
+    """Which transactions: of an account, between two days (inclusive), with words in the description."""
+
+    account: str | None = None
+    date_from: str | None = None
+    date_to: str | None = None
+    words: str | None = None
+    before_seq: int | None = None
+    limit: int = 50
+
+
+def list_accounts(connection: Connection) -> list[Account]:
+    """Return all accounts by id, the first ten thousand."""
+    rows = connection.execute(select(schema.account).order_by(schema.account.c.id).limit(ACCOUNTS_MAX))
+    return [account_of(row) for row in rows]
+
+
+def get_account(connection: Connection, account_id: str) -> Account | None:
+    """Return one account."""
+    row = connection.execute(select(schema.account).where(schema.account.c.id == account_id)).one_or_none()
+    return account_of(row) if row else None
+
+
+def list_transactions(connection: Connection, wanted: TransactionFilter) -> list[TransactionView]:
+    """Return transactions, newest first."""
+    booking = schema.booking.c
+    query = _EVENTS_OF_BOOKINGS.order_by(booking.seq.desc()).limit(wanted.limit)
+    if wanted.account is not None:
+        of_account = select(schema.posting.c.seq).where(schema.posting.c.account_id == wanted.account)
+        query = query.where(booking.seq.in_(of_account))
+    if wanted.date_from is not None:
+        query = query.where(booking.date >= wanted.date_from)
+    if wanted.date_to is not None:
+        query = query.where(booking.date <= wanted.date_to)
+    if wanted.words is not None:
+        query = query.where(booking.description.icontains(wanted.words, autoescape=True))
+    if wanted.before_seq is not None:
+        query = query.where(booking.seq < wanted.before_seq)
+    return [_transaction(row) for row in connection.execute(query)]
+
+
+def get_transaction(connection: Connection, transaction_id: str) -> TransactionView | None:
+    """Return one transaction."""
+    query = _EVENTS_OF_BOOKINGS.where(schema.booking.c.id == transaction_id)
+    row = connection.execute(query).one_or_none()
+    return _transaction(row) if row else None
+
+
+def list_events(connection: Connection, after_seq: int, limit: int) -> list[EventView]:
+    """Return events in order, beginning after a sequence."""
+    return [
+        EventView(
+            seq=row.seq,
+            epoch=row.epoch,
+            booked_at=timestamp(row.booked_ns),
+            kind=row.kind,
+            command_id=row.command_id,
+            key=row.key,
+            hash=row.hash.hex(),
+            body=Raw(row.body),
+        )
+        for row in event_rows(connection, after_seq, limit)
+    ]
+
+
+def event_rows(connection: Connection, after_seq: int, limit: int | None = None) -> Iterator[EventRow]:
+    """Return the events after a sequence, in order."""
+    query = select(schema.event).where(schema.event.c.seq > after_seq).order_by(schema.event.c.seq)
+    for row in connection.execute(query.limit(limit)):
+        yield EventRow(
+            row.seq, row.epoch, row.booked_ns, row.kind, row.command_id, row.key, row.body, row.hash
+        )
+
+
+def event_row(connection: Connection, seq: int) -> EventRow | None:
+    """Return one event."""
+    return next((row for row in event_rows(connection, seq - 1, 1) if row.seq == seq), None)
+
+
+def head(connection: Connection) -> Any:
+    """Return what the store says of itself: epoch, head_seq, head_hash."""
+    return connection.execute(select(schema.meta)).one()
+
+
+def balances_by_currency(accounts: Iterable[Account]) -> dict[str, int]:
+    """Return the sum of the balances per currency. Added here: SQL's sum would overflow at 64 bits."""
+    sums: dict[str, int] = {}
+    for account in accounts:
+        sums[account.currency] = sums.get(account.currency, 0) + account.posted
+    return sums
+
+
+def all_accounts(connection: Connection) -> Iterator[Account]:
+    """Return every account, without a bound: for proofs."""
+    return (account_of(row) for row in connection.execute(select(schema.account)))
+
+
+def keys_between(connection: Connection, first_seq: int, last_seq: int | None = None) -> dict[int, str]:
+    """Return the keys that name an event in this range (both ends in it), by its sequence."""
+    kept = schema.idempotency.c
+    query = select(kept.seq, kept.key).where(kept.seq >= first_seq)
+    if last_seq is not None:
+        query = query.where(kept.seq <= last_seq)
+    return {row.seq: row.key for row in connection.execute(query)}
+
+
+def read_tail(connection: Connection, witness: Witness | None, tail_events: int) -> Tail:
+    """Return what proof A looks at. To be read and used inside one transaction."""
+    meta = head(connection)
+    first_seq = tail_start(meta.head_seq, witness, tail_events)
+    return Tail(
+        head_seq=meta.head_seq,
+        head_hash=meta.head_hash,
+        epoch=meta.epoch,
+        first_seq=first_seq,
+        before=event_row(connection, first_seq - 1),
+        rows=event_rows(connection, first_seq - 1),
+        balances=balances_by_currency(all_accounts(connection)),
+        keys=keys_between(connection, first_seq),
+    )
+
+
+_EVENTS_OF_BOOKINGS: Final = select(
+    schema.event.c.seq,
+    schema.event.c.epoch,
+    schema.event.c.booked_ns,
+    schema.event.c.hash,
+    schema.event.c.body,
+).join_from(schema.booking, schema.event, schema.booking.c.seq == schema.event.c.seq)
+
+
+def _transaction(row: Any) -> TransactionView:
+    event = decode(row.body)
+    assert isinstance(event, TransactionPosted), f"event {row.seq} is listed as a booking and is none"
+    return view_transaction(event, Place(row.seq, row.epoch, row.booked_ns, row.hash))
+
+
+def postings_between(
+    connection: Connection, first_seq: int, last_seq: int
+) -> dict[int, list[tuple[str, int]]]:
+    """Return the readings of postings in this range (both ends in it): account and amount, by sequence."""
+    stored = schema.posting.c
+    query = select(stored.seq, stored.account_id, stored.amount).where(
+        stored.seq.between(first_seq, last_seq)
+    )
+    lines: dict[int, list[tuple[str, int]]] = {}
+    for row in connection.execute(query.order_by(stored.seq, stored.line)):
+        lines.setdefault(row.seq, []).append((row.account_id, row.amount))
+    return lines
+
+
+def bookings_between(
+    connection: Connection, first_seq: int, last_seq: int
+) -> dict[int, tuple[str, str, str]]:
+    """Return the readings of transactions (id, date, description) in this range, both ends in it."""
+    query = select(schema.booking).where(schema.booking.c.seq.between(first_seq, last_seq))
+    return {row.seq: (row.id, row.date, row.description) for row in connection.execute(query)}

@@ -1,0 +1,110 @@
+"""The writer: one thread that takes what waits, writes it as one batch, and takes again.
+
+Batches are as large as the load makes them: while one is being flushed the next one gathers. A timer to wait
+for company was measured and loses, also under load. Answers go back to the event loop in one hop per batch,
+only after the transaction is over. The queue needs no bound of its own: whoever stands in it holds a slot of
+the recorder, and there are only so many.
+"""
+
+import asyncio
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Final, NoReturn, assert_never
+
+from core.guarded.recorder import FlightRecorder
+from core.journal.answers import Answer, Leaving, Work
+from core.journal.append import Committed, Failed, FencedBy, Journal, NotBegun
+
+BATCH_MAX: Final = 256  # as many as there are slots
+
+Waiting = tuple[Work, "asyncio.Future[Answer]"]
+
+
+class Writer:
+    """The thread that owns the journal. `submit` and `stop` are called on the event loop's thread."""
+
+    def __init__(
+        self,
+        journal: Journal,
+        recorder: FlightRecorder,
+        loop: asyncio.AbstractEventLoop,
+        on_failed: Callable[[str], None],
+        on_fenced: Callable[[int], NoReturn],
+    ) -> None:
+        """Prepare the thread.
+
+        `on_failed` is called on the loop, after the answers of the batch that failed were given, with what
+        the store said. `on_fenced` is called on the writer's thread with the higher epoch and must end the
+        process: nobody may be answered any more.
+        """
+        self._journal = journal
+        self._recorder = recorder
+        self._loop = loop
+        self._on_failed = on_failed
+        self._on_fenced = on_fenced
+        self._waiting: deque[Waiting] = deque()
+        self._changed = threading.Condition()
+        self._stopping = False
+        self._thread = threading.Thread(target=self._run, name="writer")
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def submit(self, work: Work) -> "asyncio.Future[Answer]":
+        """Put work in the line and return the future of its answer."""
+        future: asyncio.Future[Answer] = self._loop.create_future()
+        if self._stopping:
+            future.set_result(Leaving())
+            return future
+        with self._changed:
+            self._waiting.append((work, future))
+            self._changed.notify()
+        return future
+
+    async def stop(self) -> None:
+        """Write what waits, close the store and end the thread."""
+        with self._changed:
+            self._stopping = True
+            self._changed.notify()
+        await self._loop.run_in_executor(None, self._thread.join)
+
+    def _run(self) -> None:
+        self._recorder.note_writer_thread()
+        while batch := self._take():
+            works = [work for work, _ in batch]
+            outcome = self._journal.write(works)
+            match outcome:
+                case Committed(answers) | NotBegun(answers):
+                    self._loop.call_soon_threadsafe(_give, batch, answers)
+                case Failed(answers, error):
+                    self._recorder.last_words("COMMIT_FAILED", error.text)
+                    self._loop.call_soon_threadsafe(self._fail, batch, answers, error.text)
+                    return
+                case FencedBy(actual):
+                    self._on_fenced(actual)
+                case _:
+                    assert_never(outcome)
+        self._journal.close()
+
+    def _take(self) -> list[Waiting]:
+        """Wait for work and take what is there; empty once stopping and nothing waits."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._waiting or self._stopping)
+            return [self._waiting.popleft() for _ in range(min(len(self._waiting), BATCH_MAX))]
+
+    def _fail(self, batch: Sequence[Waiting], answers: Sequence[Answer], text: str) -> None:
+        self._stopping = True
+        _give(batch, answers)
+        with self._changed:
+            never_begun = list(self._waiting)
+            self._waiting.clear()
+        _give(never_begun, [Leaving()] * len(never_begun))
+        self._on_failed(text)
+
+
+def _give(batch: Sequence[Waiting], answers: Sequence[Answer]) -> None:
+    for (_, future), answer in zip(batch, answers, strict=True):
+        if not future.done():  # the request that asked may have been cancelled
+            future.set_result(answer)
