@@ -17,7 +17,7 @@ from typing import Any
 
 import psutil
 
-from hardcore.host.recorder import PageReader
+from hardcore.host.recorder import PageReader, PageUnusable
 from hardcore.model.observations import ProcessSample
 from hardcore.model.recorder import CommandNote, Page
 from hardcore.snapshot import threads
@@ -48,12 +48,13 @@ def collect_recorder(subject: Subject, haul: Haul) -> None:
         raw, page = reader.raw(), reader.read()
     finally:
         reader.close()
+    if isinstance(page, PageUnusable):
+        haul.missing["recorder.json"] = page.reason
     if raw:
         haul.files["recorder.bin"] = raw
     else:
-        haul.missing["recorder.bin"] = "the recorder's page was not readable"
-    if page is None:
-        haul.missing["recorder.json"] = "the recorder's page could not be decoded"
+        haul.missing["recorder.bin"] = haul.missing.get("recorder.json", "The recorder page was empty.")
+    if isinstance(page, PageUnusable):
         return
     haul.page = page
     haul.files["recorder.json"] = as_bytes(page_as_json(page, time.monotonic_ns()))

@@ -1,0 +1,228 @@
+"""The texts of reports and of the list of incidents, Korean and English, as plain data.
+
+Keys are facts (a diagnosis, an outcome, a rule), values are sentences; what is filled in stands in braces.
+A Korean particle never stands right after a value, because it would depend on how the value ends. Nothing
+here may claim what no recorded fact says: the caller picks the neutral line instead.
+"""
+
+from collections.abc import Mapping
+
+LANGUAGES = ("ko", "en")
+
+Text = Mapping[str, str]
+
+
+def _text(ko: str, en: str) -> Text:
+    return {"ko": ko, "en": en}
+
+
+#: First half of the summary: what happened. The Korean one leads on to the second half.
+CAUSES: Mapping[str, Text] = {
+    "CRASHED": _text("장부 서버가 비정상 종료됐고", "the ledger crashed"),
+    "EXITED": _text("장부 서버가 스스로 종료됐고", "the ledger ended by itself"),
+    "KILLED_FROM_OUTSIDE": _text("장부 서버가 밖에서 강제 종료됐고", "the ledger was killed from outside"),
+    "STOPPED_FROM_OUTSIDE": _text(
+        "장부 서버가 밖에서 종료 요청을 받았고", "the ledger was asked to stop from outside"
+    ),
+    "OUT_OF_MEMORY": _text("장부 서버의 메모리가 부족했고", "the ledger ran out of memory"),
+    "FENCED": _text("새 서버가 장부를 넘겨받았고", "a newer ledger process had taken over"),
+    "COMMIT_FAILED": _text("장부에 기록하는 마지막 단계가 실패했고", "a commit to the ledger failed"),
+    "FROZEN": _text("장부 서버가 밖에서 정지됐고", "the ledger was stopped in its tracks from outside"),
+    "LOOP_BLOCKED": _text("장부 서버가 한곳에서 멈췄고", "the ledger hung in one place"),
+    "SPINNING": _text(
+        "장부 서버가 끝나지 않는 계산에 빠졌고", "the ledger was caught in an endless calculation"
+    ),
+    "GIL_HELD": _text("장부 서버가 응답하지 못했고", "one piece of work held up the whole ledger"),
+    "DEADLOCK": _text("장부 서버의 작업들이 서로를 기다렸고", "parts of the ledger waited for each other"),
+    "TRANSACTION_TIMEOUT": _text(
+        "요청 하나가 제시간에 끝나지 않았고", "one command did not finish in its time"
+    ),
+    "NO_PROGRESS": _text("장부 서버가 요청을 끝내지 못했고", "the ledger finished nothing any more"),
+    "DB_LOCKED": _text("다른 프로그램이 장부 파일을 잡고 있었고", "something else held the ledger's store"),
+    "DISK_FULL": _text("디스크에 빈 공간이 없었고", "the disk was full"),
+    "DISK_READ_ONLY": _text("디스크에 쓸 수 없었고", "the disk could not be written to"),
+    "DISK_STALLED": _text("디스크가 응답하지 않았고", "the disk did not answer"),
+    "STORE_CORRUPT": _text("장부 확인에서 맞지 않는 부분이 나왔고", "the check of the ledger found a fault"),
+    "STARTUP_FAILED": _text("장부 서버가 시작하지 못했고", "the ledger could not start"),
+    "CRASH_LOOP": _text("장부 서버가 거듭 멈췄고", "the ledger kept failing"),
+    "CONFIG_INVALID": _text("설정에 잘못된 부분이 있었고", "the configuration is not usable"),
+    "OPERATOR": _text("요청에 따라 장부 서버를 다시 켰고", "the ledger was restarted on purpose"),
+    "PLANNED_SWITCH": _text("계획대로 장부 서버를 다시 켰고", "the ledger was restarted as planned"),
+    "UNKNOWN": _text("장부 서버에 문제가 생겼고", "something went wrong with the ledger"),
+}
+
+#: Put before the cause, by grade.
+GRADE_LEADS: Mapping[str, Text] = {
+    "certain": _text("", ""),
+    "likely": _text("아마도 ", "most likely "),
+    "unknown": _text("확실하지는 않지만 ", "as far as can be told, "),
+}
+GRADES: Mapping[str, Text] = {
+    "certain": _text("확실", "certain"),
+    "likely": _text("추정", "likely"),
+    "unknown": _text("모름", "unknown"),
+}
+
+#: Second half of the summary: what came of it.
+OUTCOMES: Mapping[str, Text] = {
+    "recovered_in": _text("{seconds}초 만에 다시 응답했어요.", "it answered again after {seconds} s."),
+    "recovered": _text("지금은 다시 응답해요.", "it answers again."),
+    "manual": _text("자동 복구를 멈추고 사람의 확인을 기다려요.", "recovery waits for a person."),
+    "safe_mode": _text("읽기만 할 수 있게 열어 뒀어요.", "it is open for reading only."),
+    "assist": _text("사람의 결정을 기다려요.", "a person is to decide."),
+    "open": _text("복구가 아직 끝나지 않았어요.", "the recovery has not ended yet."),
+}
+OUTCOME_WORDS: Mapping[str, Text] = {
+    "recovered": _text("복구됨", "recovered"),
+    "manual": _text("사람 필요", "needs a person"),
+    "safe_mode": _text("읽기 전용", "read-only"),
+    "assist": _text("결정 대기", "to be decided"),
+    "open": _text("진행 중", "open"),
+}
+
+STEPS: Mapping[str, Text] = {
+    "fault": _text("문제 시작", "fault"),
+    "detected": _text("발견", "detected"),
+    "alerted": _text("요청 대기 시작", "requests held"),
+    "frozen": _text("멈춤(증거 보존)", "stopped for evidence"),
+    "dumped": _text("증거 수집", "evidence taken"),
+    "killed": _text("강제 종료", "killed"),
+    "spawned": _text("새 서버 시작", "next core started"),
+    "promoted": _text("예비 서버 승격", "spare promoted"),
+    "fenced": _text("옛 서버의 쓰기 차단", "old core fenced off"),
+    "ready": _text("장부 확인 후 준비 완료", "ledger proven, ready"),
+    "serving": _text("첫 응답", "first answer"),
+    "verified": _text("장부 전체 확인", "whole ledger verified"),
+    "closed": _text("사고 종료", "closed"),
+}
+
+FINDINGS: Mapping[str, Text] = {
+    "operator": _text("사람이 요청한 일이에요.", "Somebody asked for this."),
+    "operator_reason": _text(
+        "사람이 요청한 일이에요. 이유: {reason}", "Somebody asked for this. Reason: {reason}"
+    ),
+    "crashed": _text(
+        "서버가 치명적 신호로 종료됐어요: {signal}", "The core ended by a fatal signal: {signal}"
+    ),
+    "crashed_at": _text(
+        "서버가 치명적 신호로 종료됐어요: {signal}, 위치: {place}",
+        "The core ended by a fatal signal: {signal}, in {place}",
+    ),
+    "exited": _text(
+        "서버가 요청 없이 종료됐어요. 종료 코드: {code}", "The core left unasked with exit code {code}."
+    ),
+    "exited_65": _text(
+        "장부 확인이 실패해서 시작하지 않았어요.",
+        "The check of the ledger failed, so the core did not start.",
+    ),
+    "exited_69": _text("장부 파일이 계속 잠겨 있었어요.", "The ledger's store stayed locked."),
+    "exited_73": _text("디스크에 빈 공간이 없었어요.", "There was no room left on the disk."),
+    "exited_74": _text(
+        "장부에 기록하는 마지막 단계가 실패해서, 결과를 새 서버에서 다시 확인했어요.",
+        "A commit failed; what became of it is looked up by the next core.",
+    ),
+    "exited_75": _text("더 새로운 서버가 장부를 맡고 있었어요.", "A newer core was in charge of the ledger."),
+    "exited_78": _text("설정을 쓸 수 없어요.", "The configuration is unusable."),
+    "killed": _text(
+        "다른 누군가가 서버를 강제 종료했어요(SIGKILL). 처리 중이던 요청의 탓이 아니에요.",
+        "Somebody else killed the core (SIGKILL). No command in flight is to blame.",
+    ),
+    "frozen": _text(
+        "서버의 모든 작업이 밖에서 정지된 상태였어요. 정지된 스레드: {threads}",
+        "The core was stopped from outside. Threads that stood still: {threads}",
+    ),
+    "blocked": _text(
+        "서버가 여기서 멈춰 있었어요: {function} ({place})", "The core hung here: {function} ({place})"
+    ),
+    "spinning": _text(
+        "서버가 여기서 끝나지 않고 돌고 있었어요: {function} ({place})",
+        "The core went round here without an end: {function} ({place})",
+    ),
+    "no_progress": _text(
+        "살아 있었지만 끝나는 요청이 없었어요. 기다리던 요청: {count}건",
+        "It was alive, but no command came to an end. Commands waiting: {count}",
+    ),
+    "waits_in": _text(
+        "거래 하나가 여기서 기다리고 있었어요: {function} ({place})",
+        "A transaction waited here: {function} ({place})",
+    ),
+}
+
+REQUEST_OUTCOMES: Mapping[str, Text] = {
+    "answered": _text("응답함", "answered"),
+    "replayed": _text("복구 뒤 처리함", "run once after the recovery"),
+    "done": _text("이미 처리돼 있었음", "was already done"),
+    "not_done": _text("처리하지 않음", "not done"),
+    "unknown": _text("결과를 모름", "outcome unknown"),
+    "gone": _text("요청자가 떠남", "the client had left"),
+    "refused": _text("거절함", "refused"),
+}
+
+MONEY: Mapping[str, Text] = {
+    "witness": _text(
+        "잃은 기록이 없어요. 마지막으로 확인된 {witness_seq}번 기록까지 그대로 있어요.",
+        "No acknowledged record is lost: everything up to the last one seen, number {witness_seq}, is there unchanged.",
+    ),
+    "chain": _text(
+        "마지막 기록 {tail}건이 서로 맞게 이어져요. 멈추기 전 마지막 기록을 본 증인이 없어서, 잃은 기록이 있는지는 말할 수 없어요.",
+        "The last {tail} records form a whole chain. Nobody saw the last record before the outage, "
+        "so nothing is said about losses.",
+    ),
+    "none": _text("아직 확인하지 않았어요.", "Not verified yet."),
+}
+
+#: Headings and small words of reports and of the terminal.
+WORDS: Mapping[str, Text] = {
+    "report": _text("사고 보고서", "Incident report"),
+    "incident": _text("사고", "Incident"),
+    "incidents": _text("사고 목록", "Incidents"),
+    "no_incidents": _text("기록된 사고가 없어요.", "No incident on record."),
+    "diagnosis": _text("진단", "Diagnosis"),
+    "evidence": _text("증거", "Evidence"),
+    "timeline": _text("진행", "Timeline"),
+    "findings": _text("원인 분석", "Findings"),
+    "in_flight": _text("처리 중이던 요청", "In flight"),
+    "nothing_in_flight": _text("처리 중이던 요청이 없어요.", "Nothing was in flight."),
+    "requests": _text("기다린 요청의 결과", "What became of the requests"),
+    "no_requests": _text(
+        "이 사고를 겪은 요청이 기록돼 있지 않아요.", "No request is on record that met this outage."
+    ),
+    "money": _text("돈", "Money"),
+    "files": _text("파일", "Files"),
+    "missing": _text("없는 증거", "Evidence that is missing"),
+    "faults": _text("파일 검사에서 나온 문제", "Faults of the files"),
+    "deaths": _text("서버가 멈춘 기록", "Deaths"),
+    "fingerprint": _text("지문", "Fingerprint"),
+    "opened": _text("시작", "opened"),
+    "closed": _text("종료", "closed"),
+    "outage": _text("중단 시간", "Outage"),
+    "detection": _text("발견까지", "Noticed after"),
+    "outcome": _text("결과", "Outcome"),
+    "account": _text("계좌", "account"),
+    "transaction": _text("거래", "transaction"),
+    "command": _text("요청", "command"),
+    "step": _text("단계", "Step"),
+    "offset": _text("경과", "After the fault"),
+    "time": _text("시각", "Time"),
+    "held": _text("대기", "held"),
+    "suspect": _text("다시 실행하지 않고 결과만 조회", "looked up, not run again"),
+    "partial": _text("증거를 쓰다가 중단됐어요.", "Its evidence was never written to the end."),
+    "nothing_recorded": _text("기록 없음", "not recorded"),
+    "not_serving": _text("기록 없음", "not recorded"),
+}
+
+ERRORS: Mapping[str, Text] = {
+    "unknown": _text(
+        "{id}: 이런 사고는 없어요. `hardcore incidents`로 목록을 볼 수 있어요.",
+        "There is no incident {id}. `hardcore incidents` lists them.",
+    ),
+    "ambiguous": _text(
+        "{id}: 이렇게 시작하는 사고가 {count}건 있어요. 몇 글자 더 적어 주세요: {examples}",
+        "{id} begins {count} incidents. Give a few more characters: {examples}",
+    ),
+    "bad_ending": _text(
+        "{name}: .md 또는 .json 파일로만 내보낼 수 있어요.",
+        "{name}: an incident is exported to a file that ends in .md or .json.",
+    ),
+    "not_written": _text("{name}: 쓸 수 없어요({reason}).", "{name} could not be written: {reason}."),
+}

@@ -1,0 +1,98 @@
+"""An incident as the facts of `incident.json`: times become wall times and offsets, notes become objects.
+
+Pure but for `wall`, which is given: the story itself only knows the monotonic clock.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from hardcore.model.actions import Incident
+from hardcore.model.observations import Exit
+from hardcore.model.recorder import CommandNote
+
+VERSION = 1
+_MS = 1_000_000
+
+
+def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int], str]) -> dict[str, Any]:
+    """Return the facts of a closed incident. `wall` turns a monotonic time into RFC 3339."""
+    steps = dict(incident.timeline)
+    fault = steps["fault"]
+    return {
+        "version": VERSION,
+        "id": incident.id,
+        "opened_at": wall(incident.opened_ns),
+        "closed_at": wall(incident.closed_ns),
+        "outcome": incident.outcome,
+        "diagnosis": str(incident.diagnosis),
+        "grade": str(incident.grade),
+        "evidence": [{"kind": fact.witness, "text": fact.why} for fact in incident.evidence],
+        "planned": incident.planned,
+        "drill": incident.drill,
+        "reason": incident.reason or None,
+        "timeline": [
+            {"at": wall(at), "offset_ms": round((at - fault) / _MS, 1), "step": step}
+            for step, at in incident.timeline
+        ],
+        "detected_ms": round((steps["detected"] - fault) / _MS, 1) if "detected" in steps else None,
+        "outage_ms": round((steps["serving"] - fault) / _MS, 1) if "serving" in steps else None,
+        "core": {"pid": pid, "nonce": nonce, "epoch": incident.epoch, "exit": _exit(incident.exit)},
+        "last_words": (
+            {"code": incident.last_words.code, "text": incident.last_words.text}
+            if incident.last_words
+            else None
+        ),
+        "in_flight": [_note(note, steps.get("detected", fault)) for note in incident.in_flight],
+        "suspects": list(incident.suspects),
+        "requests": [
+            {
+                "method": request.method,
+                "path": request.path,
+                "key_hash": request.key_hash,
+                "outcome": request.outcome,
+                "status": request.status,
+                "held_ms": request.held_ms,
+            }
+            for request in incident.requests
+        ],
+        "proof": _proof(incident),
+        "deaths": [
+            {"at": wall(death.at_ns), "diagnosis": str(death.diagnosis), "exit": _exit(death.exit)}
+            for death in incident.deaths
+        ],
+        "next_epoch": incident.next_epoch,
+    }
+
+
+def _exit(how: Exit | None) -> dict[str, int] | None:
+    if how is None:
+        return None
+    if how.signal is not None:
+        return {"signal": how.signal}
+    return {"code": how.code} if how.code is not None else None
+
+
+def _note(note: CommandNote, at_ns: int) -> dict[str, Any]:
+    return {
+        "command_id": note.command_id,
+        "kind": note.kind,
+        "stage": note.stage.name,
+        "transaction_id": note.transaction_id,
+        "account_ids": list(note.account_ids),
+        "key_hash": note.key_hash,
+        "age_ms": max(0, (at_ns - note.started_ns) // _MS) if note.started_ns else None,
+    }
+
+
+def _proof(incident: Incident) -> dict[str, Any] | None:
+    proof = incident.proof
+    if proof is None:
+        return None
+    return {
+        "kind": proof.kind,
+        "tail": proof.tail,
+        "seq": proof.seq,
+        "epoch": incident.next_epoch,
+        "hash": proof.hash,
+        "witness_seq": incident.witness.seq if incident.witness else None,
+    }

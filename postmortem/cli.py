@@ -1,0 +1,117 @@
+"""What the command line asks of the investigators: list, show, export, and the report of a closed incident.
+
+Works from files alone, so it answers with everything stopped. Its import is light on purpose: `hardcore
+status` pays for it too. What can't be done is a `Refused` with a sentence that names the next step.
+"""
+
+import json
+import os
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from frontend import catalogue_reports as texts
+from postmortem import bundle, reading, terminal
+from postmortem.bundle import BundleFailed, Found
+from postmortem.reports.as_json import as_item, as_story
+from postmortem.reports.report import Report, money_line
+from postmortem.terminal import Look, Write
+
+_EXAMPLES_MAX = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Something could not be done; `sentence` tells a person why and what to do next."""
+
+    sentence: str
+
+
+def list_incidents(incidents: Path, lang: str = "en") -> list[dict[str, Any]]:
+    """Return the incidents in folder `incidents`, newest first, as the JSON of the list."""
+    return [as_item(report, lang) for report in reading.all_reports(incidents)]
+
+
+def show_incident(incidents: Path, incident_id: str, lang: str = "en") -> dict[str, Any] | Refused:
+    """Return everything about one incident; its id may be shortened to a beginning that is its alone."""
+    found = _one(incidents, incident_id, lang)
+    return found if isinstance(found, Refused) else _story(found, lang)
+
+
+def print_list(items: list[dict[str, Any]], lang: str, write: Write, look: Look | None = None) -> None:
+    """Print what `list_incidents` returned. `look` None: as the terminal and NO_COLOR want it."""
+    terminal.print_list(items, lang, write, look or terminal_look())
+
+
+def print_show(story: dict[str, Any], lang: str, write: Write, look: Look | None = None) -> None:
+    """Print what `show_incident` returned. `look` None: as the terminal and NO_COLOR want it."""
+    terminal.print_show(story, lang, write, look or terminal_look())
+
+
+def export(incidents: Path, incident_id: str, out: Path, lang: str = "en") -> Refused | None:
+    """Write one incident to `out`, as Markdown or JSON by its ending. None: written, for its owner only."""
+    if out.suffix not in {".md", ".json"}:
+        return Refused(texts.ERRORS["bad_ending"][lang].format(name=out.name))
+    found = _one(incidents, incident_id, lang)
+    if isinstance(found, Refused):
+        return found
+    report = reading.read_report(found)
+    text = _markdown(report, lang) if out.suffix == ".md" else _json(as_story(report, lang))
+    try:
+        handle = os.open(out, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+        with os.fdopen(handle, "wb") as file:
+            file.write(_encoded(text))
+    except OSError as error:
+        return Refused(texts.ERRORS["not_written"][lang].format(name=out.name, reason=error.strerror))
+    return None
+
+
+def write_report(folder: Path, lang: str = "en") -> BundleFailed | None:
+    """Make `report.json` and `report.md` of an incident's folder; made twice, they are the same."""
+    if not bundle.is_incident_id(folder.name):
+        return BundleFailed(f"{folder.name!r} is not an incident's folder")
+    report = reading.read_report(Found(folder.name, folder, partial=False))
+    files = {"report.json": _json(as_story(report, lang)), "report.md": _markdown(report, lang)}
+    return bundle.add_files(folder, {name: _encoded(text) for name, text in files.items()}, {})
+
+
+def terminal_look() -> Look:
+    """Return how to print on this process's terminal: its width, and colour unless NO_COLOR is set."""
+    width = shutil.get_terminal_size((80, 24)).columns
+    colour = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+    return Look(min(max(width, terminal.WIDTH_MIN), terminal.WIDTH_MAX), colour)
+
+
+def _one(incidents: Path, incident_id: str, lang: str) -> Found | Refused:
+    found = reading.find(incidents, incident_id)
+    shown = terminal.cut(terminal.visible(incident_id), 64)
+    if not found:
+        return Refused(texts.ERRORS["unknown"][lang].format(id=shown))
+    if len(found) > 1:
+        examples = ", ".join(one.id for one in found[:_EXAMPLES_MAX])
+        return Refused(texts.ERRORS["ambiguous"][lang].format(id=shown, count=len(found), examples=examples))
+    return found[0]
+
+
+def _story(found: Found, lang: str) -> dict[str, Any]:
+    report = reading.read_report(found)
+    lines = {language: money_line(report, language) for language in texts.LANGUAGES}
+    return {**as_story(report, lang), "money_line": lines, "folder": str(found.path)}
+
+
+def _markdown(report: Report, lang: str) -> str:
+    # Here, because the template engine takes longer to load than a list takes to print.
+    from postmortem.reports.as_markdown import as_markdown
+
+    return as_markdown(report, lang)
+
+
+def _json(story: dict[str, Any]) -> str:
+    return json.dumps(story, ensure_ascii=False, indent=1) + "\n"
+
+
+def _encoded(text: str) -> bytes:
+    # A lone surrogate is the one thing UTF-8 can't carry; as an escape it is valid in JSON as well.
+    return text.encode("utf-8", "backslashreplace")

@@ -1,0 +1,100 @@
+"""Reads an incident's folder into its report, whatever state the folder is in.
+
+An incident that is still open has no facts yet, one whose guard died may have half a bundle, and a folder
+may hold anything: each gives a report that says how much is known. Only the list of folders decides which
+incidents exist.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from postmortem import bundle, incident
+from postmortem.analyzer.case import Case, read_threads
+from postmortem.bundle import BundleFailed, Found, Manifest
+from postmortem.reports.report import Contents, Report, make_report
+
+#: Incidents that are read for a list; older ones are found by their id.
+LISTED_MAX = 1_000
+
+#: The files that are made of all the others, and can be made again.
+REPORTS = ("report.json", "report.md")
+
+_FACTS = "incident.json"
+
+
+def all_reports(incidents: Path) -> list[Report]:
+    """Return the newest LISTED_MAX incidents, newest first."""
+    reports = [read_report(found) for found in _one_each(bundle.find_bundles(incidents))[:LISTED_MAX]]
+    return sorted(reports, key=lambda one: (one.incident.opened_at or "", one.incident.id), reverse=True)
+
+
+def find(incidents: Path, prefix: str) -> list[Found]:
+    """Return the incidents whose id is `prefix`, or else begins with it."""
+    known = _one_each(bundle.find_bundles(incidents))
+    exact = [found for found in known if found.id == prefix]
+    return exact or [found for found in known if prefix and found.id.startswith(prefix)]
+
+
+def read_report(found: Found) -> Report:
+    """Return the report of one incident's folder."""
+    manifest = bundle.read_manifest(found.path)
+    opened_at = manifest.written_at or None if isinstance(manifest, Manifest) else None
+    facts, process, recorder = (_json(found.path, name) for name in (_FACTS, "process.json", "recorder.json"))
+    story = (
+        incident.from_facts(found.id, facts)
+        if isinstance(facts, dict)
+        else incident.still_open(found.id, opened_at, recorder)
+    )
+    case = Case(
+        incident=_with_slots(story, recorder),
+        threads=read_threads(_json(found.path, "stacks.json")),
+        process=incident.mapping(process),
+        recorder=incident.mapping(recorder),
+        traceback=_text(found.path, "stacks.txt"),
+    )
+    return make_report(case, _contents(found, manifest))
+
+
+def _one_each(found: list[Found]) -> list[Found]:
+    """Keep one folder per incident: the whole one where there is a partial one beside it."""
+    best: dict[str, Found] = {}
+    for one in found:
+        if one.id not in best or best[one.id].partial:
+            best[one.id] = one
+    return list(best.values())
+
+
+def _with_slots(story: incident.Incident, recorder: object) -> incident.Incident:
+    """Take the commands in flight from the recorder's page where the facts name none."""
+    if story.in_flight:
+        return story
+    slots = incident.still_open(story.id, None, recorder).in_flight
+    return replace(story, in_flight=slots)
+
+
+def _contents(found: Found, manifest: Manifest | BundleFailed) -> Contents:
+    faults = tuple(bundle.verify_bundle(found.path))
+    if isinstance(manifest, BundleFailed):
+        return Contents(complete=False, partial=found.partial, files={}, missing={}, faults=faults)
+    # Without the report itself, or a report made twice would differ from itself.
+    files = {name: entry.size_bytes for name, entry in manifest.files.items() if name not in REPORTS}
+    has_evidence = any(name.endswith("recorder.bin") for name in files)
+    complete = manifest.complete and has_evidence and not manifest.missing and not faults
+    return Contents(complete and not found.partial, found.partial, files, manifest.missing, faults)
+
+
+def _json(path: Path, name: str) -> object:
+    data = bundle.read_file(path, name)
+    if isinstance(data, BundleFailed):
+        return None
+    try:
+        parsed: object = json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+    return parsed
+
+
+def _text(path: Path, name: str) -> str:
+    data = bundle.read_file(path, name)
+    return "" if isinstance(data, BundleFailed) else data.decode("utf-8", "replace")

@@ -1,0 +1,67 @@
+"""Prints a report as the JSON that programs rely on: an item of the list, and the whole story."""
+
+from dataclasses import asdict
+from typing import Any
+
+from frontend import catalogue_reports as texts
+from postmortem.reports.report import Report, finding_line
+
+
+def as_item(report: Report, language: str) -> dict[str, Any]:
+    """Return the report as one item of the list of incidents."""
+    incident = report.incident
+    return {
+        "id": incident.id,
+        "opened_at": incident.opened_at,
+        "closed_at": incident.closed_at,
+        "diagnosis": incident.diagnosis,
+        "grade": incident.grade,
+        "summary": report.summary[language],
+        "account_ids": list(report.account_ids),
+        "transaction_ids": list(report.transaction_ids),
+        "command_ids": list(report.command_ids),
+        "outage_ms": incident.outage_ms,
+        "detected_ms": incident.detected_ms,
+        "outcome": incident.outcome,
+        "planned": incident.planned,
+        "fingerprint": report.fingerprint,
+        "evidence_complete": report.contents.complete,
+        "money": asdict(report.money),
+    }
+
+
+def as_story(report: Report, language: str) -> dict[str, Any]:
+    """Return the whole report."""
+    incident = report.incident
+    return {
+        **as_item(report, language),
+        "summaries": dict(report.summary),
+        "reason": incident.reason,
+        "timeline": [asdict(step) for step in incident.timeline],
+        "evidence": [{"kind": line.code, "text": line.text} for line in incident.evidence],
+        "findings": [
+            {
+                "rule": finding.rule,
+                "confidence": str(finding.confidence),
+                "sentence": {one: finding_line(finding, one) for one in texts.LANGUAGES},
+                "evidence": list(finding.evidence),
+                "account_ids": list(finding.account_ids),
+                "transaction_ids": list(finding.transaction_ids),
+            }
+            for finding in report.findings
+        ],
+        "proposals": [],
+        "requests": [asdict(request) for request in incident.requests],
+        "in_flight": [asdict(command) for command in incident.in_flight],
+        "suspects": list(incident.suspects),
+        "core": {
+            "pid": incident.pid,
+            "epoch": incident.epoch,
+            "next_epoch": incident.next_epoch,
+            "exit": asdict(incident.exit),
+            "last_words": asdict(incident.last_words) if incident.last_words else None,
+        },
+        "deaths": [asdict(death) for death in incident.deaths],
+        "proof": asdict(incident.proof) if incident.proof else None,
+        "bundle": asdict(report.contents) | {"faults": list(report.contents.faults)},
+    }

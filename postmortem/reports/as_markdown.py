@@ -1,0 +1,85 @@
+"""Prints a report as Markdown for people, in one language.
+
+Every value that the template prints passes through one escape, so that a description typed into the ledger
+can neither break out of its line nor carry a terminal's control characters into whoever shows the file.
+HTML's autoescape would have been the wrong tongue: what is special to Markdown is not what is special to it.
+"""
+
+import re
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from frontend import catalogue_reports as texts
+from postmortem.incident import at_work
+from postmortem.reports.report import Report, finding_line, money_line
+from postmortem.reports.visible import visible
+
+_TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
+
+_SPECIAL = re.compile(r"[\\`*\[\]<>|#~]|(?<![^\W_])_|_(?![^\W_])")
+
+
+def as_markdown(report: Report, language: str) -> str:
+    """Return the report as a Markdown document."""
+    incident = report.incident
+    words = {key: text[language] for key, text in texts.WORDS.items()}
+    return (
+        _environment()
+        .get_template("report.md.j2")
+        .render(
+            w=words,
+            incident=incident,
+            contents=report.contents,
+            summary=report.summary[language],
+            grade=texts.GRADES[incident.grade][language],
+            outcome=texts.OUTCOME_WORDS[incident.outcome][language],
+            accounts=", ".join(report.account_ids),
+            transactions=", ".join(report.transaction_ids),
+            fingerprint=report.fingerprint,
+            money=money_line(report, language),
+            steps={step: text[language] for step, text in texts.STEPS.items()},
+            findings=[
+                {
+                    "sentence": finding_line(finding, language),
+                    "grade": texts.GRADES[finding.confidence][language],
+                    "evidence": finding.evidence,
+                }
+                for finding in report.findings
+            ],
+            commands=at_work(incident),
+            suspects=incident.suspects,
+            requests=[
+                {
+                    "method": request.method,
+                    "path": request.path,
+                    "outcome": outcome_word(request.outcome, language),
+                    "status": request.status,
+                    "held_ms": request.held_ms,
+                }
+                for request in incident.requests
+            ],
+            ms=lambda value: words["nothing_recorded"] if value is None else f"{value} ms",
+        )
+    )
+
+
+def outcome_word(outcome: str, language: str) -> str:
+    """Return what became of a request, in words; an outcome unknown here as it is."""
+    text = texts.REQUEST_OUTCOMES.get(outcome)
+    return outcome if text is None else text[language]
+
+
+def escape(value: object) -> str:
+    """Return a value as Markdown that shows exactly its characters, on one line."""
+    return _SPECIAL.sub(r"\\\g<0>", visible(str(value)))
+
+
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        undefined=StrictUndefined,
+        finalize=escape,
+        keep_trailing_newline=True,
+        autoescape=False,  # noqa: S701  the output is Markdown; `finalize` escapes for it
+    )

@@ -1,0 +1,87 @@
+"""The one Report value that every printer prints.
+
+Whatever is said about an incident is decided here, once: which accounts and transactions it touched and
+why, the summary in both languages, the verdict on the money. A printer chooses an order and a form, never a
+fact.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from frontend import catalogue_reports as texts
+from postmortem.analyzer import registry
+from postmortem.analyzer.case import Case, Finding
+from postmortem.incident import Incident, Money, at_work, money, unique
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """The bundle behind a report: its files with their sizes, and what is wrong with it."""
+
+    complete: bool
+    partial: bool
+    files: Mapping[str, int]
+    missing: Mapping[str, str]
+    faults: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Everything that is said about one incident. `summary` has one sentence for each language."""
+
+    incident: Incident
+    summary: Mapping[str, str]
+    findings: tuple[Finding, ...]
+    fingerprint: str
+    account_ids: tuple[str, ...]
+    transaction_ids: tuple[str, ...]
+    command_ids: tuple[str, ...]
+    money: Money
+    contents: Contents
+
+
+def make_report(case: Case, contents: Contents) -> Report:
+    """Return the report of a case: the same one whenever it is asked for."""
+    incident, findings = case.incident, registry.examine(case)
+    commands = at_work(incident)
+    in_stacks = [one for finding in findings for one in finding.account_ids]
+    in_slots = [one for command in commands for one in command.account_ids]
+    transactions = [one for finding in findings for one in finding.transaction_ids]
+    return Report(
+        incident=incident,
+        summary={language: summarise(incident, language) for language in texts.LANGUAGES},
+        findings=findings,
+        fingerprint=registry.fingerprint(case, findings),
+        account_ids=unique([*in_stacks, *in_slots]),
+        transaction_ids=unique([*transactions, *(command.transaction_id for command in commands)]),
+        command_ids=unique(command.command_id for command in commands),
+        money=money(incident),
+        contents=contents,
+    )
+
+
+def summarise(incident: Incident, language: str) -> str:
+    """Return what happened as one plain sentence."""
+    cause = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])[language]
+    lead = texts.GRADE_LEADS[incident.grade if incident.diagnosis in texts.CAUSES else "certain"][language]
+    timed = incident.outcome == "recovered" and incident.outage_ms is not None
+    outcome = texts.OUTCOMES["recovered_in" if timed else incident.outcome][language]
+    seconds = f"{(incident.outage_ms or 0) / 1000:.1f}"
+    joint = " " if language == "ko" else "; "
+    sentence = f"{lead}{cause}{joint}{outcome.format(seconds=seconds)}"
+    return sentence[0].upper() + sentence[1:]
+
+
+def money_line(report: Report, language: str) -> str:
+    """Return the verdict on the money as a sentence that claims no more than the recorded proof."""
+    proof, verdict = report.incident.proof, report.money
+    if proof is None or not verdict.verified:
+        return texts.MONEY["none"][language]
+    if verdict.lost == 0:
+        return texts.MONEY["witness"][language].format(witness_seq=proof.witness_seq)
+    return texts.MONEY["chain"][language].format(tail=proof.tail if proof.tail is not None else "?")
+
+
+def finding_line(finding: Finding, language: str) -> str:
+    """Return a finding as a sentence."""
+    return texts.FINDINGS[finding.rule][language].format_map(finding.values)
