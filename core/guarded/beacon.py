@@ -24,7 +24,7 @@ class Beacon:
     def __init__(self, address: str | None) -> None:
         """Without an address every word is a no-op: nobody listens."""
         self._address = address
-        self._kept: deque[bytes] = deque(maxlen=KEPT_MAX)
+        self._kept: deque[bytes] = deque()
         self._lock = threading.Lock()
         self._socket: socket.socket | None = None
         if address is not None:
@@ -90,7 +90,8 @@ class Beacon:
 
     def _keep(self, message: str) -> None:
         with self._lock:
-            if self._socket is not None:
+            # What was said first matters most: a flood of TERMs must not push READY out.
+            if self._socket is not None and len(self._kept) < KEPT_MAX:
                 self._kept.append(message.encode())
         self.resend()
 
