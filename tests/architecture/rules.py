@@ -1,0 +1,237 @@
+"""The rules of a room, each a function from one source to the faults found in it.
+
+A linter knows general manners; these are the ones of this house, which none asks for: reasons beside late
+imports, the size of a function, no second door to the ledger's file. They are functions of a source, so that
+test_rules.py can show to each rule a piece of code it has to refuse.
+"""
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from typing import Final
+
+from tests.architecture.sources import PACKAGES, ROOT, Source, dotted
+
+FUNCTION_LINES_MAX: Final = 70
+FILE_LINES_MAX: Final = 500
+PUBLIC_METHODS_MAX: Final = 12
+
+_VAGUE_NAME: Final = re.compile(r"(^|_)(utils?|common|helpers?|managers?|misc|stuff)(_|$)")
+_BLIND: Final = frozenset({"Exception", "BaseException"})
+# What a pure room could still do without importing anything.
+_IMPURE_BUILTINS: Final = frozenset(
+    {"open", "print", "input", "breakpoint", "exec", "eval", "__import__", "id", "hash"}
+)
+_CLOCK_READINGS: Final = re.compile(r"(^|\.)(datetime|date|dt)\.(now|today|utcnow)$")
+
+LEDGER_FILE: Final = "ledger.db"
+# The one room that names the ledger's file: it hands the name to SQLite and does nothing else with it.
+LEDGER_FILE_ROOM: Final = "core/journal/store.py"
+LEDGER_FILE_NAME: Final = "LEDGER_FILE"
+# Where the core touches files by itself, and which files these are. None of them sees the ledger's.
+CORE_FILE_ROOMS: Final = {
+    "core/guarded/": "files of the run folder: the recorder's page, the control socket, the file for stacks",
+    "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
+}
+# Methods that only files have, with anything before them; then names that lists and dicts have as well.
+_FILE_CALL: Final = re.compile(
+    r"(^|\.)(open|fdopen|read_text|write_text|read_bytes|write_bytes|copyfile|copytree|copyfileobj|sendfile|"
+    r"copy_file_range|rename|renames|hardlink_to|symlink_to|symlink|unlink|rmtree|truncate|ftruncate|pread|"
+    r"pwrite|posix_fallocate)$|^(os\.)(remove|replace|link)$"
+)
+_CALL_ON_A_CLASS_OF_OURS: Final = re.compile(r"(^|\.)(?!Path\.)[A-Z]\w*\.\w+$")
+_FILE_MODULES: Final = frozenset({"shutil", "mmap", "fcntl", "tempfile", "io"})
+
+# Methods whose names a library has chosen: a protocol has as many as asyncio and httptools call.
+_CALLED_BY_A_LIBRARY: Final = re.compile(
+    r"connection_made|connection_lost|data_received|eof_received|pause_writing|resume_writing|datagram_received|"
+    r"error_received|get_buffer|buffer_updated|on_(message|chunk)_(begin|complete)|on_headers?(_complete)?|"
+    r"on_(body|status|url)"
+)
+
+
+def sizes_of_functions(source: Source) -> dict[str, int]:
+    """Lines of each function that is longer than it should be, by `path::name`."""
+    lengths = {f"{source.path}::{name}": _lines_of(node) for name, node in source.functions()}
+    return {name: lines for name, lines in lengths.items() if lines > FUNCTION_LINES_MAX}
+
+
+def size_of_file(source: Source) -> dict[str, int]:
+    """Lines of the file when it is longer than it should be, by path."""
+    return {source.path: source.lines} if source.lines > FILE_LINES_MAX else {}
+
+
+def sizes_of_classes(source: Source) -> dict[str, int]:
+    """Public methods of each class that has more than it should, by `path::name`.
+
+    Counted are the verbs a class offers: not its properties, and not what a library calls by its own names.
+    """
+    counts = {
+        f"{source.path}::{node.name}": sum(_is_public_method(child) for child in node.body)
+        for node in ast.walk(source.tree)
+        if isinstance(node, ast.ClassDef)
+    }
+    return {name: count for name, count in counts.items() if count > PUBLIC_METHODS_MAX}
+
+
+def vague_names(source: Source) -> list[str]:
+    """A room called after no subject at all."""
+    parts = source.path.removesuffix(".py").split("/")
+    return [f"{source.path}: `{part}` says nothing" for part in parts if _VAGUE_NAME.search(part)]
+
+
+def late_imports_without_reason(source: Source) -> list[str]:
+    """Imports inside functions beside which no comment says why."""
+    return [
+        f"{source.path}:{node.lineno}: an import inside {name} without a reason beside it"
+        for name, function in source.functions()
+        for node in _unexplained_imports(source, function)
+    ]
+
+
+def blind_excepts_without_reason(source: Source) -> list[str]:
+    """Handlers that catch everything, not to tidy up and raise it on, beside which no comment says why."""
+    return [
+        f"{source.path}:{node.lineno}: catches everything without a reason beside it"
+        for node in ast.walk(source.tree)
+        if isinstance(node, ast.ExceptHandler) and _is_blind(node) and not _raises_on(node)
+        if not source.has_reason_at(node.lineno) and node.lineno + 1 not in source.reasons
+    ]
+
+
+def missing_head(source: Source) -> list[str]:
+    """A room without its docstring, or with one that does not begin with a sentence."""
+    head = ast.get_docstring(source.tree)
+    if source.is_empty or (head and re.match(r"[^\n]+(\n[^\n]+)*[.:]", head)):
+        return []
+    return [f"{source.path}: begins with no sentence that says what it is"]
+
+
+def sleeps_in_tests(source: Source) -> list[str]:
+    """Waiting by the clock instead of for a condition."""
+    found = [node.lineno for name, node in source.calls() if name == "time.sleep"]
+    for node in ast.walk(source.tree):
+        if isinstance(node, ast.ImportFrom) and node.module == "time":
+            found += [node.lineno for alias in node.names if alias.name == "sleep"]
+    return [f"{source.path}:{line}: sleeps; wait for a condition with a deadline" for line in found]
+
+
+def impurities(source: Source) -> list[str]:
+    """Deeds of a pure room that need no import: files, terminals, the wall clock, addresses of objects."""
+    return [
+        f"{source.path}:{node.lineno}: a pure room calls {name}"
+        for name, node in source.calls()
+        if name in _IMPURE_BUILTINS or _CLOCK_READINGS.search(name)
+    ]
+
+
+def thawed_words(source: Source) -> list[str]:
+    """Dataclasses of the shared words that could be changed after they were said."""
+    return [
+        f"{source.path}:{node.lineno}: {node.name} is not a frozen dataclass with slots"
+        for node in ast.walk(source.tree)
+        if isinstance(node, ast.ClassDef)
+        for decorator in node.decorator_list
+        if _is_dataclass(decorator) and not {"frozen", "slots"} <= _switched_on(decorator)
+    ]
+
+
+def doors_to_the_ledger(source: Source) -> list[str]:
+    """Ways to the ledger's file other than SQLite.
+
+    Two locks on one door: only one room may know the file's name, and in the core only named rooms may touch
+    files at all. Closing any descriptor of the file, even one opened for reading, drops SQLite's locks.
+    """
+    named = [
+        f"{source.path}:{line}: names {LEDGER_FILE}"
+        for line in _mentions_of_the_ledger(source)
+        if source.path != LEDGER_FILE_ROOM
+    ]
+    if not source.path.startswith("core/") or source.path.startswith(tuple(CORE_FILE_ROOMS)):
+        return named
+    opened = [
+        f"{source.path}:{node.lineno}: touches a file by {name}, beside SQLite"
+        for name, node in source.calls()
+        if (_FILE_CALL.search(name) and not _CALL_ON_A_CLASS_OF_OURS.search(name))
+        or name.split(".")[0] in _FILE_MODULES
+    ]
+    return named + opened
+
+
+def foreign_imports(source: Source) -> set[str]:
+    """The packages of others that are imported, by their import names."""
+    found: set[str] = set()
+    for node in ast.walk(source.tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.split(".")[0])
+    return found - set(sys.stdlib_module_names) - set(PACKAGES) - {"tests"}
+
+
+def declared_dependencies() -> set[str]:
+    """The run-time dependencies of pyproject.toml by their import names."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    names = [re.split(r"[<>=!~ \[;]", dependency)[0] for dependency in project["dependencies"]]
+    return {name.lower().replace("-", "_") for name in names}
+
+
+def _mentions_of_the_ledger(source: Source) -> Iterator[int]:
+    for node in ast.walk(source.tree):
+        match node:
+            case ast.Constant(value=str(text)) if text.strip("/") == LEDGER_FILE:
+                yield node.lineno
+            case ast.alias(name=name) | ast.Attribute(attr=name) | ast.Name(id=name) if (
+                name == LEDGER_FILE_NAME
+            ):
+                yield node.lineno
+
+
+def _lines_of(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    assert node.end_lineno is not None, "the parser gives every statement its end"
+    return node.end_lineno - node.lineno + 1
+
+
+def _is_public_method(node: ast.stmt) -> bool:
+    if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or node.name.startswith("_"):
+        return False
+    is_property = any(dotted(decorator).endswith("property") for decorator in node.decorator_list)
+    return not is_property and not _CALLED_BY_A_LIBRARY.fullmatch(node.name)
+
+
+def _unexplained_imports(source: Source, function: ast.AST) -> Iterator[ast.Import | ast.ImportFrom]:
+    explained_until = 0
+    for node in ast.walk(function):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            # One reason serves a block of imports that stand line by line.
+            if source.has_reason_at(node.lineno) or explained_until == node.lineno - 1:
+                explained_until = node.end_lineno or node.lineno
+            else:
+                yield node
+
+
+def _is_blind(node: ast.ExceptHandler) -> bool:
+    match node.type:
+        case None:
+            return True
+        case ast.Tuple(elts=kinds):
+            return any(dotted(kind) in _BLIND for kind in kinds)
+        case kind:
+            return dotted(kind) in _BLIND
+
+
+def _raises_on(node: ast.ExceptHandler) -> bool:
+    last = node.body[-1]
+    return isinstance(last, ast.Raise) and last.exc is None
+
+
+def _is_dataclass(decorator: ast.expr) -> bool:
+    return dotted(decorator.func if isinstance(decorator, ast.Call) else decorator).endswith("dataclass")
+
+
+def _switched_on(decorator: ast.expr) -> set[str | None]:
+    if not isinstance(decorator, ast.Call):
+        return set()
+    return {k.arg for k in decorator.keywords if isinstance(k.value, ast.Constant) and k.value.value is True}
