@@ -97,6 +97,11 @@ STEPS: Mapping[str, Text] = {
 }
 
 FINDINGS: Mapping[str, Text] = {
+    "drill": _text("연습이었어요: {drill}", "This was a drill: {drill}"),
+    "was_in": _text(
+        "증거를 모을 때 서버는 여기에 있었어요: {function} ({place})",
+        "When the evidence was taken, the core was here: {function} ({place})",
+    ),
     "operator": _text("사람이 요청한 일이에요.", "Somebody asked for this."),
     "operator_reason": _text(
         "사람이 요청한 일이에요. 이유: {reason}", "Somebody asked for this. Reason: {reason}"
@@ -208,7 +213,6 @@ WORDS: Mapping[str, Text] = {
     "suspect": _text("다시 실행하지 않고 결과만 조회", "looked up, not run again"),
     "partial": _text("증거를 쓰다가 중단됐어요.", "Its evidence was never written to the end."),
     "nothing_recorded": _text("기록 없음", "not recorded"),
-    "not_serving": _text("기록 없음", "not recorded"),
 }
 
 ERRORS: Mapping[str, Text] = {

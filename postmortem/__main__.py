@@ -7,9 +7,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from frontend.catalogue_reports import LANGUAGES
 from postmortem.bundle import BundleFailed
 from postmortem.cli import write_report
+from postmortem.reports.report import LANGUAGES
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from frontend import catalogue_reports as texts
-from postmortem import bundle, reading, terminal
+from postmortem import bundle, reading
 from postmortem.bundle import BundleFailed, Found
+from postmortem.reports import as_terminal
 from postmortem.reports.as_json import as_item, as_story
-from postmortem.reports.report import Report, money_line
-from postmortem.terminal import Look, Write
+from postmortem.reports.as_terminal import Look, Write
+from postmortem.reports.report import LANGUAGES, Report, money_line, refusal
+from postmortem.reports.visible import visible
 
 _EXAMPLES_MAX = 3
 
@@ -42,18 +43,18 @@ def show_incident(incidents: Path, incident_id: str, lang: str = "en") -> dict[s
 
 def print_list(items: list[dict[str, Any]], lang: str, write: Write, look: Look | None = None) -> None:
     """Print what `list_incidents` returned. `look` None: as the terminal and NO_COLOR want it."""
-    terminal.print_list(items, lang, write, look or terminal_look())
+    as_terminal.print_list(items, lang, write, look or terminal_look())
 
 
 def print_show(story: dict[str, Any], lang: str, write: Write, look: Look | None = None) -> None:
     """Print what `show_incident` returned. `look` None: as the terminal and NO_COLOR want it."""
-    terminal.print_show(story, lang, write, look or terminal_look())
+    as_terminal.print_show(story, lang, write, look or terminal_look())
 
 
 def export(incidents: Path, incident_id: str, out: Path, lang: str = "en") -> Refused | None:
     """Write one incident to `out`, as Markdown or JSON by its ending. None: written, for its owner only."""
     if out.suffix not in {".md", ".json"}:
-        return Refused(texts.ERRORS["bad_ending"][lang].format(name=out.name))
+        return Refused(refusal("bad_ending", lang, name=out.name))
     found = _one(incidents, incident_id, lang)
     if isinstance(found, Refused):
         return found
@@ -64,7 +65,7 @@ def export(incidents: Path, incident_id: str, out: Path, lang: str = "en") -> Re
         with os.fdopen(handle, "wb") as file:
             file.write(_encoded(text))
     except OSError as error:
-        return Refused(texts.ERRORS["not_written"][lang].format(name=out.name, reason=error.strerror))
+        return Refused(refusal("not_written", lang, name=out.name, reason=error.strerror))
     return None
 
 
@@ -81,23 +82,23 @@ def terminal_look() -> Look:
     """Return how to print on this process's terminal: its width, and colour unless NO_COLOR is set."""
     width = shutil.get_terminal_size((80, 24)).columns
     colour = sys.stdout.isatty() and not os.environ.get("NO_COLOR")
-    return Look(min(max(width, terminal.WIDTH_MIN), terminal.WIDTH_MAX), colour)
+    return Look(min(max(width, as_terminal.WIDTH_MIN), as_terminal.WIDTH_MAX), colour)
 
 
 def _one(incidents: Path, incident_id: str, lang: str) -> Found | Refused:
     found = reading.find(incidents, incident_id)
-    shown = terminal.cut(terminal.visible(incident_id), 64)
+    shown = as_terminal.cut(visible(incident_id), 64)
     if not found:
-        return Refused(texts.ERRORS["unknown"][lang].format(id=shown))
+        return Refused(refusal("unknown", lang, id=shown))
     if len(found) > 1:
         examples = ", ".join(one.id for one in found[:_EXAMPLES_MAX])
-        return Refused(texts.ERRORS["ambiguous"][lang].format(id=shown, count=len(found), examples=examples))
+        return Refused(refusal("ambiguous", lang, id=shown, count=len(found), examples=examples))
     return found[0]
 
 
 def _story(found: Found, lang: str) -> dict[str, Any]:
     report = reading.read_report(found)
-    lines = {language: money_line(report, language) for language in texts.LANGUAGES}
+    lines = {language: money_line(report, language) for language in LANGUAGES}
     return {**as_story(report, lang), "money_line": lines, "folder": str(found.path)}
 
 

@@ -22,7 +22,7 @@ class Step:
 
     step: str
     at: str | None
-    offset_ms: int | None
+    offset_ms: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Command:
     transaction_id: str
     account_ids: tuple[str, ...]
     key_hash: str
-    age_ms: int | None
+    age_ms: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Request:
     key_hash: str
     outcome: str
     status: int | None
-    held_ms: int | None
+    held_ms: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +108,10 @@ class Incident:
     evidence: tuple[Words, ...]
     planned: bool
     reason: str | None
+    drill: str | None
     timeline: tuple[Step, ...]
-    detected_ms: int | None
-    outage_ms: int | None
+    detected_ms: float | None
+    outage_ms: float | None
     pid: int | None
     epoch: int | None
     next_epoch: int | None
@@ -144,9 +145,10 @@ def from_facts(incident_id: str, raw: object) -> Incident:
         ),
         planned=facts.get("planned") is True,
         reason=optional_text(facts.get("reason")),
+        drill=optional_text(facts.get("drill")),
         timeline=tuple(_step(line) for line in mappings(facts.get("timeline"))),
-        detected_ms=number(facts.get("detected_ms")),
-        outage_ms=number(facts.get("outage_ms")),
+        detected_ms=duration(facts.get("detected_ms")),
+        outage_ms=duration(facts.get("outage_ms")),
         pid=number(core.get("pid")),
         epoch=number(core.get("epoch")),
         next_epoch=number(facts.get("next_epoch")),
@@ -225,15 +227,21 @@ def texts(raw: object) -> tuple[str, ...]:
     )
 
 
-def number(raw: object) -> int | None:
-    """Return `raw` as a whole number if it is one that a clock or a counter may give."""
+def duration(raw: object) -> float | None:
+    """Return `raw` if it is a number that a clock may give; a whole one stays whole."""
     if isinstance(raw, bool) or not isinstance(raw, int | float) or not abs(raw) < 1 << 63:
         return None
-    return int(raw)
+    return raw
+
+
+def number(raw: object) -> int | None:
+    """Return `raw` as a whole number if it is one that a counter may give."""
+    known = duration(raw)
+    return None if known is None else int(known)
 
 
 def _step(raw: Mapping[str, Any]) -> Step:
-    return Step(text(raw.get("step")), optional_text(raw.get("at")), number(raw.get("offset_ms")))
+    return Step(text(raw.get("step")), optional_text(raw.get("at")), duration(raw.get("offset_ms")))
 
 
 def _exit(raw: object) -> Exit:
@@ -254,7 +262,7 @@ def _command(raw: Mapping[str, Any]) -> Command:
         transaction_id=text(raw.get("transaction_id")),
         account_ids=texts(raw.get("account_ids")),
         key_hash=text(raw.get("key_hash")),
-        age_ms=number(raw.get("age_ms")),
+        age_ms=duration(raw.get("age_ms")),
     )
 
 
@@ -265,7 +273,7 @@ def _request(raw: Mapping[str, Any]) -> Request:
         key_hash=text(raw.get("key_hash")),
         outcome=text(raw.get("outcome")) or "unknown",
         status=number(raw.get("status")),
-        held_ms=number(raw.get("held_ms")),
+        held_ms=duration(raw.get("held_ms")),
     )
 
 

@@ -67,6 +67,7 @@ def page_as_json(page: Page, now_ns: int) -> dict[str, Any]:
         **asdict(page),
         "in_flight": [_command_as_json(note, now_ns) for note in page.in_flight],
         "finished": [_command_as_json(note, now_ns) for note in page.finished],
+        "events": [asdict(event) | {"text": mask_line(event.text)} for event in page.events],
     }
 
 

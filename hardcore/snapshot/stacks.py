@@ -61,23 +61,30 @@ def ask_for_traceback(subject: Subject, haul: Haul, until_ns: int) -> None:
         haul.missing["stacks.txt"] = f"the process could not be asked for its stacks: {error.strerror}"
         return
     _await_growth(path, before_bytes, until_ns)
-    keep_traceback(subject, haul, after_bytes=before_bytes)
-
-
-def keep_traceback(subject: Subject, haul: Haul, after_bytes: int = 0) -> None:
-    """Keep what the core printed of its stacks from `after_bytes` on, if it printed anything."""
-    try:
-        with traceback_path(subject).open("rb") as file:
-            file.seek(after_bytes)
-            text = file.read(TRACEBACK_BYTES_MAX)
-    except OSError as error:
-        haul.missing["stacks.txt"] = f"the process's own traceback is not readable: {error.strerror}"
-        return
-    if text:
+    text = _printed(path, before_bytes)
+    if isinstance(text, bytes) and text:
         haul.files["stacks.txt"] = text
-        haul.missing.pop("stacks.txt", None)
     else:
-        haul.missing["stacks.txt"] = "the process printed no stacks"
+        haul.missing["stacks.txt"] = (
+            f"the process printed no stacks: {text if isinstance(text, str) else 'nothing came'}"
+        )
+
+
+def keep_last_traceback(subject: Subject, haul: Haul) -> None:
+    """Keep what a dead core printed of its stacks. One that was killed had no time to: nothing is missing."""
+    text = _printed(traceback_path(subject), 0)
+    if isinstance(text, bytes) and text:
+        haul.files["stacks.txt"] = text
+
+
+def _printed(path: Path, after_bytes: int) -> bytes | str:
+    """Return what stands in the file from `after_bytes` on, or why it can't be read."""
+    try:
+        with path.open("rb") as file:
+            file.seek(after_bytes)
+            return file.read(TRACEBACK_BYTES_MAX)
+    except OSError as error:
+        return error.strerror or "unreadable"
 
 
 def collect_stacks(subject: Subject, haul: Haul, tools: Tools, until_ns: int) -> None:

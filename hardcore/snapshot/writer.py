@@ -127,7 +127,7 @@ def _collect_one(
         case Piece.STACKS:
             stacks.collect_stacks(subject, haul, tools, step.until_ns)
         case Piece.LAST_TRACEBACK:
-            stacks.keep_traceback(subject, haul)
+            stacks.keep_last_traceback(subject, haul)
         case _:
             assert_never(step.piece)
 

@@ -20,15 +20,17 @@ _ITEM = re.compile(r"""["']([^"']+)["']""")
 
 def examine(case: Case) -> list[Finding]:
     """Name the blocked frame of the loop's thread, or the one frame elsewhere that carries a transaction."""
-    if case.incident.diagnosis not in DIAGNOSES:
+    judged = case.incident.diagnosis in DIAGNOSES
+    if not judged and case.incident.diagnosis != "UNKNOWN":
         return []
     loop = loop_thread(case)
     if loop is not None and (frame := blocked_frame(loop)) is not None:
-        return [_finding(case, loop, frame, Confidence.CERTAIN)]
+        # Without a diagnosis (no facts yet) the stack says where the core was, not that it hung there.
+        return [_finding(case, loop, frame, Confidence.CERTAIN if judged else Confidence.UNKNOWN)]
     # Loop at rest or not seen: a worker with a transaction in its hands is the next best.
     for thread in case.threads:
         if thread is not loop and ids_of(thread.frames)[1] and (frame := blocked_frame(thread)) is not None:
-            return [_finding(case, thread, frame, Confidence.LIKELY)]
+            return [_finding(case, thread, frame, Confidence.LIKELY if judged else Confidence.UNKNOWN)]
     return []
 
 
@@ -66,7 +68,7 @@ def _finding(case: Case, thread: Thread, frame: Frame, sure: Confidence) -> Find
         "place": frame.place,
         "thread": thread.name or str(thread.tid or ""),
     }
-    rule = "spinning" if case.incident.diagnosis == "SPINNING" else "blocked"
+    rule = {"SPINNING": "spinning", "UNKNOWN": "was_in"}.get(case.incident.diagnosis, "blocked")
     return Finding(rule, sure, values, tuple(evidence), accounts, transactions)
 
 

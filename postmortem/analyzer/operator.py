@@ -4,8 +4,11 @@ from postmortem.analyzer.case import Case, Confidence, Finding
 
 
 def examine(case: Case) -> list[Finding]:
-    """Name the operator's reason, where the incident was asked for."""
+    """Name the drill or the operator's reason, where the incident was asked for."""
     incident = case.incident
+    if incident.drill:
+        evidence = (f"the guard had ordered the drill {incident.drill!r}",)
+        return [Finding("drill", Confidence.CERTAIN, {"drill": incident.drill}, evidence)]
     if not incident.planned and incident.diagnosis not in {"OPERATOR", "PLANNED_SWITCH"}:
         return []
     reason = incident.reason or ""

@@ -37,6 +37,7 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
         **as_item(report, language),
         "summaries": dict(report.summary),
         "reason": incident.reason,
+        "drill": incident.drill,
         "timeline": [asdict(step) for step in incident.timeline],
         "evidence": [{"kind": line.code, "text": line.text} for line in incident.evidence],
         "findings": [

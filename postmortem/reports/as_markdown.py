@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from frontend import catalogue_reports as texts
 from postmortem.incident import at_work
+from postmortem.reports.as_terminal import milliseconds
 from postmortem.reports.report import Report, finding_line, money_line
 from postmortem.reports.visible import visible
 
@@ -59,7 +60,7 @@ def as_markdown(report: Report, language: str) -> str:
                 }
                 for request in incident.requests
             ],
-            ms=lambda value: words["nothing_recorded"] if value is None else f"{value} ms",
+            ms=lambda value: milliseconds(value, words["nothing_recorded"]),
         )
     )
 

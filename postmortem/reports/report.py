@@ -13,6 +13,8 @@ from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Finding
 from postmortem.incident import Incident, Money, at_work, money, unique
 
+LANGUAGES = texts.LANGUAGES
+
 
 @dataclass(frozen=True, slots=True)
 class Contents:
@@ -49,7 +51,7 @@ def make_report(case: Case, contents: Contents) -> Report:
     transactions = [one for finding in findings for one in finding.transaction_ids]
     return Report(
         incident=incident,
-        summary={language: summarise(incident, language) for language in texts.LANGUAGES},
+        summary={language: summarise(incident, language) for language in LANGUAGES},
         findings=findings,
         fingerprint=registry.fingerprint(case, findings),
         account_ids=unique([*in_stacks, *in_slots]),
@@ -85,3 +87,8 @@ def money_line(report: Report, language: str) -> str:
 def finding_line(finding: Finding, language: str) -> str:
     """Return a finding as a sentence."""
     return texts.FINDINGS[finding.rule][language].format_map(finding.values)
+
+
+def refusal(kind: str, language: str, **values: object) -> str:
+    """Return why something asked about incidents can't be done, with the next step."""
+    return texts.ERRORS[kind][language].format(**values)

@@ -1,4 +1,4 @@
-"""Lays incidents out for a terminal: calm, readable, as wide as the window, in Korean and English.
+"""Prints incidents on a terminal: calm, readable, as wide as the window, in Korean and English.
 
 Widths are counted in cells, because a Korean syllable takes two; a library for it was not needed, the
 Unicode tables of the standard library know. Every text passes `visible`, so nothing that was typed into the
@@ -9,7 +9,6 @@ import unicodedata
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from os.path import commonprefix
 from typing import Any
 
 from frontend import catalogue_reports as texts
@@ -56,7 +55,7 @@ def print_list(items: list[dict[str, Any]], language: str, write: Write, look: L
     for item in items:
         outcome = texts.OUTCOME_WORDS[item["outcome"]][language]
         head = f"{_local(item['opened_at'], language)}  {short[item['id']]}  "
-        outage = _ms(item["outage_ms"], "-")
+        outage = milliseconds(item["outage_ms"], "-")
         state = look.style(pad(outcome, 11), _OUTCOME_STYLES[item["outcome"]])
         row = f"{look.style(head, 'dim')}{state}{pad(outage, 9, right=True)}"
         used = cells(head) + 11 + 9 + 2
@@ -70,7 +69,7 @@ def print_list(items: list[dict[str, Any]], language: str, write: Write, look: L
 def print_show(story: Mapping[str, Any], language: str, write: Write, look: Look) -> None:
     """Print everything about one incident."""
     write(f"{look.style(_word('incident', language), 'dim')} {look.style(visible(story['id']), 'bold')}\n")
-    write(_wrapped(story["summary"], look.width, 0))
+    write(_wrapped(story["summaries"][language], look.width, 0))
     write("\n")
     _facts(story, language, write, look)
     for title, lines in (
@@ -92,8 +91,8 @@ def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) ->
         ("diagnosis", f"{story['diagnosis']} ({texts.GRADES[story['grade']][language]})"),
         ("outcome", outcome),
         ("opened", _local(story["opened_at"], language)),
-        ("detection", _ms(story["detected_ms"], nothing)),
-        ("outage", _ms(story["outage_ms"], nothing)),
+        ("detection", milliseconds(story["detected_ms"], nothing)),
+        ("outage", milliseconds(story["outage_ms"], nothing)),
         ("account", ", ".join(story["account_ids"]) or nothing),
         ("transaction", ", ".join(story["transaction_ids"]) or nothing),
         ("money", story["money_line"][language]),
@@ -107,8 +106,7 @@ def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) ->
 def _timeline(story: Mapping[str, Any], language: str) -> Iterable[str]:
     for step in story["timeline"]:
         name = texts.STEPS[step["step"]][language] if step["step"] in texts.STEPS else step["step"]
-        offset = "-" if step["offset_ms"] is None else f"{step['offset_ms']} ms"
-        yield f"{pad(offset, 10, right=True)}  {name}"
+        yield f"{pad(milliseconds(step['offset_ms'], '-'), 10, right=True)}  {name}"
 
 
 def _findings(story: Mapping[str, Any], language: str) -> Iterable[str]:
@@ -121,7 +119,7 @@ def _in_flight(story: Mapping[str, Any], language: str) -> Iterable[str]:
     if not story["in_flight"]:
         yield _word("nothing_in_flight", language)
     for command in story["in_flight"]:
-        age = _ms(command["age_ms"], "-")
+        age = milliseconds(command["age_ms"], "-")
         suspect = f" · {_word('suspect', language)}" if command["key_hash"] in story["suspects"] else ""
         yield f"{command['kind'] or _word('command', language)} · {command['stage']} · {age}{suspect}"
         if command["transaction_id"]:
@@ -138,7 +136,7 @@ def _requests(story: Mapping[str, Any], language: str) -> Iterable[str]:
         parts = [f"{request['method']} {request['path']}", known[language] if known else request["outcome"]]
         parts += [str(request["status"])] if request["status"] else []
         if request["held_ms"] is not None:
-            parts.append(f"{_word('held', language)} {_ms(request['held_ms'], '-')}")
+            parts.append(f"{_word('held', language)} {milliseconds(request['held_ms'], '-')}")
         yield " · ".join(parts)
 
 
@@ -223,10 +221,9 @@ def _wrapped(text: str, width: int, indent: int) -> str:
 
 def _short_ids(ids: list[str]) -> dict[str, str]:
     """Return for each id the shortest beginning that no other one shares, all of one length."""
-    ordered = sorted(set(ids))
-    pairs = zip(ordered, ordered[1:], strict=False)
-    shared = max((len(commonprefix(pair)) for pair in pairs), default=0)
-    length = max(_ID_MIN, shared + 1)
+    longest = max(map(len, ids))
+    lengths = range(_ID_MIN, longest + 1)
+    length = next((n for n in lengths if len({one[:n] for one in ids}) == len(set(ids))), longest)
     return {one: pad(visible(one[:length]), length) for one in ids}
 
 
@@ -239,10 +236,13 @@ def _local(at: str | None, language: str) -> str:
         return visible(at)
 
 
-def _ms(value: int | None, otherwise: str) -> str:
+def milliseconds(value: float | None, otherwise: str) -> str:
+    """Return a duration in words: a tenth counts below ten milliseconds, seconds above ten of them."""
     if value is None:
         return otherwise
-    return f"{value} ms" if value < 10_000 else f"{value / 1000:.1f} s"
+    if value >= 10_000:
+        return f"{value / 1000:.1f} s"
+    return f"{value:.1f} ms" if value < 10 and value % 1 else f"{value:.0f} ms"
 
 
 def _word(key: str, language: str) -> str:
