@@ -8,7 +8,6 @@ the moment before its guard died may not have written its page yet, but it can't
 import os
 import secrets
 import sys
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -190,7 +189,7 @@ def _last_page(folders: Folders) -> Page | None:
     return best
 
 
-def sweep(folders: Folders, living: Mapping[str, object]) -> None:
+def sweep(folders: Folders, living: set[str]) -> None:
     """Remove the files of dead lives that nobody needs any more, but for the youngest."""
     pages = sorted(folders.run.glob("recorder-*"), key=lambda p: p.stat().st_mtime_ns, reverse=True)
     nonces = [p.name.removeprefix("recorder-") for p in pages if not p.suffix]

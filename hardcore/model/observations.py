@@ -180,7 +180,7 @@ class OperatorAsked:
 
 @dataclass(frozen=True, slots=True)
 class DrillStarted:
-    """The core was told to break itself: its next death is a drill."""
+    """The core was told to break itself: its next death is a drill. An empty `fault` takes that back."""
 
     at_ns: int
     fault: str

@@ -103,7 +103,7 @@ class FailoverManager:
             case seen.OperatorAsked():
                 self._obey(fact)
             case seen.DrillStarted():
-                self._drill = (fact.fault, fact.at_ns)
+                self._drill = (fact.fault, fact.at_ns) if fact.fault else None
             case seen.GatewayHolding():
                 self._mark("alerted", fact.at_ns)
             case seen.FirstServed():
@@ -165,6 +165,7 @@ class FailoverManager:
 
     def _begin(self, fact: seen.SentinelBegan) -> None:
         self._store.saw(fact.page)
+        self._store.certain = False  # a core of the earlier guard may have raised it since
         if self.wanted is Wanted.DOWN and not fact.leftovers:
             self._fire(Trigger.STOP, fact.at_ns, "the operator wants no core")
         elif fact.leftovers:

@@ -1,0 +1,241 @@
+"""What the sentinel answers at its door: the operator's questions and orders, the gateway's reports.
+
+An order is carried out by the same manager that a crash goes through; nothing is done here behind its back.
+What the operator wants is on disk before the first signal is sent. The room knows its house only through
+`House`, so that nothing here can reach the loop.
+"""
+
+import asyncio
+import json
+import resource
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol, assert_never
+
+import psutil
+
+from hardcore import standing, status
+from hardcore.control.protocol import Ask, Request, write_line
+from hardcore.host import clock
+from hardcore.host.folders import Folders
+from hardcore.host.lives import Life
+from hardcore.host.processes import Handle
+from hardcore.model import observations as seen
+from hardcore.model.phases import SERVING, Phase, Wanted
+from hardcore.recovery.policy import Policy
+from hardcore.recovery.reading import Reading
+
+CORE_ANSWER_S = 2.0
+LINE_BYTES_MAX = 4096
+REQUESTS_MAX = 2048
+Answer = tuple[Mapping[str, object], list[int]]
+
+
+class House(Protocol):
+    """What the door needs of the sentinel around it."""
+
+    folders: Folders
+    policy: Policy
+    listen_fd: int
+    url: str
+    generation: int
+    adopted: bool
+
+    def feed(self, fact: seen.Observation) -> None:
+        """Give the manager a fact and do what it orders."""
+
+    def reading(self) -> Reading:
+        """Return what the present moment means."""
+
+    def life(self) -> Life | None:
+        """Return the present life of the core."""
+
+    def gateway(self) -> Handle | None:
+        """Return the present gateway's process."""
+
+    async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
+        """Run blocking work on a hand's thread."""
+
+
+def _refuse(code: str, error: str) -> Answer:
+    return {"ok": False, "code": code, "error": error}, []
+
+
+class Door:
+    """Answers requests and takes in what the gateway reports."""
+
+    def __init__(self, house: House) -> None:
+        self.proved_ns: int | None = None
+        self.last_incident: str | None = None
+        self._house = house
+        self._stats: dict[str, int] = {}
+        self._own_cpu = _CpuMeter()
+        self._core_cpu = _CpuMeter()
+
+    async def answer(self, request: Request) -> Answer:
+        """Return the answer to one request, and descriptors to send along."""
+        match request.ask:
+            case Ask.STATUS:
+                return self._status(), []
+            case Ask.ATTACH:
+                return {"ok": True, "url": self._house.url}, [self._house.listen_fd]
+            case Ask.DRILL:
+                return await self._drill(request)
+            case Ask.DOWN:
+                await self._house.in_hand(standing.store_wanted, self._house.folders, Wanted.DOWN)
+                return self._order(seen.Verb.STOP, request)
+            case Ask.RESTART:
+                return self._restart(request)
+            case Ask.RESUME:
+                return self._order(seen.Verb.RESUME, request)
+            case Ask.SUBSCRIBE:
+                raise AssertionError("a subscription is no question")
+            case _:
+                assert_never(request.ask)
+
+    def _order(self, verb: seen.Verb, request: Request) -> Answer:
+        before = self._house.reading()
+        self._house.feed(seen.OperatorAsked(clock.now_ns(), verb, request.reason))
+        after = self._house.reading()
+        told = {"ok": True, "incident": after.incident or before.incident, "phase": str(after.phase)}
+        return {**told, "changed": after.phase is not before.phase}, []
+
+    def _restart(self, request: Request) -> Answer:
+        reading = self._house.reading()
+        if reading.phase is Phase.UNKILLABLE:
+            return _refuse(
+                "unkillable", "The old core does not die; a second one beside it could lose money."
+            )
+        return self._order(seen.Verb.RESTART_HARD if request.hard else seen.Verb.RESTART, request)
+
+    async def _drill(self, request: Request) -> Answer:
+        reading, life = self._house.reading(), self._house.life()
+        if not self._house.policy.drills:
+            return _refuse("drills-off", "The policy forbids drills (`drills` is false).")
+        if reading.phase is not Phase.RUNNING or life is None:
+            return _refuse("not-running", f"A drill needs a core that runs; it is {reading.phase} now.")
+        others = self._stats.get("connections", 0)
+        if others and not request.yes:
+            return _refuse(
+                "others", f"{others} connections are open. Add --yes to break the core under them."
+            )
+        self._house.feed(seen.DrillStarted(clock.now_ns(), request.fault))
+        refused = await self._tell_core(life, request.fault)
+        if refused:
+            self._house.feed(seen.DrillStarted(0, ""))
+            return _refuse("core-refused", refused)
+        return {"ok": True, "fault": request.fault, "since": clock.wall(clock.now_ns())}, []
+
+    async def _tell_core(self, life: Life, fault: str) -> str:
+        """Have the core break itself; return why it would not, or an empty text."""
+        path = self._house.folders.core_control(life.nonce)
+        order = {"verb": "drill", "fault": fault, "generation": self._house.generation}
+        try:
+            return await asyncio.wait_for(_ask_core(path, order), CORE_ANSWER_S)
+        except (OSError, ValueError, TimeoutError) as error:
+            return f"The core's control socket does not answer ({type(error).__name__})."
+
+    # ---- what the gateway reports ----
+
+    def listen(self, line: Mapping[str, object]) -> None:
+        """Take in one line from the gateway; what makes no sense is dropped."""
+        at_ns = line.get("at_ns", 0)
+        match line.get("type"), at_ns:
+            case "holding", int():
+                self._house.feed(seen.GatewayHolding(at_ns))
+            case "served", int():
+                if isinstance(epoch := line.get("epoch"), int):
+                    self._house.feed(seen.FirstServed(at_ns, epoch))
+            case "outcomes", _:
+                self._settled(line)
+            case "stats", _:
+                self._stats = {k: v for k, v in line.items() if isinstance(v, int)}
+            case _:
+                return
+
+    def _settled(self, line: Mapping[str, object]) -> None:
+        incident, requests = line.get("incident"), line.get("requests")
+        if not isinstance(incident, str) or not isinstance(requests, list):
+            return
+        outcomes = tuple(
+            seen.RequestOutcome(
+                method=str(item.get("method", ""))[:16],
+                path=str(item.get("path", ""))[:256],
+                key_hash=str(item.get("key_hash") or "")[:64],
+                outcome=str(item.get("outcome", ""))[:16],
+                status=_whole(item.get("status")),
+                held_ms=_whole(item.get("held_ms")),
+            )
+            for item in requests[:REQUESTS_MAX]
+            if isinstance(item, dict)
+        )
+        self._house.feed(seen.RequestsSettled(clock.now_ns(), incident, outcomes))
+
+    # ---- status ----
+
+    def measure(self) -> None:
+        """Take the processor's share of the last second."""
+        usage = resource.getrusage(resource.RUSAGE_SELF)
+        self._own_cpu.take(usage.ru_utime + usage.ru_stime)
+        life = self._house.life()
+        if life is not None and life.sample is not None:
+            self._core_cpu.take(life.sample.cpu_ns / 1e9)
+
+    def _status(self) -> dict[str, object]:
+        house, reading = self._house, self._house.reading()
+        told = status.running(reading, house.policy)
+        gateway = house.gateway()
+        told["url"] = house.url
+        told["launcher"] = {"pid": psutil.Process().ppid() or None}
+        told["sentinel"] |= {
+            "pid": psutil.Process().pid,
+            "cpu_percent": self._own_cpu.percent,
+            "rss_bytes": psutil.Process().memory_info().rss,
+            "adopted": house.adopted,
+        }
+        told["gateway"] = {
+            "pid": gateway.pid if gateway else None,
+            "websockets": self._stats.get("websockets", 0),
+            "held_requests": self._stats.get("held", 0),
+            "connections": self._stats.get("connections", 0),
+        }
+        serving = reading.phase in SERVING
+        told["core"] = status.core(house.life(), reading, serving=serving, cpu_percent=self._core_cpu.percent)
+        told["last_incident"] = self.last_incident
+        told["ledger_verified_at"] = clock.wall(self.proved_ns) if self.proved_ns else None
+        return told
+
+
+class _CpuMeter:
+    """Share of one processor between two takings."""
+
+    def __init__(self) -> None:
+        self.percent: float | None = None
+        self._last: tuple[float, float] | None = None
+
+    def take(self, cpu_s: float) -> None:
+        now = time.monotonic()
+        if self._last is not None and now > self._last[0] and cpu_s >= self._last[1]:
+            self.percent = round(100 * (cpu_s - self._last[1]) / (now - self._last[0]), 1)
+        self._last = (now, cpu_s)
+
+
+def _whole(value: object) -> int:
+    return value if isinstance(value, int) else 0
+
+
+async def _ask_core(path: Path, order: Mapping[str, object]) -> str:
+    reader, writer = await asyncio.open_unix_connection(str(path), limit=LINE_BYTES_MAX)
+    try:
+        writer.write(write_line(order))
+        await writer.drain()
+        line = await reader.readline()
+        if not line:
+            return ""  # gone before it could answer: the drill has begun
+        answer = json.loads(line)
+        return "" if answer.get("ok") is True else str(answer.get("error", "it gave no reason"))
+    except ConnectionError:
+        return ""  # as above
+    finally:
+        writer.close()

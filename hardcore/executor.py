@@ -1,0 +1,297 @@
+"""The hands: one order, one coroutine; what comes of it is told as facts.
+
+Whatever goes wrong in here becomes a fact or a line in the log, never an exception in the loop that decides.
+Blocking work (files, starting processes, walking /proc) is done on threads of our own; more than one, so that
+a collector that hangs in the kernel can't keep the next core from being started.
+"""
+
+import asyncio
+import os
+import shutil
+import signal
+import sys
+import threading
+from collections.abc import Callable, Coroutine, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, assert_never
+
+from hardcore import standing
+from hardcore.host import clock, files, lives, logs, processes
+from hardcore.host.folders import Folders
+from hardcore.host.lives import Life
+from hardcore.model import actions as orders
+from hardcore.model import observations as seen
+from hardcore.snapshot import writer
+from hardcore.snapshot.facts import facts
+from hardcore.snapshot.subject import Evidence, Subject, Tools
+
+THREADS_MAX = 4
+LIVES_KEPT_MAX = 4
+#: A core says WATCHDOG=1 at least twice in this time; its silence is judged by the recorder, not by this.
+WATCHDOG_USEC = 2_000_000
+
+
+class Executor:
+    """Carries out orders. `tell` takes the facts, `publish` the lines for the gateway."""
+
+    def __init__(
+        self,
+        folders: Folders,
+        generation: int,
+        tell: Callable[[seen.Observation], None],
+        publish: Callable[[Mapping[str, object]], None],
+    ) -> None:
+        self.lives: dict[int, Life] = {}
+        self.leftovers: tuple[Life, ...] = ()
+        self.halted = asyncio.Event()
+        self.switch: dict[str, object] = {"generation": generation}
+        self._switch_lock = threading.Lock()
+        self.pool = ThreadPoolExecutor(THREADS_MAX, thread_name_prefix="hand")
+        self._folders = folders
+        self._generation = generation
+        self._tell = tell
+        self._publish = publish
+        self._log = logs.LogFile(folders.logs / "sentinel.log")
+        self._tools = Tools(_find_py_spy())
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._evidence: dict[str, asyncio.Event] = {}
+        self.serving: tuple[dict[str, object], ...] = ()
+
+    def carry_out(self, action: orders.Action) -> None:
+        """Begin to carry out one order."""
+        match action:
+            case orders.Spawn():
+                self.begin(self._spawn(action))
+            case orders.Terminate():
+                self.begin(self._terminate(action))
+            case orders.Kill():
+                self.begin(self._kill(action))
+            case orders.KillLeftovers():
+                self.begin(self._kill_leftovers())
+            case orders.TakeEvidence():
+                done = self._evidence[action.incident] = asyncio.Event()
+                self.begin(self._take_evidence(action, done))
+            case orders.Release():
+                self._release(action)
+            case orders.CloseIncident():
+                self.begin(self._close(action))
+            case orders.Alert():
+                self.note("alert", diagnosis=action.diagnosis, text=action.text)
+            case orders.KeepBudget():
+                self.begin(self._keep(action))
+            case orders.Halt():
+                self.halted.set()
+            case _:
+                assert_never(action)
+
+    def note(self, kind: str, **particulars: object) -> None:
+        """Write a line to the guard's log, on a hand's thread."""
+        entry = {"at": clock.wall(clock.now_ns()), "kind": kind, **particulars}
+        self.pool.submit(self._log.append, entry)
+
+    async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
+        """Run blocking work on a hand's thread."""
+        return await asyncio.get_running_loop().run_in_executor(self.pool, work, *args)
+
+    async def finish(self) -> None:
+        """Wait for what is under way, then let the threads go."""
+        while self._tasks:
+            await asyncio.wait(self._tasks)
+        await asyncio.to_thread(self.pool.shutdown)
+
+    def mark(self, step: str, **particulars: object) -> None:
+        """Write down where we are before the next deed, for whoever has to go on in our place."""
+        with self._switch_lock:
+            self.switch |= {"step": step, **particulars}
+            files.write_json(self._folders.switch, self.switch, durable=False)
+
+    # ---- orders ----
+
+    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Start a piece of work that nobody waits for; its faults are told in the log."""
+        task = asyncio.get_running_loop().create_task(self._guarded(work))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _guarded(self, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        except Exception as error:  # noqa: BLE001  # a fault of a hand must not end the watch; it is told
+            self.note(
+                "fault", where=getattr(work, "__qualname__", "?"), error=f"{type(error).__name__}: {error}"
+            )
+
+    async def _spawn(self, order: orders.Spawn) -> None:
+        try:
+            life = await self.in_hand(self._make, order)
+        except OSError as error:
+            self._tell(seen.SpawnFailed(clock.now_ns(), order.life, error.strerror or str(error)))
+            return
+        self.lives[order.life] = life
+        loop = asyncio.get_running_loop()
+        loop.add_reader(life.handle.pidfd, self._ended, life)
+        self._tell(seen.CoreSpawned(clock.now_ns(), order.life, life.handle.pid))
+
+    def _make(self, order: orders.Spawn) -> Life:
+        self.mark("spawn", life=order.life, expected_epoch=order.expected_epoch)
+        lives.sweep(self._folders, {life.nonce for life in self.lives.values()})
+        logs.rotate(self._folders.logs / "core.log")
+        life = lives.conceive(self._folders, order.life)
+        try:
+            handle = lives.start(life, order.expected_epoch, order.witness, WATCHDOG_USEC)
+        except OSError:
+            life.discard()
+            raise
+        core = {"pid": handle.pid, "start": handle.identity.start, "nonce": life.nonce}
+        self.mark("spawned", core=core)
+        return life
+
+    def _ended(self, life: Life) -> None:
+        """The pidfd is readable: the process is gone, or soon reapable."""
+        assert life.handle is not None, "a pidfd belongs to a handle"
+        at_ns = clock.now_ns()
+        how = life.handle.reap()
+        if how is None:
+            return
+        asyncio.get_running_loop().remove_reader(life.handle.pidfd)
+        self._tell(seen.CoreExited(at_ns, life.number, how, life.page()))
+        self.begin(self._bury())
+
+    async def _bury(self) -> None:
+        """Let go of lives that are long over."""
+        for number in sorted(self.lives)[:-LIVES_KEPT_MAX]:
+            life = self.lives.pop(number)
+            await self.in_hand(life.discard)
+
+    async def _terminate(self, order: orders.Terminate) -> None:
+        life = self.lives.get(order.life)
+        if life is None or life.handle is None:
+            return
+        await self.in_hand(self.mark, "terminate")
+        life.handle.signal(signal.SIGTERM)
+        life.handle.signal(signal.SIGCONT)  # a stopped core could not obey
+
+    async def _kill(self, order: orders.Kill) -> None:
+        life = self.lives.get(order.life)
+        if life is None or life.handle is None:
+            return
+        await self.in_hand(self.mark, "kill")
+        await self.in_hand(life.handle.kill_tree)
+
+    async def _kill_leftovers(self) -> None:
+        await self.in_hand(self.mark, "adopt")
+        for life in self.leftovers:
+            assert life.handle is not None, "a leftover was found by its process"
+            await self.in_hand(life.handle.kill_tree)
+        for life in self.leftovers:
+            assert life.handle is not None, "as above"
+            await _gone(life.handle)
+        pages = [page for life in self.leftovers if (page := life.page()) is not None]
+        last = max(pages, key=lambda page: page.beats.epoch, default=None)
+        self._tell(seen.CoreExited(clock.now_ns(), 0, seen.Exit(signal=signal.SIGKILL), last))
+
+    async def _take_evidence(self, order: orders.TakeEvidence, done: asyncio.Event) -> None:
+        try:
+            await self._take(order)
+        finally:
+            done.set()
+
+    async def _take(self, order: orders.TakeEvidence) -> None:
+        life = self.lives.get(order.life)
+        if life is None or life.handle is None:
+            self._tell(seen.EvidenceTaken(clock.now_ns(), order.life, complete=False, page=None))
+            return
+        subject = Subject(
+            pid=life.handle.pid,
+            pidfd=life.handle.pidfd,
+            nonce=life.nonce,
+            recorder=self._folders.recorder(life.nonce),
+            logs=(self._folders.logs / "core.log",),
+            incident=order.incident,
+            incidents=self._folders.incidents,
+            data=self._folders.data,
+        )
+        if order.living:
+            await self.in_hand(self.mark, "stop")
+            taken = await writer.take_live(subject, order.budget_ms, self.pool, self._tools)
+        else:
+            taken = await writer.take_dead(subject, order.budget_ms, self.pool, life.sample)
+        whole = isinstance(taken, Evidence) and taken.complete
+        if not isinstance(taken, Evidence):
+            self.note("evidence", incident=order.incident, missing=taken.reason)
+        self._tell(
+            seen.EvidenceTaken(clock.now_ns(), order.life, complete=whole, page=taken.page, steps=taken.steps)
+        )
+
+    def _release(self, order: orders.Release) -> None:
+        life = self.lives[order.life]
+        self.serving = (
+            {"type": "suspects", "keys": list(order.suspects)},
+            {
+                "type": "serving",
+                "socket": str(self._folders.core_socket(life.nonce)),
+                "epoch": order.epoch,
+            },
+            {"type": "release", "epoch": order.epoch, "incident": order.incident},
+        )
+        for line in self.serving:
+            self._publish(line)
+        self.begin(self.in_hand(self.mark, "released"))
+
+    serving: tuple[dict[str, object], ...] = ()
+
+    async def _close(self, order: orders.CloseIncident) -> None:
+        incident = order.incident
+        evidence = self._evidence.pop(incident.id, None)
+        if evidence is not None:
+            await evidence.wait()
+        life = self.lives.get(incident.life)
+        pid = life.handle.pid if life and life.handle else None
+        told = facts(incident, pid, life.nonce if life else "", clock.wall)
+        folder = self._folders.incidents / incident.id
+        failed = await self.in_hand(writer.write_facts, folder, told)
+        if failed is not None:
+            self.note("incident", id=incident.id, failed=failed.reason)
+            return
+        self.note("incident", id=incident.id, diagnosis=incident.diagnosis, outcome=incident.outcome)
+        await self._report(folder)
+
+    async def _report(self, folder: Path) -> None:
+        """Have the investigators read the box: a process of its own, which nothing of the guard waits for."""
+        argv = [sys.executable, "-I", "-m", "postmortem", "report", str(folder)]
+        handle = await self.in_hand(
+            processes.spawn,
+            ["nice", "-n", "19", *argv] if shutil.which("nice") else argv,
+            lives.clean_environment(),
+            self._folders.logs / "postmortem.log",
+            self._folders.data,
+        )
+        await _gone(handle)
+        handle.reap()
+        handle.close()
+
+    async def _keep(self, order: orders.KeepBudget) -> None:
+        entry = standing.budget_entry(order.deaths_ns)
+        await self.in_hand(files.write_json, self._folders.state / "budget.json", entry)
+
+
+async def _gone(handle: processes.Handle) -> None:
+    """Wait until the process is gone."""
+    loop = asyncio.get_running_loop()
+    ended = asyncio.Event()
+    fd = os.dup(handle.pidfd)
+    loop.add_reader(fd, ended.set)
+    try:
+        await ended.wait()
+    finally:
+        loop.remove_reader(fd)
+        os.close(fd)
+
+
+def _find_py_spy() -> Path | None:
+    beside = Path(sys.executable).with_name("py-spy")
+    if beside.exists():
+        return beside
+    found = shutil.which("py-spy")
+    return Path(found) if found else None

@@ -1,0 +1,109 @@
+"""Keeps a gateway running: starts it, sees it die by its pidfd, starts it again on the same listener.
+
+A dead gateway is replaced at once; one that dies again and again waits longer each time, but is always
+tried: without it nobody sees anything. Its deaths are counted apart from the core's.
+"""
+
+import asyncio
+import dataclasses
+import json
+import random
+import signal
+import sys
+
+from hardcore.executor import Executor
+from hardcore.host import clock, lives, logs, processes
+from hardcore.host.folders import Folders
+from hardcore.host.processes import Handle
+from hardcore.recovery.budget import NS_PER_S, Budget, backoff_ns
+from hardcore.recovery.policy import Policy
+
+#: Deaths of the gateway in a minute that are answered without a pause.
+QUICK_RESTARTS = 3
+LEAVE_GRACE_S = 1.0
+
+
+class Gatekeeper:
+    """Owns the gateway's process."""
+
+    def __init__(self, folders: Folders, policy: Policy, listen_fd: int, executor: Executor) -> None:
+        self.handle: Handle | None = None
+        self._folders = folders
+        self._policy = policy
+        self._listen_fd = listen_fd
+        self._executor = executor
+        self._deaths = Budget(QUICK_RESTARTS, 60 * NS_PER_S)
+        self._wanted = True
+        self._ended = asyncio.Event()
+
+    async def start(self) -> None:
+        """Start the gateway; what can't be started is tried again with growing pauses."""
+        try:
+            self.handle = await self._executor.in_hand(self._spawn)
+        except OSError as error:
+            self._executor.note("gateway", failed=error.strerror or str(error))
+            self._again(None)
+            return
+        self._ended.clear()
+        asyncio.get_running_loop().add_reader(self.handle.pidfd, self._on_end, self.handle)
+
+    def _spawn(self) -> Handle:
+        logs.rotate(self._folders.logs / "gateway.log")
+        environment = lives.environment_of_gateway(self._folders)
+        environment["HARDCORE_LIMITS"] = json.dumps(dataclasses.asdict(self._policy.gateway))
+        argv = [sys.executable, "-I", "-m", "hardcore.crisis"]
+        argv += ["--listen-fd", str(self._listen_fd), "--control", str(self._folders.control)]
+        log = self._folders.logs / "gateway.log"
+        handle = processes.spawn(argv, environment, log, self._folders.data, fds=(self._listen_fd,))
+        identity = {"pid": handle.pid, "start": handle.identity.start}
+        self._executor.mark(str(self._executor.switch.get("step", "begin")), gateway=identity)
+        return handle
+
+    def _on_end(self, handle: Handle) -> None:
+        how = handle.reap()
+        if how is None:
+            return
+        asyncio.get_running_loop().remove_reader(handle.pidfd)
+        handle.close()
+        self.handle = None
+        self._ended.set()
+        if self._wanted:
+            self._again(f"code {how.code}" if how.signal is None else f"signal {how.signal}")
+
+    def _again(self, how: str | None) -> None:
+        now_ns = clock.now_ns()
+        self._deaths = self._deaths.after_death(now_ns)
+        over = len(self._deaths.deaths_ns) - QUICK_RESTARTS
+        policy = self._policy
+        pause_ns = (
+            backoff_ns(over, policy.backoff_initial_ms, policy.backoff_max_ms, random.random())
+            if over > 0
+            else 0
+        )
+        self._executor.note("gateway", ended=how, pause_ms=pause_ns // 1_000_000)
+        asyncio.get_running_loop().call_later(pause_ns / NS_PER_S, self._restart)
+
+    def _restart(self) -> None:
+        if self._wanted:
+            self._executor.begin(self.start())
+
+    async def stop(self) -> None:
+        """Let the gateway answer what it holds and leave; end it if it does not."""
+        self._wanted = False
+        if self.handle is None:
+            return
+        handle = self.handle
+        handle.signal(signal.SIGTERM)
+        handle.signal(signal.SIGCONT)
+        limit_s = self._policy.gateway.drain_ms / 1000 + LEAVE_GRACE_S
+        if not await _within(self._ended, limit_s):
+            handle.kill_tree()
+            await _within(self._ended, LEAVE_GRACE_S)
+
+
+async def _within(event: asyncio.Event, limit_s: float) -> bool:
+    try:
+        await asyncio.wait_for(event.wait(), limit_s)
+    except TimeoutError:
+        return False
+    return True

@@ -1,0 +1,193 @@
+"""The parent of all: starts the sentinel, starts it again when it dies, and decides nothing.
+
+A file that imports nothing of ours and is run by the bare interpreter (`python -I -S launcher.py …`), so that
+hardly anything in it can break: it is the one process that nobody watches. It is a child subreaper: the
+children of a dead sentinel become its own, so that their exit statuses can be read; they are written to
+`exits/`. It holds the TCP listener open over every death below it. Ctrl-C and TERM are passed on to whichever
+sentinel holds the lock; that one stops everything and ends with 0, and then so does this.
+
+Arguments: the data folder, the run folder, the listener's descriptor, the URL.
+"""
+
+import ctypes
+import fcntl
+import os
+import select
+import signal
+import sys
+import time
+
+PR_SET_CHILD_SUBREAPER = 36
+EXITS_KEPT_MAX = 64
+#: A sentinel that lived shorter than this is started again only after a pause.
+SHORT_LIFE_S = 1.0
+PAUSE_S = 0.5
+ANOTHER_WATCHES = 3
+UNUSABLE = 78
+
+
+def start_of(pid: int) -> int | None:
+    """Return the start time of a process in ticks since boot, or None if there is none."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:  # noqa: PTH123  # pathlib costs memory here
+            return int(file.read().rpartition(")")[2].split()[19])
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+class Launcher:
+    """Holds the listener, a sentinel's pidfd, and whether we were told to stop."""
+
+    def __init__(self, data: str, run: str, listen_fd: int, url: str) -> None:
+        self.data, self.run, self.listen_fd, self.url = data, run, listen_fd, url
+        self.told = False
+        self.child = 0
+        self.pidfd = -1
+        self.status: int | None = None  # of our own child, once it was reaped
+        self.wakeup, wakeup_in = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
+        signal.set_wakeup_fd(wakeup_in, warn_on_full_buffer=False)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self.stop)
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+        signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
+
+    def stop(self, _number: int, _frame: object) -> None:
+        """Pass a stop on, once; the next one says that it is under way."""
+        if not self.told:
+            os.write(2, b"\nStopping: the core finishes what it has.\n")
+        self.told = True
+        self.forward()
+
+    def forward(self) -> None:
+        """Tell the sentinel to stop everything."""
+        if self.pidfd >= 0:
+            try:
+                signal.pidfd_send_signal(self.pidfd, signal.SIGTERM)
+            except ProcessLookupError:
+                return
+
+    def start(self) -> None:
+        """Start a sentinel in a session of its own."""
+        argv = [sys.executable, "-I", "-m", "hardcore.runtime", "--data", self.data]
+        argv += ["--listen-fd", str(self.listen_fd), "--url", self.url]
+        os.set_inheritable(self.listen_fd, True)
+        quiet = [(os.POSIX_SPAWN_OPEN, 0, "/dev/null", os.O_RDONLY, 0)]
+        self.child = os.posix_spawn(
+            sys.executable, argv, os.environ, file_actions=quiet, setsid=True, setsigdef=[signal.SIGCHLD]
+        )
+        self.pidfd = os.pidfd_open(self.child)
+
+    def attach(self) -> bool:
+        """Find the sentinel that holds the lock, if there is one; never by its number alone."""
+        fd = os.open(f"{self.run}/sentinel.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return self.hold(*self.named())
+        finally:
+            os.close(fd)
+        return False
+
+    def named(self) -> tuple[int, int]:
+        """Return pid and start time of the sentinel that named itself last; zeros if none did."""
+        import json  # only a launcher that finds a living sentinel needs it: a megabyte of memory
+
+        try:
+            with open(f"{self.run}/sentinel.json", encoding="utf-8") as file:  # noqa: PTH123  # as above
+                told = json.load(file)
+            return int(told["pid"]), int(told["start"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return 0, 0
+
+    def hold(self, pid: int, start: int) -> bool:
+        """Hold a process by a pidfd if it is still the one that is meant."""
+        try:
+            pidfd = os.pidfd_open(pid)
+        except OSError:
+            return False
+        if start_of(pid) != start:
+            os.close(pidfd)
+            return False
+        self.child, self.pidfd = 0, pidfd
+        return True
+
+    def wait(self) -> None:
+        """Wait until the sentinel is gone, reaping whoever else ends."""
+        poll = select.poll()
+        poll.register(self.wakeup, select.POLLIN)
+        poll.register(self.pidfd, select.POLLIN)
+        gone = False
+        while not gone:
+            gone = any(fd == self.pidfd for fd, _event in poll.poll())
+            try:
+                os.read(self.wakeup, 4096)
+            except BlockingIOError:
+                pass
+            self.reap()
+        os.close(self.pidfd)
+        self.pidfd = -1
+
+    def reap(self) -> None:
+        """Take the exit status of every child that has ended."""
+        while True:
+            try:
+                pid, status = os.waitpid(-1, os.WNOHANG)
+            except ChildProcessError:
+                return
+            if pid == 0:
+                return
+            code = os.waitstatus_to_exitcode(status)
+            if pid == self.child:
+                self.status = code
+            else:
+                self.write_exit(pid, code)
+
+    def write_exit(self, pid: int, code: int) -> None:
+        """Write an orphan's exit status down; a full disk must not end us."""
+        folder = f"{self.run}/exits"
+        try:
+            with open(f"{folder}/{pid}", "w", encoding="ascii") as file:  # noqa: PTH123  # as above
+                file.write(f'{{"pid": {pid}, "status": {code}, "at_ns": {time.monotonic_ns()}}}\n')
+            names = sorted(os.listdir(folder), key=lambda name: os.stat(f"{folder}/{name}").st_mtime_ns)  # noqa: PTH208, PTH116  # as above
+            for name in names[:-EXITS_KEPT_MAX]:
+                os.unlink(f"{folder}/{name}")  # noqa: PTH108  # as above
+        except OSError:
+            return
+
+    def wanted_down(self) -> bool:
+        """Return whether the operator wants everything stopped, as it stands on disk."""
+        try:
+            with open(f"{self.data}/state/wanted.json", encoding="utf-8") as file:  # noqa: PTH123  # as above
+                return '"DOWN"' in file.read()
+        except OSError:
+            return False
+
+    def keep(self) -> int:
+        """Keep a sentinel running until it ends as asked. Returns the exit code."""
+        while True:
+            began = time.monotonic()
+            self.status = None
+            if not self.attach():
+                self.start()
+            if self.told:
+                self.forward()
+            self.wait()
+            if self.told or self.status == 0 or self.wanted_down():
+                return 0
+            if self.status == UNUSABLE:
+                return 1
+            if self.status != ANOTHER_WATCHES:
+                os.write(2, b"The sentinel ended; starting it again.\n")
+            if time.monotonic() - began < SHORT_LIFE_S:
+                select.select([], [], [], PAUSE_S)
+
+
+def main() -> int:
+    """Run the launcher."""
+    data, run, listen_fd, url = sys.argv[1:5]
+    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    return Launcher(data, run, int(listen_fd), url).keep()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

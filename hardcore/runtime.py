@@ -1,0 +1,305 @@
+"""The sentinel process: the one loop that waits for a fact or the deadline, asks the manager, moves the hands.
+
+Nothing is decided here. A tick, a readable pidfd, a datagram, an operator's line, a timer that rings: each
+becomes a fact with the time at which it was true; what the manager orders goes to the executor; what the
+moment means is published to whoever listens. Started by the launcher as
+`python -m hardcore.runtime --data DIR --listen-fd N --url URL`.
+"""
+
+import argparse
+import asyncio
+import os
+import random
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hardcore import standing
+from hardcore.control.server import ControlServer
+from hardcore.door import Door
+from hardcore.executor import Executor
+from hardcore.gatekeeper import Gatekeeper
+from hardcore.host import clock, files, lives
+from hardcore.host.folders import Folders, Unusable, prepare
+from hardcore.host.ids import new_id
+from hardcore.host.lives import Leftovers, Life
+from hardcore.host.notify import NotifySocket
+from hardcore.host.processes import Handle, start_of
+from hardcore.model import actions as orders
+from hardcore.model import observations as seen
+from hardcore.model.phases import LIVING
+from hardcore.recovery.budget import NS_PER_S
+from hardcore.recovery.failover import FailoverManager
+from hardcore.recovery.reading import Reading
+from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, MalformedNotice, Notice, read_notice
+
+FEED_EVERY_S = 1.0
+EXIT_ANOTHER_WATCHES = 3
+EXIT_UNUSABLE = 78
+
+
+@dataclass(slots=True)
+class Setup:
+    """What the sentinel process begins with."""
+
+    folders: Folders
+    listen_fd: int
+    url: str
+    generation: int
+    in_force: standing.PolicyInForce
+    leftovers: Leftovers
+
+
+class Runtime:
+    """Waits, feeds, hands over."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.policy = setup.in_force.policy
+        self.folders = folders = setup.folders
+        self.listen_fd, self.url, self.generation = setup.listen_fd, setup.url, setup.generation
+        self.adopted = False  # this version ends what it finds and starts anew
+        window_ns = self.policy.restart_window_sec * NS_PER_S
+        self.manager = FailoverManager(
+            self.policy,
+            standing.wanted(folders),
+            new_id,
+            random.random,
+            standing.deaths_of_budget(folders, window_ns),
+        )
+        self.executor = Executor(folders, setup.generation, self.feed, self.publish)
+        self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
+        self.door = Door(self)
+        self.control = ControlServer(folders.control, self.door.answer, self.door.listen, self._greet)
+        self.notify = NotifySocket(folders.notify, NOTICE_BYTES_MAX)
+        self._timer: asyncio.TimerHandle | None = None
+        self._published: Mapping[str, object] = {}
+
+    # ---- the loop ----
+
+    async def run(self) -> int:
+        """Watch until everything is stopped as asked. Returns the exit code."""
+        loop = asyncio.get_running_loop()
+        loop.add_signal_handler(signal.SIGTERM, self._on_term)
+        loop.add_reader(self.notify.fileno(), self._on_notice)
+        await self.control.start()
+        self._begin()
+        self.executor.begin(self.gatekeeper.start())
+        watch = loop.create_task(self._watch())
+        feed = loop.create_task(self._feed_on())
+        await self.executor.halted.wait()
+        await self.gatekeeper.stop()
+        for task in (watch, feed):
+            task.cancel()
+        self.control.close()
+        loop.remove_reader(self.notify.fileno())
+        self.notify.close()
+        await self.executor.finish()
+        self.setup.folders.switch.unlink(missing_ok=True)
+        return 0
+
+    def _begin(self) -> None:
+        setup = self.setup
+        if setup.in_force.fault:
+            self.executor.note("policy", fault=setup.in_force.fault)
+        for gateway in setup.leftovers.gateways:
+            gateway.signal(signal.SIGTERM)  # it answers what it holds and leaves; ours takes over at once
+            gateway.signal(signal.SIGCONT)
+            self.executor.note("leftover", gateway=gateway.pid)
+        self.executor.leftovers = setup.leftovers.cores
+        self.feed(
+            seen.SentinelBegan(
+                clock.now_ns(), leftovers=bool(setup.leftovers.cores), page=setup.leftovers.last_page
+            )
+        )
+
+    def feed(self, fact: seen.Observation) -> None:
+        """Give the manager a fact and do what it orders."""
+        self.manager.receive(fact)
+        if isinstance(fact, seen.CoreReady):
+            self.door.proved_ns = fact.at_ns
+        self._obey()
+
+    def _obey(self) -> None:
+        for change in self.manager.take_transitions():
+            self.executor.note(
+                "phase",
+                before=change.before,
+                after=change.after,
+                trigger=change.trigger,
+                reason=change.reason,
+                at_ns=change.at_ns,
+            )
+        # The moment first: the gateway must hold before the hands begin.
+        self._publish_reading()
+        for action in self.manager.take_actions():
+            if isinstance(action, orders.CloseIncident):
+                self.door.last_incident = action.incident.id
+            self.executor.carry_out(action)
+        self._set_timer()
+
+    def _set_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        deadline_ns = self.manager.next_deadline_ns()
+        if deadline_ns is not None:
+            loop = asyncio.get_running_loop()
+            self._timer = loop.call_at(deadline_ns / NS_PER_S, self._ring)
+
+    def _ring(self) -> None:
+        self.manager.handle_deadline(clock.now_ns())
+        self._obey()
+
+    async def _watch(self) -> None:
+        """Look at the core once in an interval; a look that came late is not made up for."""
+        loop = asyncio.get_running_loop()
+        interval_s = self.policy.health_check_interval_ms / 1000
+        due = loop.time()
+        while True:
+            due = max(due + interval_s, loop.time())
+            await asyncio.sleep(due - loop.time())
+            life = self.life()
+            if life is not None and self.manager.reading().phase in LIVING:
+                self.feed(life.look())
+
+    def reading(self) -> Reading:
+        """Return what the present moment means."""
+        return self.manager.reading()
+
+    def gateway(self) -> Handle | None:
+        """Return the present gateway's process."""
+        return self.gatekeeper.handle
+
+    async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
+        """Run blocking work on a hand's thread."""
+        return await self.executor.in_hand(work, *args)
+
+    def life(self) -> Life | None:
+        """Return the present life of the core, if its process has been made."""
+        return self.executor.lives.get(self.manager.reading().life)
+
+    # ---- facts from outside ----
+
+    def _on_term(self) -> None:
+        self.feed(seen.OperatorAsked(clock.now_ns(), seen.Verb.STOP, "the guard was told to stop"))
+
+    def _on_notice(self) -> None:
+        at_ns = clock.now_ns()
+        life = self.life()
+        for pid, data in self.notify.waiting():
+            notice = read_notice(data)
+            if isinstance(notice, MalformedNotice):
+                self.executor.note("notice", pid=pid, malformed=notice.reason)
+            elif life is not None and life.handle is not None and life.handle.pid == pid:
+                self._heard(notice, life.number, at_ns)
+
+    def _heard(self, notice: Notice, life: int, at_ns: int) -> None:
+        if notice.term_pid is not None and notice.term_pid != os.getpid():
+            self.feed(seen.TermReceived(at_ns, life, notice.term_pid))
+        if notice.fence_blocked:
+            self.feed(seen.FenceBlocked(at_ns, life))
+        if notice.extend_usec:
+            self.feed(seen.StartExtended(at_ns, life, notice.extend_usec * 1000))
+        if notice.ready and notice.epoch is not None and notice.hash is not None:
+            assert notice.proof is not None, "the parser gives a whole proof or none"
+            assert notice.tail is not None, "as above"
+            assert notice.seq is not None, "as above"
+            proof = seen.Proof(notice.proof, notice.tail, notice.seq, notice.hash)
+            self.feed(seen.CoreReady(at_ns, life, notice.epoch, proof))
+        elif notice.epoch is not None:
+            self.feed(seen.EpochRaised(at_ns, life, notice.epoch))
+
+    # ---- the feed ----
+
+    def publish(self, line: Mapping[str, object]) -> None:
+        """Send a line to the gateway, under this guard's generation."""
+        self.control.publish({**line, "generation": self.setup.generation})
+
+    def phase_line(self, reading: Reading) -> dict[str, object]:
+        """Return the feed's line about the present moment."""
+        return {
+            "type": "phase",
+            "generation": self.setup.generation,
+            "phase": reading.phase,
+            "state": reading.state,
+            "face": reading.face,
+            "stage": reading.stage,
+            "since_ns": reading.since_ns,
+            "incident": reading.incident,
+            "planned": reading.planned,
+        }
+
+    def _publish_reading(self) -> None:
+        line = self.phase_line(self.manager.reading())
+        if line != self._published:
+            self._published = line
+            self.publish(line)
+
+    async def _feed_on(self) -> None:
+        while True:
+            await asyncio.sleep(FEED_EVERY_S)
+            self.publish(self.phase_line(self.manager.reading()))
+            self.door.measure()
+
+    def _greet(self) -> list[Mapping[str, object]]:
+        reading = self.manager.reading()
+        lines: list[Mapping[str, object]] = [self.phase_line(reading)]
+        if reading.epoch is not None:
+            lines += [{**line, "generation": self.setup.generation} for line in self.executor.serving]
+        return lines
+
+
+def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
+    """Take the lock and find out where we stand. Returns an exit code when we may not watch."""
+    folders = prepare(data)
+    if isinstance(folders, Unusable):
+        sys.stderr.write(f"{folders.reason}\n")
+        return EXIT_UNUSABLE
+    if files.take_lock(folders.run / "sentinel.lock") is None:  # held by the open descriptor until we end
+        sys.stderr.write("Another sentinel watches this data folder.\n")
+        return EXIT_ANOTHER_WATCHES
+    generation = standing.next_generation(folders)
+    files.write_json(
+        folders.sentinel,
+        {
+            "pid": os.getpid(),
+            "start": start_of(os.getpid()),
+            "nonce": new_id(),
+            "generation": generation,
+            "launcher": os.getppid(),
+            "url": url,
+            "argv": sys.orig_argv,
+        },
+        durable=False,
+    )
+    standing.ship_policy(folders)
+    in_force = standing.policy_in_force(folders)
+    return Setup(folders, listen_fd, url, generation, in_force, lives.find_leftovers(folders))
+
+
+def main() -> int:
+    """Run the sentinel."""
+    parser = argparse.ArgumentParser(prog="hardcore.runtime", description="The sentinel; started by `up`.")
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--listen-fd", type=int, required=True)
+    parser.add_argument("--url", required=True)
+    asked = parser.parse_args()
+    # The terminal's signals go to everybody in the foreground; the launcher passes on what is meant for us.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    setup = _set_up(asked.data, asked.listen_fd, asked.url)
+    if isinstance(setup, int):
+        return setup
+    return asyncio.run(_run(setup))
+
+
+async def _run(setup: Setup) -> int:
+    return await Runtime(setup).run()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

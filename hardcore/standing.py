@@ -1,0 +1,109 @@
+"""What the guard keeps on disk between its own lives: the policy in force, what is wanted, the budget."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardcore.host import clock, files
+from hardcore.host.folders import Folders
+from hardcore.model.phases import Wanted
+from hardcore.recovery.policy import (
+    POLICY_BYTES_MAX,
+    Policy,
+    PolicyFault,
+    read_policy,
+    shipped_text,
+)
+
+DEATHS_MAX = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyInForce:
+    """A policy, and why it is not the file's if it is not."""
+
+    policy: Policy
+    fault: str = ""
+
+
+def load_policy_file(path: Path) -> Policy | list[PolicyFault]:
+    """Return the policy in a file, or everything that is wrong with it."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(POLICY_BYTES_MAX + 1)
+        if len(data) > POLICY_BYTES_MAX:
+            return [PolicyFault(0, "", f"larger than {POLICY_BYTES_MAX} bytes")]
+        return read_policy(data.decode("utf-8-sig"))
+    except UnicodeDecodeError:
+        return [PolicyFault(0, "", "not UTF-8 text")]
+    except OSError as error:
+        return [PolicyFault(0, "", f"can't be read: {error.strerror}")]
+
+
+def policy_in_force(folders: Folders) -> PolicyInForce:
+    """Return the policy of the data folder; a bad file never replaces the last good one."""
+    found = load_policy_file(folders.policy)
+    if isinstance(found, Policy):
+        files.write_whole(folders.good_policy, folders.policy.read_bytes())
+        return PolicyInForce(found)
+    fault = f"{folders.policy.name}: {found[0]}"
+    kept = load_policy_file(folders.good_policy)
+    if isinstance(kept, Policy):
+        return PolicyInForce(kept, f"{fault}; the last good policy stays in force")
+    return PolicyInForce(Policy(), f"{fault}; the defaults are in force")
+
+
+def ship_policy(folders: Folders) -> None:
+    """Write the defaults where there is no policy yet."""
+    if not folders.policy.exists():
+        files.write_whole(folders.policy, shipped_text().encode())
+
+
+def wanted(folders: Folders) -> Wanted:
+    """Return what the operator wants; UP when nobody has said anything."""
+    stored = files.read_json(folders.state / "wanted.json").get("wanted")
+    return Wanted.DOWN if stored == Wanted.DOWN else Wanted.UP
+
+
+def store_wanted(folders: Folders, what: Wanted) -> None:
+    """Write down what the operator wants. On disk before the first signal is sent."""
+    files.write_json(folders.state / "wanted.json", {"wanted": str(what), "at": clock.wall(clock.now_ns())})
+
+
+def deaths_of_budget(folders: Folders, window_ns: int) -> tuple[int, ...]:
+    """Return the deaths that count, as monotonic times of this boot.
+
+    After a reboot the old stamps mean nothing: their age is taken from the wall clock, at least 0 and at
+    most the window.
+    """
+    stored = files.read_json(folders.state / "budget.json")
+    deaths = stored.get("deaths")
+    if not isinstance(deaths, list):
+        return ()
+    now_ns = clock.now_ns()
+    same_boot = stored.get("boot_id") == clock.boot_id()
+    stamps = [
+        d.get("monotonic_ns" if same_boot else "wall_ns") for d in deaths[-DEATHS_MAX:] if isinstance(d, dict)
+    ]
+    whole = [stamp for stamp in stamps if isinstance(stamp, int)]
+    if same_boot:
+        return tuple(min(stamp, now_ns) for stamp in whole)
+    return tuple(now_ns - min(window_ns, max(0, time.time_ns() - stamp)) for stamp in whole)
+
+
+def budget_entry(deaths_ns: tuple[int, ...]) -> dict[str, object]:
+    """Return what is written down of the budget."""
+    offset_ns = time.time_ns() - clock.now_ns()
+    return {
+        "boot_id": clock.boot_id(),
+        "deaths": [{"monotonic_ns": at, "wall_ns": at + offset_ns} for at in deaths_ns],
+    }
+
+
+def next_generation(folders: Folders) -> int:
+    """Take the next generation number. The caller holds the sentinel's lock."""
+    path = folders.run / "generation"
+    stored = files.read_json(path).get("generation")
+    number = (stored if isinstance(stored, int) else 0) + 1
+    files.write_json(path, {"generation": number}, durable=False)
+    return number

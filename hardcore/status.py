@@ -1,0 +1,116 @@
+"""The status of everything as one object: from the running guard, or from its files when it is gone."""
+
+from typing import Any
+
+from hardcore.host import clock, files
+from hardcore.host.folders import Folders
+from hardcore.host.lives import Life
+from hardcore.recovery.policy import Policy
+from hardcore.recovery.reading import Reading
+
+_MS = 1_000_000
+
+
+def _shape() -> dict[str, Any]:
+    """Return the shape that is always there; objects are never null except `spare`."""
+    return {
+        "state": "UNKNOWN",
+        "phase": None,
+        "since": None,
+        "mode": "act",
+        "wanted": "UP",
+        "safe": None,
+        "url": None,
+        "launcher": {"pid": None},
+        "sentinel": {
+            "pid": None,
+            "tick_ms": None,
+            "late_ticks": None,
+            "cpu_percent": None,
+            "rss_bytes": None,
+            "adopted": False,
+        },
+        "gateway": {"pid": None, "websockets": 0, "held_requests": 0},
+        "core": {
+            "pid": None,
+            "old_pid": None,
+            "epoch": None,
+            "ready": False,
+            "heartbeat_age_ms": None,
+            "loop_lag_ms": None,
+            "last_seq": None,
+            "in_flight": 0,
+            "cpu_percent": None,
+            "rss_bytes": None,
+            "threads": None,
+            "fds": None,
+        },
+        "spare": None,
+        "budget": {"used": 0, "limit": None, "window_s": None},
+        "incident": None,
+        "last_incident": None,
+        "dead_letters": 0,
+        "ledger_verified_at": None,
+    }
+
+
+def running(reading: Reading, policy: Policy) -> dict[str, Any]:
+    """Return the part of the status that follows from the manager's reading."""
+    status = _shape()
+    status |= {
+        "state": str(reading.state),
+        "phase": str(reading.phase),
+        "since": clock.wall(reading.since_ns),
+        "mode": policy.mode,
+        "wanted": str(reading.wanted),
+        "incident": reading.incident,
+        "stage": reading.stage,
+        "worries": [t.why for t in reading.verdict.testimonies],
+    }
+    status["sentinel"] |= {"tick_ms": policy.health_check_interval_ms, "late_ticks": reading.late_ticks}
+    status["budget"] = {
+        "used": reading.deaths,
+        "limit": policy.max_restart_count,
+        "window_s": policy.restart_window_sec,
+    }
+    return status
+
+
+def core(life: Life | None, reading: Reading, *, serving: bool, cpu_percent: float | None) -> dict[str, Any]:
+    """Return the `core` object. A core that may not commit now is `old_pid`."""
+    told = dict(_shape()["core"])
+    if life is None or life.handle is None:
+        return told
+    alive = life.handle.signal(0)
+    told |= {
+        "pid": life.handle.pid if serving else None,
+        "old_pid": None if serving or not alive else life.handle.pid,
+    }
+    told |= {"epoch": reading.epoch, "ready": serving}
+    beats = life.reader.beats() if life.reader else None
+    if beats is not None:
+        now_ns = clock.now_ns()
+        told |= {
+            "heartbeat_age_ms": (now_ns - beats.loop_ns) // _MS if beats.loop_ns else None,
+            "in_flight": beats.waiting,
+        }
+        page = life.page()
+        told["last_seq"] = page.witness.seq if page and page.witness else None
+    if life.sample is not None:
+        told |= {
+            "cpu_percent": cpu_percent,
+            "rss_bytes": life.sample.rss_bytes,
+            "threads": life.sample.threads,
+            "fds": life.sample.fds,
+        }
+    return told
+
+
+def from_files(folders: Folders) -> dict[str, Any]:
+    """Return the status as the files tell it when no sentinel answers: the same shape, state UNKNOWN."""
+    status = _shape()
+    wanted = files.read_json(folders.state / "wanted.json").get("wanted", "UP")
+    status["wanted"] = wanted if wanted in {"UP", "DOWN"} else "UP"
+    told = files.read_json(folders.sentinel)
+    status["url"] = told.get("url")
+    return status
