@@ -44,7 +44,7 @@ _SHAPES = re.compile(
 )
 #: The shape of a card number. A time in nanoseconds has it too, so the check digit decides, and the parts
 #: of an id made of hexadecimal groups are no candidates.
-_CARD = re.compile(r"(?<![\w.-])(?:(?:\d{4}[ -]){3}\d{1,4}|\d{13,16})(?![\w-])")
+_CARD = re.compile(r"(?<![\w.-])(?:(?:\d{4}[ -]){3}\d{1,4}|\d{15,16})(?![\w-])")
 #: A secret in a line of text: its name, then what is said to be its value, to the end of the line.
 _ASSIGNED = re.compile(rf"((?:{_SECRET_NAME.pattern})[\w-]*[\"']?\s*[:=]).*", re.IGNORECASE)
 _CARRIED = re.compile(r"\b(Bearer|Basic)\s+\S+", re.IGNORECASE)

@@ -42,6 +42,9 @@ DEAD: Mapping[Piece, int] = {
     Piece.LOG: 20,
 }
 
+#: Later than the last piece's deadline, so that a collector may still say that its time was over.
+CUT_PERCENT = 90
+
 #: A thread in an uninterruptible sleep doesn't stop; waiting longer for it would tell nothing new.
 STOP_WAIT_MS_MAX = 100
 
@@ -62,6 +65,11 @@ def plan(*, living: bool, start_ns: int, budget_ms: int) -> tuple[Step, ...]:
         percent += share_percent
         steps.append(Step(piece, start_ns + budget_ms * 10_000 * percent))
     return tuple(steps)
+
+
+def cut_ns(start_ns: int, budget_ms: int) -> int:
+    """Return when a collector that overran its own deadline is left behind, in monotonic nanoseconds."""
+    return start_ns + budget_ms * 10_000 * CUT_PERCENT
 
 
 def end_ns(start_ns: int, budget_ms: int) -> int:

@@ -34,10 +34,14 @@ class Tools:
 
 @dataclass(slots=True)
 class Haul:
-    """What has been collected so far; filled on a thread, and readable from another at any moment."""
+    """What has been collected so far; filled on a thread, and readable from another at any moment.
+
+    `missing` says why something can't be had, `pending` what nobody has come to, or to the end of, yet.
+    """
 
     files: dict[str, bytes] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
+    pending: dict[str, str] = field(default_factory=dict)
     steps: list[tuple[str, int]] = field(default_factory=list)
     page: Page | None = None
 

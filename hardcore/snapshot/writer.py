@@ -39,7 +39,8 @@ async def take_live(
     start_ns = time.monotonic_ns()
     haul = Haul()
     steps = recipe.plan(living=True, start_ns=start_ns, budget_ms=budget_ms)
-    await _collect(pool, steps, subject, haul, tools, None)
+    cut_ns = recipe.cut_ns(start_ns, budget_ms)
+    await _collect(pool, steps, cut_ns, subject, haul, tools, None)
     haul.steps.append(("dumped", time.monotonic_ns()))
     until_ns = recipe.end_ns(start_ns, budget_ms + STORE_GRACE_MS)
     return await _store(pool, subject, haul, start_ns, until_ns)
@@ -55,7 +56,8 @@ async def take_dead(
     start_ns = time.monotonic_ns()
     haul = Haul()
     steps = recipe.plan(living=False, start_ns=start_ns, budget_ms=budget_ms)
-    await _collect(pool, steps, subject, haul, Tools(None), sample)
+    cut_ns = recipe.cut_ns(start_ns, budget_ms)
+    await _collect(pool, steps, cut_ns, subject, haul, Tools(None), sample)
     until_ns = recipe.end_ns(start_ns, budget_ms + DEAD_STORE_MS)
     return await _store(pool, subject, haul, start_ns, until_ns)
 
@@ -75,16 +77,17 @@ def write_facts(path: Path, facts: Mapping[str, Any]) -> bundle.BundleFailed | N
 async def _collect(
     pool: Executor,
     steps: Sequence[Step],
+    cut_ns: int,
     subject: Subject,
     haul: Haul,
     tools: Tools,
     sample: ProcessSample | None,
 ) -> None:
-    # Every piece is missing until it was had: what the end of the budget cuts off is named by itself.
-    haul.missing.update({str(step.piece): "the budget was over" for step in steps})
+    # Every piece is pending until it was had: what the end of the budget cuts off is named by itself.
+    haul.pending.update({str(step.piece): "the budget was over" for step in steps})
     loop = asyncio.get_running_loop()
     work = loop.run_in_executor(pool, _collect_all, steps, subject, haul, tools, sample)
-    await asyncio.wait({work}, timeout=_left_s(steps[-1].until_ns))
+    await asyncio.wait({work}, timeout=_left_s(cut_ns))
 
 
 def _collect_all(
@@ -94,11 +97,12 @@ def _collect_all(
     for step in steps:
         if time.monotonic_ns() > steps[-1].until_ns:
             return
-        haul.missing.pop(step.piece)
+        haul.pending[step.piece] = "it was still being collected when the budget was over"
         try:
             _collect_one(step, subject, haul, tools, sample, seen)
         except Exception as error:  # noqa: BLE001  a bug in one collector must not cost the others' evidence
             haul.missing[step.piece] = f"a fault in the collector: {type(error).__name__}: {error}"
+        del haul.pending[step.piece]
 
 
 def _collect_one(
@@ -136,7 +140,7 @@ async def _store(
     pool: Executor, subject: Subject, haul: Haul, start_ns: int, until_ns: int
 ) -> Evidence | EvidenceFailed:
     # Copies: a collector that hangs may come back while the files are being written.
-    files, missing, page = dict(haul.files), dict(haul.missing), haul.page
+    files, missing, page = dict(haul.files), haul.pending | haul.missing, haul.page
     steps = tuple(haul.steps)
     loop = asyncio.get_running_loop()
     work = loop.run_in_executor(pool, _write, subject, files, missing)

@@ -1,0 +1,216 @@
+"""The black box as the guard writes it and the investigators read it: whole or not at all, on a real disk."""
+
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hardcore.snapshot import writer
+from postmortem import bundle
+from postmortem.bundle import BundleFailed, Manifest
+
+ID = "0199a000-0000-7000-8000-00000000000a"
+FILES = {"recorder.bin": b"\0page" * 1000, "stacks.txt": "스레드 하나".encode()}
+
+
+def made(parent: Path, files: dict[str, bytes] = FILES, missing: dict[str, str] | None = None) -> Path:
+    path = bundle.write_bundle(parent, ID, files, missing or {})
+    assert isinstance(path, Path), path
+    return path
+
+
+def manifest_of(path: Path) -> Manifest:
+    manifest = bundle.read_manifest(path)
+    assert isinstance(manifest, Manifest), manifest
+    return manifest
+
+
+def test_a_bundle_proves_its_own_contents(tmp_path: Path) -> None:
+    path = made(tmp_path, missing={"stacks.json": "py-spy is not installed"})
+    assert bundle.verify_bundle(path) == []
+    assert sorted(item.name for item in path.iterdir()) == ["manifest.json", "recorder.bin", "stacks.txt"]
+    raw = json.loads((path / "manifest.json").read_text())
+    assert raw["complete"] is True
+    assert raw["files"]["recorder.bin"]["size_bytes"] == len(FILES["recorder.bin"])
+    assert len(raw["files"]["recorder.bin"]["sha256"]) == 64
+    assert raw["missing"] == {"stacks.json": "py-spy is not installed"}
+
+
+def test_a_bundle_is_its_owners_alone(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        path = made(tmp_path / "incidents")
+    finally:
+        os.umask(before)
+    for folder in (path.parent, path):
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    for file in path.iterdir():
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+
+
+def test_a_changed_byte_is_a_fault_and_so_is_a_stranger(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    (path / "stacks.txt").write_bytes(b"x" * len(FILES["stacks.txt"]))
+    (path / "recorder.bin").write_bytes(b"short")
+    (path / "extra").touch()
+    faults = " ".join(bundle.verify_bundle(path))
+    assert "stacks.txt is not what its manifest says" in faults
+    assert "recorder.bin has 5 bytes" in faults
+    assert "'extra' is not in its manifest" in faults
+
+
+def test_a_second_bundle_never_takes_the_place_of_the_first(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    assert isinstance(bundle.write_bundle(tmp_path, ID, {"log.txt": b"other"}, {}), BundleFailed)
+    assert (path / "recorder.bin").read_bytes() == FILES["recorder.bin"]
+
+
+def test_what_is_too_large_is_left_out_and_named(tmp_path: Path) -> None:
+    whole = b"\0" * bundle.FILE_BYTES_MAX
+    names = [f"part{number}" for number in range(bundle.BUNDLE_BYTES_MAX // bundle.FILE_BYTES_MAX + 1)]
+    path = made(tmp_path, {"huge": whole + b"\0", **dict.fromkeys(names, whole)})
+    manifest = manifest_of(path)
+    assert set(manifest.missing) == {"huge", names[-1]}
+    assert bundle.verify_bundle(path) == []
+
+
+def test_later_evidence_joins_the_bundle_and_its_manifest(tmp_path: Path) -> None:
+    path = bundle.write_bundle(tmp_path, ID, {"recorder.bin": b"page"}, {"log.txt": "later"}, complete=False)
+    assert isinstance(path, Path)
+    assert bundle.verify_bundle(path) == ["its evidence was never finished"]
+    assert bundle.add_files(path, {"log.txt": b"line\n"}, {"process.json": "gone"}, complete=True) is None
+    assert bundle.verify_bundle(path) == []
+    assert manifest_of(path).missing == {"process.json": "gone"}
+    assert bundle.add_file(path, "log.txt", b"line two\n") is None
+    assert bundle.verify_bundle(path) == []
+
+
+def test_facts_are_kept_even_where_the_manifest_is_garbage(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    (path / "manifest.json").write_bytes(b"\xff\x00 nothing")
+    assert writer.write_facts(path, {"version": 1}) is None
+    manifest = manifest_of(path)
+    assert not manifest.complete
+    assert "incident.json" in manifest.files
+    assert "begun anew" in manifest.missing["manifest.json"]
+
+
+def test_facts_make_their_folder_where_no_evidence_was_taken(tmp_path: Path) -> None:
+    path = tmp_path / "incidents" / ID
+    assert writer.write_facts(path, {"version": 1, "id": ID}) is None
+    assert json.loads((path / "incident.json").read_text()) == {"version": 1, "id": ID}
+    assert bundle.verify_bundle(path) == []
+
+
+def test_two_writers_lose_nothing_of_each_other(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    code = (
+        "import sys; from pathlib import Path; from postmortem import bundle\n"
+        "for n in range(20): assert bundle.add_file(Path(sys.argv[1]), f'{sys.argv[2]}{n}', b'x') is None"
+    )
+    children = [subprocess.Popen([sys.executable, "-c", code, str(path), name]) for name in ("a", "b")]
+    try:
+        assert [child.wait(50) for child in children] == [0, 0]
+    finally:
+        for child in children:
+            child.kill()
+            child.wait()
+    assert bundle.verify_bundle(path) == []
+    assert len(manifest_of(path).files) == 42
+
+
+WRITE = """
+import resource, signal, sys
+from pathlib import Path
+from postmortem import bundle
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+if sys.argv[2] == "die":
+    signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+print(bundle.write_bundle(Path(sys.argv[1]), sys.argv[3], {"log.txt": b"x" * 100, "recorder.bin": b"x" * 9000}, {}))
+"""
+
+
+def write_with_little_room(parent: Path, on_the_limit: str) -> "subprocess.CompletedProcess[str]":
+    argv = [sys.executable, "-c", WRITE, str(parent), on_the_limit, ID]
+    return subprocess.run(argv, capture_output=True, text=True, timeout=50, check=False)
+
+
+def test_no_room_is_a_value_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    done = write_with_little_room(tmp_path, "fail")
+    assert done.returncode == 0, done.stderr
+    assert "BundleFailed" in done.stdout
+    assert "no room on the disk" in done.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_writer_that_dies_in_the_middle_leaves_a_bundle_known_as_partial(tmp_path: Path) -> None:
+    done = write_with_little_room(tmp_path, "die")
+    assert done.returncode == -signal.SIGXFSZ
+    (found,) = bundle.find_bundles(tmp_path)
+    assert found.partial
+    assert found.id == ID
+    assert isinstance(bundle.read_manifest(found.path), BundleFailed)
+    # The next writer of the same incident begins anew and ends with a whole one.
+    path = made(tmp_path)
+    assert bundle.verify_bundle(path) == []
+    assert [(one.id, one.partial) for one in bundle.find_bundles(tmp_path)] == [(ID, False)]
+
+
+ADD = """
+import resource, sys
+from pathlib import Path
+from postmortem import bundle
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+print(bundle.add_file(Path(sys.argv[1]), "more", b"x"))
+"""
+
+
+def test_a_bundle_stays_whole_when_there_is_no_room_for_more(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    argv = [sys.executable, "-c", ADD, str(path)]
+    done = subprocess.run(argv, capture_output=True, text=True, timeout=50, check=False)
+    assert "no room on the disk" in done.stdout, done.stderr
+    assert bundle.verify_bundle(path) == []
+
+
+@pytest.mark.parametrize("name", ["../up", ".hidden", "a/b", "", "x" * 200, "a\0b"])
+def test_no_name_leads_out_of_the_bundle(tmp_path: Path, name: str) -> None:
+    path = made(tmp_path)
+    assert isinstance(bundle.read_file(path, name), BundleFailed)
+
+
+def test_links_and_pipes_in_a_bundle_are_not_followed(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    (tmp_path / "secret").write_text("secret")
+    (path / "link").symlink_to(tmp_path / "secret")
+    os.mkfifo(path / "pipe")
+    (path / "folder").mkdir()
+    for name in ("link", "pipe", "folder"):
+        assert isinstance(bundle.read_file(path, name), BundleFailed)
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"",
+        b"[]",
+        b"{}",
+        b'{"version": 1}',
+        b'{"version": 1, "files": [], "missing": {}}',
+        b'{"version": 1, "files": {"../x": {"sha256": "", "size_bytes": 1}}, "missing": {}}',
+        b'{"version": 1, "files": {"a": {"sha256": 1, "size_bytes": "x"}}, "missing": {}}',
+        b"[" * 100_000,
+        b"\xff\xfe\x00",
+    ],
+)
+def test_a_hostile_manifest_is_a_value(tmp_path: Path, raw: bytes) -> None:
+    path = made(tmp_path)
+    (path / "manifest.json").write_bytes(raw)
+    assert isinstance(bundle.read_manifest(path), BundleFailed)
+    assert len(bundle.verify_bundle(path)) == 1
