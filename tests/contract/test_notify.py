@@ -1,0 +1,136 @@
+"""The notify socket: what the core's beacon says, the guard's heartbeat room understands."""
+
+import os
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from core.guarded.beacon import KEPT_MAX, Beacon
+from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, Notice, read_notice
+
+HASH = "ab" * 32
+READY = Notice(ready=True, epoch=7, seq=1234, hash=HASH, proof="witness", tail=12)
+
+
+@pytest.fixture(params=["path", "abstract"])
+def ear(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[socket.socket, str]]:
+    """A manager's socket and its name as `NOTIFY_SOCKET` would say it."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as listening:
+        name = f"@fieldstack-test-{os.getpid()}" if request.param == "abstract" else str(tmp_path / "notify")
+        listening.bind("\0" + name[1:] if name.startswith("@") else name)
+        yield listening, name
+
+
+def heard(ear: socket.socket) -> list[object]:
+    """Everything that waits on the socket, read as the guard reads it."""
+    notices: list[object] = []
+    while True:
+        try:
+            notices.append(read_notice(ear.recv(NOTICE_BYTES_MAX + 1)))
+        except BlockingIOError:
+            return notices
+
+
+def test_every_word_of_the_beacon_is_understood(ear: tuple[socket.socket, str]) -> None:
+    listening, name = ear
+    beacon = Beacon(name)
+    beacon.epoch_raised(7)
+    beacon.extend(2_000_000)
+    beacon.status("checking\nthe balances")
+    beacon.ready(7, 1234, HASH, "witness", 12)
+    beacon.watchdog()
+    beacon.fence_blocked()
+    beacon.term_from(4321)
+    beacon.stopping()
+    beacon.close()
+    assert heard(listening) == [
+        Notice(epoch=7),
+        Notice(extend_usec=2_000_000),
+        Notice(status="checking the balances"),
+        READY,
+        Notice(watchdog=True),
+        Notice(fence_blocked=True),
+        Notice(term_pid=4321),
+        Notice(stopping=True),
+    ]
+
+
+def test_what_must_not_get_lost_is_told_to_the_next_listener_in_order(tmp_path: Path) -> None:
+    name = str(tmp_path / "notify")
+    beacon = Beacon(name)
+    beacon.epoch_raised(7)
+    beacon.watchdog()
+    beacon.status("nobody hears this")
+    beacon.ready(7, 1234, HASH, "witness", 12)
+    assert not beacon.resend()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as listening:
+        listening.bind(name)
+        assert beacon.resend()
+        beacon.watchdog()
+        assert heard(listening) == [Notice(epoch=7), READY, Notice(watchdog=True)]
+    beacon.close()
+
+
+def test_a_full_socket_blocks_nobody_and_loses_no_fact(tmp_path: Path) -> None:
+    name = str(tmp_path / "notify")
+    beacon = Beacon(name)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as listening:
+        listening.bind(name)
+        for _ in range(10_000):
+            beacon.watchdog()
+        beacon.ready(7, 1234, HASH, "witness", 12)
+        assert not beacon.resend()
+        assert set(heard(listening)) == {Notice(watchdog=True)}
+        beacon.watchdog()
+        assert heard(listening) == [READY, Notice(watchdog=True)]
+    beacon.close()
+
+
+def test_a_flood_while_nobody_listens_is_bounded_and_keeps_what_came_first(tmp_path: Path) -> None:
+    name = str(tmp_path / "notify")
+    beacon = Beacon(name)
+    beacon.epoch_raised(7)
+    for pid in range(1, 1000):
+        beacon.term_from(pid)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as listening:
+        listening.bind(name)
+        # Its buffer may be shorter than what is kept; then it takes more than one go.
+        told: list[object] = []
+        while not beacon.resend():
+            told += heard(listening)
+        told += heard(listening)
+    assert told[:2] == [Notice(epoch=7), Notice(term_pid=1)]
+    assert len(told) == KEPT_MAX
+    beacon.close()
+
+
+def test_without_an_address_every_word_is_nothing() -> None:
+    beacon = Beacon(None)
+    beacon.ready(7, 1234, HASH, "witness", 12)
+    beacon.watchdog()
+    assert beacon.resend()
+    beacon.close()
+
+
+def test_a_closed_beacon_keeps_silent(ear: tuple[socket.socket, str]) -> None:
+    listening, name = ear
+    beacon = Beacon(name)
+    beacon.close()
+    beacon.epoch_raised(1)
+    beacon.close()
+    assert heard(listening) == []
+
+
+def test_a_status_of_any_length_fits_a_datagram_and_loses_its_control_characters(
+    ear: tuple[socket.socket, str],
+) -> None:
+    listening, name = ear
+    beacon = Beacon(name)
+    beacon.status("잔액 확인 중 \x1b[2J\udcff" + "가" * 5000)
+    (notice,) = heard(listening)
+    assert isinstance(notice, Notice)
+    assert notice.status is not None
+    assert notice.status.startswith("잔액 확인 중 [2J?가")
+    beacon.close()
