@@ -74,12 +74,17 @@ class Journal:
         self,
         connection: Connection,
         epoch: int,
+        head_seq: int,
         recorder: FlightRecorder,
         wall_ns: Callable[[], int],
     ) -> None:
-        """Take the connection that `open_writing` gave, after its fence has raised `epoch`."""
+        """Take the connection that `open_writing` gave, after its fence has raised `epoch`.
+
+        `head_seq`: the last event, as the proof has found it. `wall_ns`: wall time, a label on each event.
+        """
         self._connection = connection
         self._epoch = epoch
+        self.head_seq = head_seq  # a plain number, so the loop's thread may look at it
         self._recorder = recorder
         self._wall_ns = wall_ns
         self._broken = False
@@ -138,6 +143,7 @@ class Journal:
         for work in works:
             self._recorder.stage(work.slot, Stage.COMMITTED)
         if batch.events:
+            self.head_seq = batch.head_seq
             self._recorder.witness(batch.head_seq, batch.epoch, batch.head_hash)
         return Committed(answers)
 

@@ -49,7 +49,7 @@ def take_start_guard(data: Path, *, shared: bool) -> StartGuard | DoorClosed:
         os.close(descriptor)
         if error.errno != errno.EWOULDBLOCK:
             return DoorClosed(f"{path} can't be locked ({error.strerror}): choose a folder on a local disk.")
-        other = "a core that runs alone" if shared else "another core"
+        other = "A core that runs alone" if shared else "Another core"
         return DoorClosed(
             f"{other} is already at work in {data}: stop it, or choose another folder with --data."
         )

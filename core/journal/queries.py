@@ -35,10 +35,12 @@ class TransactionFilter:
     limit: int = 50
 
 
-def list_accounts(connection: Connection) -> list[Account]:
-    """Return all accounts by id, the first ten thousand."""
-    rows = connection.execute(select(schema.account).order_by(schema.account.c.id).limit(ACCOUNTS_MAX))
-    return [account_of(row) for row in rows]
+def list_accounts(connection: Connection, after: str | None, limit: int) -> list[Account]:
+    """Return accounts by id, beginning after one of them."""
+    query = select(schema.account).order_by(schema.account.c.id).limit(limit)
+    if after is not None:
+        query = query.where(schema.account.c.id > after)
+    return [account_of(row) for row in connection.execute(query)]
 
 
 def get_account(connection: Connection, account_id: str) -> Account | None:

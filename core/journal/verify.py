@@ -6,6 +6,7 @@ same moment. It stops at the first fault and names it: what follows a broken lin
 ever repaired here; a repair would be a guess about somebody's money.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -16,7 +17,7 @@ from sqlalchemy.exc import DBAPIError
 from core.journal import queries, schema
 from core.journal.chain import GENESIS, Broken, EventRow, check_link
 from core.journal.proof import check_key, check_sums
-from core.journal.store import StoreError, snapshot, store_error
+from core.journal.store import StoreError, StoreFault, snapshot, store_error
 from core.ledger.accounts import Account
 from core.ledger.decider import evolve
 from core.ledger.events import Event, TransactionPosted, decode, kind_of, postings_of
@@ -48,11 +49,14 @@ class _Replay:
         return self.last.seq if self.last else 0
 
 
-def verify(readers: Engine, slice_ms_max: int) -> Verdict | StoreError:
-    """Prove the whole book, in slices that may each read for `slice_ms_max`. Blocks: give it a thread."""
+def verify(readers: Engine, slice_ms_max: int, is_leaving: Callable[[], bool]) -> Verdict | StoreError:
+    """Prove the whole book, in slices that may each read for `slice_ms_max`. Blocks: give it a thread.
+
+    `is_leaving` is asked between two slices, so that a proof of minutes never delays an end of moments.
+    """
     replay = _Replay()
     try:
-        while True:
+        while not is_leaving():
             with snapshot(readers, slice_ms_max) as connection:
                 seen = replay.seq
                 broken = _slice(connection, replay)
@@ -62,6 +66,7 @@ def verify(readers: Engine, slice_ms_max: int) -> Verdict | StoreError:
                 return _verdict(replay, broken or _check_readings(connection, replay))
     except DBAPIError as error:
         return store_error(error)
+    return StoreError(StoreFault.OTHER, "the core is leaving")
 
 
 def _slice(connection: Connection, replay: _Replay) -> Broken | None:

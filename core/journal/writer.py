@@ -31,22 +31,30 @@ class Writer:
         loop: asyncio.AbstractEventLoop,
         on_failed: Callable[[str], None],
         on_fenced: Callable[[int], NoReturn],
+        on_bug: Callable[[BaseException], NoReturn],
     ) -> None:
         """Prepare the thread.
 
         `on_failed` is called on the loop, after the answers of the batch that failed were given, with what
         the store said. `on_fenced` is called on the writer's thread with the higher epoch and must end the
-        process: nobody may be answered any more.
+        process: nobody may be answered any more. `on_bug` is called there too and must end the process: a
+        core without its writer would take commands and never answer one.
         """
         self._journal = journal
         self._recorder = recorder
         self._loop = loop
         self._on_failed = on_failed
         self._on_fenced = on_fenced
+        self._on_bug = on_bug
         self._waiting: deque[Waiting] = deque()
         self._changed = threading.Condition()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="writer")
+
+    @property
+    def head_seq(self) -> int:
+        """The last event that is committed, as far as this process knows."""
+        return self._journal.head_seq
 
     def start(self) -> None:
         """Start the thread."""
@@ -72,6 +80,13 @@ class Writer:
 
     def _run(self) -> None:
         self._recorder.note_writer_thread()
+        try:
+            self._write_batches()
+        # Everything the store can raise is a value by now: what arrives here is our own bug.
+        except BaseException as error:  # noqa: BLE001
+            self._on_bug(error)
+
+    def _write_batches(self) -> None:
         while batch := self._take():
             works = [work for work, _ in batch]
             outcome = self._journal.write(works)

@@ -1,0 +1,1 @@
+"""HTTP in front of the book: requests become commands and questions, answers and refusals become responses."""

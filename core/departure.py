@@ -1,0 +1,79 @@
+"""How a core may leave, as values: exit code, one word for the guard, one sentence for a person.
+
+The codes are a wire (`docs/wires.md` section 2): the guard tells a configuration that can't work from a store
+that is damaged by them, and restarts, waits or stops accordingly. Every way out that is not asked for is made
+by one function below, so the code, the word and the sentence can't go apart.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """What the process ends with."""
+
+    ASKED = 0
+    STORE_CORRUPT = 65
+    DB_LOCKED = 69
+    BUG = 70
+    DISK_FULL = 73
+    COMMIT_FAILED = 74
+    FENCED = 75
+    CONFIG_INVALID = 78
+
+
+@dataclass(frozen=True, slots=True)
+class Departure:
+    """Why this core leaves. `sentence` says what is wrong and what to do next."""
+
+    code: ExitCode
+    sentence: str
+
+    @property
+    def word(self) -> str:
+        """The word of the last words: the name of the code, which is the name of the diagnosis."""
+        return self.code.name
+
+
+def config_invalid(sentence: str) -> Departure:
+    """What it was told can't work."""
+    return Departure(ExitCode.CONFIG_INVALID, sentence)
+
+
+def corrupt(place: str) -> Departure:
+    """The proof failed at `place`."""
+    sentence = (
+        f"The ledger is not whole: {place}. Nothing was changed; compare with a backup before going on."
+    )
+    return Departure(ExitCode.STORE_CORRUPT, sentence)
+
+
+def fenced(mine: int, actual: int) -> Departure:
+    """A core with a higher epoch may write now."""
+    sentence = (
+        f"The ledger stands at epoch {actual}, past {mine}: another core has taken over, this one leaves."
+    )
+    return Departure(ExitCode.FENCED, sentence)
+
+
+def locked(text: str) -> Departure:
+    """Somebody else holds the store's lock at the fence."""
+    sentence = f"Another program holds the ledger's lock ({text}): end it, then start again."
+    return Departure(ExitCode.DB_LOCKED, sentence)
+
+
+def no_room(text: str) -> Departure:
+    """There is no room for the fence."""
+    sentence = f"There is no room on the ledger's disk ({text}): free some, then start again."
+    return Departure(ExitCode.DISK_FULL, sentence)
+
+
+def commit_failed(text: str) -> Departure:
+    """The store raised inside a transaction."""
+    sentence = f"Storing failed half-way ({text}): what became of the last commands is seen by the next core."
+    return Departure(ExitCode.COMMIT_FAILED, sentence)
+
+
+def bug(text: str) -> Departure:
+    """The writer met a mistake of ours."""
+    return Departure(ExitCode.BUG, f"The writer stopped at a mistake of our own ({text}): please report it.")

@@ -1,0 +1,247 @@
+"""A core from its first to its last moment, and the two commands of its command line.
+
+The order is the design: instruments first, so that any death from here on leaves evidence; the socket bound
+before the store is touched, so that a taken port costs no epoch; the fence before the proof; READY only when a
+request could be answered. Leaving has two ways. Asked to, a core finishes what it has; after a failed commit or
+a higher epoch it touches the store no more and is gone by `os._exit`, because closing a database is a write.
+"""
+
+import asyncio
+import functools
+import gc
+import logging
+import os
+import signal
+import socket
+import sys
+from pathlib import Path
+from typing import Final, NoReturn
+
+import click
+import msgspec
+import uvloop
+
+from core import departure
+from core.departure import Departure, ExitCode
+from core.guarded.control import Standing
+from core.guarded.environment import GuardedEnvironment
+from core.guarded.life import Instruments, guarded_life, take_instruments
+from core.guarded.recorder import LifeState, RecorderUnusable
+from core.journal.store import LEDGER_FILE, StoreError, open_reading
+from core.journal.verify import verify as verify_book
+from core.journal.writer import Writer
+from core.listening import LedgerServer, bind_loopback, bind_unix
+from core.opening import OpenBook, Telling, open_book
+from core.service import Service
+from core.settings import Settings
+from core.web.app import make_app
+
+PORT_DEFAULT: Final = 3001
+LAST_FLUSH_S: Final = 0.02  # one turn of the loop writes the last answers out; this is a few
+
+logger = logging.getLogger("core")
+
+
+@click.group()
+def cli() -> None:
+    """The ledger core. It runs alone on loopback, or under a guard that says so in the environment."""
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s")
+    logging.getLogger("uvicorn.error").setLevel(
+        logging.WARNING
+    )  # its "started" and "finished" are ours to say
+    os.umask(0o077)  # the book, its log and every socket are for their owner alone
+
+
+@cli.command()
+@click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
+@click.option("--port", type=click.IntRange(0, 65_535), default=PORT_DEFAULT, show_default=True)
+def serve(data: Path, port: int) -> None:
+    """Serve the ledger of a data folder."""
+    environment = GuardedEnvironment.read(os.environ, os.getpid())
+    settings = Settings.read(os.environ)
+    faults = [*_faults(environment), *_faults(settings)]
+    if isinstance(environment, list) or isinstance(settings, list):
+        sys.exit(_say(departure.config_invalid(" ".join(faults))))
+    instruments = take_instruments(environment)
+    if isinstance(instruments, RecorderUnusable):
+        sys.exit(_say(departure.config_invalid(instruments.reason)))
+    if environment.guarded:
+        # The guard's terminal and process group are not ours to obey; it sends TERM when it means us.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    life = Life(data.absolute(), port, environment, settings, instruments)
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        left = runner.run(life.run())
+    if left is not None:
+        instruments.recorder.last_words(left.word, left.sentence)
+        sys.exit(_say(left))
+
+
+@cli.command()
+@click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def verify(data: Path, *, as_json: bool) -> None:
+    """Prove the whole ledger of a data folder, reading only; a core may be at work meanwhile."""
+    settings = Settings.read(os.environ)
+    if isinstance(settings, list):
+        sys.exit(_say(departure.config_invalid(" ".join(settings))))
+    if not (data / LEDGER_FILE).is_file():
+        sys.exit(
+            _say(departure.config_invalid(f"There is no ledger in {data}: name its folder with --data."))
+        )
+    readers = open_reading(data / LEDGER_FILE, 1, settings.fence_busy_ms)
+    verdict = verify_book(readers, settings.read_ms_max, lambda: False)
+    if isinstance(verdict, StoreError):
+        sys.exit(_say(departure.corrupt(f"it can't be read ({verdict.text})")))
+    if as_json:
+        print(msgspec.json.encode(verdict).decode())
+    elif verdict.ok:
+        print(
+            f"The ledger is whole: {verdict.events} events, head {verdict.head}, all currencies add up to zero."
+        )
+    if verdict.ok:
+        return
+    sys.exit(ExitCode.STORE_CORRUPT if as_json else _say(departure.corrupt(verdict.reason or "")))
+
+
+class Life:
+    """One life of a core. `run` is called once."""
+
+    def __init__(
+        self,
+        data: Path,
+        port: int,
+        environment: GuardedEnvironment,
+        settings: Settings,
+        instruments: Instruments,
+    ) -> None:
+        """Prepare; nothing is touched yet. `port` counts only where the environment names no socket."""
+        self._data = data
+        self._port = port
+        self._environment = environment
+        self._settings = settings
+        self._recorder = instruments.recorder
+        self._beacon = instruments.beacon
+        self._ended: asyncio.Future[Departure | None] | None = None
+        self._service: Service | None = None
+
+    async def run(self) -> Departure | None:
+        """Live; return None if the end was asked for, else why there was no life."""
+        loop = asyncio.get_running_loop()
+        self._ended = loop.create_future()
+        if not self._environment.guarded:
+            loop.add_signal_handler(signal.SIGINT, self._end, None)
+        try:
+            async with guarded_life(
+                self._environment,
+                self._recorder,
+                self._beacon,
+                standing=self._standing,
+                on_term=lambda _: self._end(None),
+            ):
+                return await self._live(loop)
+        except OSError as error:
+            sentence = (
+                f"The control socket can't be bound ({error.strerror}): name another in HARDCORE_CONTROL."
+            )
+            return departure.config_invalid(sentence)
+
+    async def _live(self, loop: asyncio.AbstractEventLoop) -> Departure | None:
+        bound = self._bind()
+        if isinstance(bound, str):
+            return departure.config_invalid(bound)
+        telling = Telling(self._recorder, self._beacon)
+        opening = functools.partial(open_book, self._data, self._environment, self._settings, telling)
+        book = await loop.run_in_executor(None, opening)
+        if isinstance(book, Departure):
+            bound.close()
+            return book
+        service = self._serve_book(book, loop)
+        server = LedgerServer(make_app(service))
+        await server.start(bound)
+        self._ready(book, bound)
+        assert self._ended is not None
+        left = await self._ended
+        if left is not None:
+            await self._leave_at_once(left, service)
+        await self._leave(service, server, book)
+        return None
+
+    def _bind(self) -> socket.socket | str:
+        try:
+            self._data.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            return (
+                f"The data folder {self._data} can't be made ({error.strerror}): choose another with --data."
+            )
+        if self._environment.socket is not None:
+            return bind_unix(self._environment.socket)
+        return bind_loopback(self._port)
+
+    def _serve_book(self, book: OpenBook, loop: asyncio.AbstractEventLoop) -> Service:
+        writer = Writer(
+            book.journal,
+            self._recorder,
+            loop,
+            on_failed=lambda text: self._end(departure.commit_failed(text)),
+            on_fenced=lambda actual: self._vanish(departure.fenced(book.epoch, actual)),
+            on_bug=lambda error: self._vanish(departure.bug(repr(error))),
+        )
+        writer.start()
+        # One more connection than reading threads: the proof of the whole book has its own.
+        readers = open_reading(
+            self._data / LEDGER_FILE, self._settings.readers + 1, self._settings.write_busy_ms
+        )
+        self._service = Service(writer, readers, self._recorder, self._settings, book.epoch)
+        return self._service
+
+    def _ready(self, book: OpenBook, bound: socket.socket) -> None:
+        # What was loaded lives as long as the process: a collection need not look at it again.
+        gc.collect()
+        gc.freeze()
+        self._recorder.set_state(LifeState.READY)
+        proof = book.proof
+        self._beacon.ready(book.epoch, proof.head_seq, proof.head_hash.hex(), proof.kind.value, proof.tail)
+        where = bound.getsockname()
+        place = where if isinstance(where, str) else f"http://{where[0]}:{where[1]}"
+        logger.info("Serving the ledger of %s on %s, epoch %d.", self._data, place, book.epoch)
+
+    async def _leave(self, service: Service, server: LedgerServer, book: OpenBook) -> None:
+        self._recorder.set_state(LifeState.DRAINING)
+        self._beacon.stopping()
+        service.drain()
+        if not await service.all_answered(self._settings.drain_ms):
+            self._recorder.event("DRAIN_INCOMPLETE", f"{service.in_flight} requests are not answered")
+        self._recorder.set_state(LifeState.STOPPING)
+        await server.stop()
+        await service.close()
+        book.guard.release()
+
+    async def _leave_at_once(self, left: Departure, service: Service) -> NoReturn:
+        service.drain()
+        await service.all_answered(self._settings.last_answers_ms)
+        await asyncio.sleep(LAST_FLUSH_S)
+        self._vanish(left)
+
+    def _vanish(self, left: Departure) -> NoReturn:
+        """End the process without touching the store again: closing it would write to it."""
+        self._recorder.last_words(left.word, left.sentence)
+        os._exit(_say(left))
+
+    def _end(self, left: Departure | None) -> None:
+        if self._ended is not None and not self._ended.done():
+            self._ended.set_result(left)
+
+    def _standing(self) -> Standing:
+        if self._service is None:
+            return Standing(0, 0)
+        return Standing(self._service.epoch, self._service.head_seq)
+
+
+def _faults(read: object) -> list[str]:
+    return read if isinstance(read, list) else []
+
+
+def _say(left: Departure) -> int:
+    print(left.sentence, file=sys.stderr, flush=True)
+    return left.code.value

@@ -1,0 +1,115 @@
+"""Opening the book: lock, store, fence, proof, in this order, or the reason why not.
+
+It blocks and knows no event loop; the caller gives it a thread, so that a core which proves a long tail still
+shows signs of life. The epoch is told to the guard the moment the fence is committed and before the proof:
+from then on no older core can commit, whatever the proof will say.
+"""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from sqlalchemy import Connection
+from sqlalchemy.exc import DBAPIError
+
+from core import departure
+from core.departure import Departure
+from core.guarded.beacon import Beacon
+from core.guarded.environment import GuardedEnvironment
+from core.guarded.recorder import FlightRecorder
+from core.journal.append import Journal
+from core.journal.chain import Broken
+from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack, fence
+from core.journal.lock import DoorClosed, StartGuard, take_start_guard
+from core.journal.proof import Proven, Witness, prove
+from core.journal.queries import read_tail
+from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_writing, store_error
+from core.settings import Settings
+
+
+@dataclass(frozen=True, slots=True)
+class OpenBook:
+    """A proven book that this core, and no other, may write to."""
+
+    journal: Journal
+    epoch: int
+    proof: Proven
+    guard: StartGuard
+
+
+@dataclass(frozen=True, slots=True)
+class Telling:
+    """Whom to tell while the book is being opened."""
+
+    recorder: FlightRecorder
+    beacon: Beacon
+
+
+def open_book(
+    data: Path, environment: GuardedEnvironment, settings: Settings, telling: Telling
+) -> OpenBook | Departure:
+    """Take the book of a data folder over, raising its epoch, and prove its tail. Blocks."""
+    guard = take_start_guard(data, shared=environment.guarded)
+    if isinstance(guard, DoorClosed):
+        return departure.config_invalid(guard.sentence)
+    connection = open_writing(data / LEDGER_FILE, settings.fence_busy_ms)
+    if isinstance(connection, StoreError):
+        return _unopened(connection, telling)
+    epoch = _take_over(connection, environment.expected_epoch, telling)
+    if isinstance(epoch, Departure):
+        return epoch
+    proof = _prove(connection, environment, settings)
+    if isinstance(proof, Departure):
+        return proof
+    connection.exec_driver_sql(f"PRAGMA busy_timeout = {settings.write_busy_ms}").close()
+    journal = Journal(connection, epoch, proof.head_seq, telling.recorder, time.time_ns)
+    return OpenBook(journal, epoch, proof, guard)
+
+
+def _take_over(connection: Connection, expected: int | None, telling: Telling) -> int | Departure:
+    outcome = fence(connection, expected)
+    match outcome:
+        case Raised(epoch):
+            telling.recorder.set_epoch(epoch)
+            telling.beacon.epoch_raised(epoch)
+            return epoch
+        case Fenced(actual):
+            return departure.fenced(expected or 0, actual)
+        case StoreWentBack(actual, wanted):
+            return departure.corrupt(f"it stands at epoch {actual}, but epoch {wanted} had been raised")
+        case NotOurs(None):
+            return departure.config_invalid(
+                f"{LEDGER_FILE} is a database of something else: choose another folder."
+            )
+        case NotOurs(version):
+            return departure.config_invalid(
+                f"{LEDGER_FILE} has schema {version}, made by another version of this program: use that version."
+            )
+        case StoreError():
+            return _unopened(outcome, telling)
+
+
+def _prove(connection: Connection, environment: GuardedEnvironment, settings: Settings) -> Proven | Departure:
+    seen = environment.witness
+    # A witness of nothing (a predecessor that committed nothing) is nobody's word about any event.
+    witness = Witness(seen.seq, seen.epoch, seen.hash) if seen is not None and seen.seq > 0 else None
+    try:
+        connection.exec_driver_sql("BEGIN").close()
+        proof = prove(read_tail(connection, witness, settings.tail_events), witness)
+        connection.exec_driver_sql("ROLLBACK").close()
+    except DBAPIError as error:
+        return departure.corrupt(f"it can't be read ({store_error(error).text})")
+    return departure.corrupt(proof.sentence) if isinstance(proof, Broken) else proof
+
+
+def _unopened(error: StoreError, telling: Telling) -> Departure:
+    match error.fault:
+        case StoreFault.BUSY:
+            telling.beacon.fence_blocked()
+            return departure.locked(error.text)
+        case StoreFault.NO_ROOM:
+            return departure.no_room(error.text)
+        case StoreFault.DAMAGED:
+            return departure.corrupt(f"it can't be opened ({error.text})")
+        case StoreFault.OTHER:
+            return departure.commit_failed(error.text)

@@ -1,0 +1,188 @@
+"""The service: between a request and the book, what every request needs and no protocol knows about.
+
+It gives each piece of work its slot on the recorder before it may run, its ids, its place in the writer's line
+or a reader's thread, and it knows when the core is leaving. No slot, no execution: the number of slots is the
+bound of every queue behind this room. It lives on the event loop's thread. A proof of the whole book takes no
+slot, because it may honestly take minutes and a guard would read a slot without progress as a hang; it has a
+bound of its own.
+"""
+
+import asyncio
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Final, TypeVar
+
+from sqlalchemy import Connection, Engine
+from sqlalchemy.exc import DBAPIError
+
+from core.guarded.recorder import FlightRecorder, Stage
+from core.journal.answers import Answer, LookUp, Order
+from core.journal.store import StoreError, is_interrupted, snapshot, store_error
+from core.journal.verify import Verdict, verify
+from core.journal.writer import Writer
+from core.ledger.commands import Command, PostTransaction, accounts_of, fingerprint_of
+from core.ledger.ids import ENTROPY_BYTES, uuid7
+from core.settings import Settings
+
+T = TypeVar("T")
+
+VERIFICATIONS_WAITING_MAX: Final = 16
+
+
+class NoSlot:
+    """Every slot is taken: the work was not begun."""
+
+
+class Draining:
+    """The core is leaving: the work was not begun."""
+
+
+class ReadTooLong:
+    """The question takes longer than a read may."""
+
+
+class Service:
+    """What the web asks of the core. All methods on the loop's thread."""
+
+    def __init__(
+        self,
+        writer: Writer,
+        readers: Engine,
+        recorder: FlightRecorder,
+        settings: Settings,
+        epoch: int,
+    ) -> None:
+        """Take the started parts. `readers` is not opened before the first read."""
+        self.epoch = epoch
+        self.settings = settings
+        self._writer = writer
+        self._readers = readers
+        self._recorder = recorder
+        self._threads = ThreadPoolExecutor(settings.readers, thread_name_prefix="reader")
+        self._auditor = ThreadPoolExecutor(1, thread_name_prefix="auditor")
+        self._draining = False
+        self._in_flight = 0
+        self._all_answered = asyncio.Event()
+        self._all_answered.set()
+        self._verifying = asyncio.Lock()
+        self._next_verdict: asyncio.Task[Verdict | StoreError] | None = None
+        self._verdicts_waiting = 0
+
+    @property
+    def in_flight(self) -> int:
+        """How many requests hold a slot."""
+        return self._in_flight
+
+    @property
+    def head_seq(self) -> int:
+        """The last event this core knows of, without asking the store."""
+        return self._writer.head_seq
+
+    def new_id(self) -> str:
+        """Return a new UUIDv7."""
+        return uuid7(time.time_ns() // 1_000_000, os.urandom(ENTROPY_BYTES))
+
+    def begin(
+        self,
+        kind: str,
+        payload: bytes,
+        *,
+        key: str | None = None,
+        command_id: str = "",
+        transaction_id: str = "",
+        account_ids: tuple[str, ...] = (),
+    ) -> int | NoSlot | Draining:
+        """Note work on the recorder and return its slot. Each slot must be given to `finish`."""
+        if self._draining:
+            return Draining()
+        deadline_ns = time.monotonic_ns() + self.settings.command_deadline_ms * 1_000_000
+        slot = self._recorder.begin(
+            command_id or self.new_id(), key, kind, transaction_id, account_ids, payload, deadline_ns
+        )
+        if slot is None:
+            return NoSlot()
+        self._in_flight += 1
+        self._all_answered.clear()
+        return slot
+
+    def answering(self, slot: int) -> None:
+        """Say that the answer is on its way."""
+        self._recorder.stage(slot, Stage.ANSWERING)
+
+    def finish(self, slot: int, status: int) -> None:
+        """Free a slot whose request was answered with this status."""
+        self._recorder.finish(slot, status)
+        self._in_flight -= 1
+        if self._in_flight == 0:
+            self._all_answered.set()
+
+    async def carry_out(self, command: Command, key: str | None, command_id: str, slot: int) -> Answer:
+        """Put the command in the writer's line and return its answer, which is durable if it says so."""
+        # Plain strings in this frame, for whoever reads a dump of a stuck request.
+        transaction_id = command.id if isinstance(command, PostTransaction) else ""
+        account_ids = accounts_of(command)
+        order = Order(command, key, fingerprint_of(command), command_id, transaction_id, account_ids, slot)
+        return await self._writer.submit(order)
+
+    async def look_up(self, key: str, slot: int) -> Answer:
+        """Return what became of a key, true at a moment after this call."""
+        return await self._writer.submit(LookUp(key, slot))
+
+    async def read(self, slot: int, question: Callable[[Connection], T]) -> T | ReadTooLong | StoreError:
+        """Ask the book on a reader's thread, at one moment and in bounded time."""
+
+        def ask() -> T | ReadTooLong | StoreError:
+            self._recorder.stage(slot, Stage.DECIDING)
+            try:
+                with snapshot(self._readers, self.settings.read_ms_max) as connection:
+                    return question(connection)
+            except DBAPIError as error:
+                return ReadTooLong() if is_interrupted(error) else store_error(error)
+
+        return await asyncio.get_running_loop().run_in_executor(self._threads, ask)
+
+    async def verify(self) -> Verdict | StoreError | NoSlot:
+        """Prove the whole book as it stands after this call.
+
+        One proof runs at a time. Whoever asks meanwhile waits for the next one, all for the same: the one
+        that runs has passed events that they may be asking about.
+        """
+        if self._draining or self._verdicts_waiting >= VERIFICATIONS_WAITING_MAX:
+            return NoSlot()
+        if self._next_verdict is None:
+            self._next_verdict = asyncio.create_task(self._prove())
+        self._verdicts_waiting += 1
+        try:
+            return await asyncio.shield(self._next_verdict)
+        finally:
+            self._verdicts_waiting -= 1
+
+    async def _prove(self) -> Verdict | StoreError:
+        async with self._verifying:
+            self._next_verdict = None  # who asks from now on needs another one
+            loop = asyncio.get_running_loop()
+            prove = partial(verify, self._readers, self.settings.read_ms_max, lambda: self._draining)
+            return await loop.run_in_executor(self._auditor, prove)
+
+    def drain(self) -> None:
+        """Take nothing new from now on."""
+        self._draining = True
+
+    async def all_answered(self, within_ms: int) -> bool:
+        """Wait until every request that holds a slot is answered; return whether that came about."""
+        try:
+            await asyncio.wait_for(self._all_answered.wait(), within_ms / 1000)
+        except TimeoutError:
+            return False
+        return True
+
+    async def close(self) -> None:
+        """Write what waits and close the store. Only after `drain`."""
+        self._threads.shutdown(wait=True)
+        self._auditor.shutdown(wait=True)
+        # The writer's connection is the last to close: it empties the log, so that a ledger at rest is one file.
+        self._readers.dispose()
+        await self._writer.stop()

@@ -1,0 +1,70 @@
+"""What can be set about a core: one declaration each, read from the environment, judged together.
+
+Paths and orders come from the guard (`docs/wires.md` section 1) and are not settings. These are the limits and
+waiting times of the core itself, each with unit, default and bounds; `CORE_<NAME>` in the environment sets
+one, which is how a test shortens a wait. A configuration file of the core's own was not chosen: the guard's
+policy is the file that people edit, and a core run by hand is a moment's affair.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Final
+
+_PREFIX: Final = "CORE_"
+_DIGITS_MAX: Final = 12
+
+
+@dataclass(frozen=True, slots=True)
+class _Bounds:
+    least: int
+    most: int
+    text: str
+
+
+def _setting(default: int, least: int, most: int, text: str) -> int:
+    made: int = field(default=default, metadata={"bounds": _Bounds(least, most, text)})
+    return made
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The limits and waiting times of a core."""
+
+    body_bytes_max: int = _setting(1 << 20, 1 << 10, 1 << 26, "largest body of a request")
+    fence_busy_ms: int = _setting(2_000, 1, 60_000, "wait for the store's lock at the fence")
+    # Shorter than a guard's patience with a core in which nothing gets done: who waits here for somebody
+    # else's lock is answered "not done" before a guard could take the wait for a hang.
+    write_busy_ms: int = _setting(1_000, 1, 60_000, "wait for the store's lock before a batch")
+    command_deadline_ms: int = _setting(
+        5_000, 10, 600_000, "time a command may take, as the recorder notes it"
+    )
+    read_ms_max: int = _setting(900, 10, 10_000, "longest statement of a read")
+    readers: int = _setting(2, 1, 16, "connections and threads that read")
+    tail_events: int = _setting(1_000, 1, 1_000_000, "events proven before serving when there is no witness")
+    drain_ms: int = _setting(5_000, 10, 600_000, "time to finish what is queued when asked to stop")
+    last_answers_ms: int = _setting(300, 1, 10_000, "time to give the last answers after a failed commit")
+    retry_after_s: int = _setting(1, 1, 3_600, "what Retry-After says")
+
+    @classmethod
+    def read(cls, environ: Mapping[str, str]) -> "Settings | list[str]":
+        """Return the settings that `environ` makes, or one sentence for each that is wrong."""
+        values: dict[str, int] = {}
+        faults: list[str] = []
+        for declared in fields(cls):
+            name = _PREFIX + declared.name.upper()
+            text = environ.get(name)
+            if text is None:
+                continue
+            bounds: _Bounds = declared.metadata["bounds"]
+            if (
+                len(text) <= _DIGITS_MAX
+                and text.isascii()
+                and text.isdigit()
+                and bounds.least <= int(text) <= bounds.most
+            ):
+                values[declared.name] = int(text)
+            else:
+                faults.append(
+                    f"{name} must be a whole number from {bounds.least} to {bounds.most}, not {text!r}."
+                )
+        return faults or cls(**values)

@@ -1,0 +1,100 @@
+"""The application: which path is answered by which handler, and what becomes of everything else.
+
+The table of routes is the whole surface; `openapi.py` describes the same table and a test holds them together.
+No path is redirected and no error page is a framework's: what is not in the table is a problem in the
+reader's language.
+"""
+
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from core.service import Service
+from core.web import handlers
+from core.web.door import Door
+from core.web.openapi import document
+from core.web.problems import Outcome, Problem, ProblemError, respond
+from frontend.render import language
+
+Handler = Callable[[Request], Awaitable[Response]]
+
+ROUTES: Final[dict[str, dict[str, Handler]]] = {
+    "/api/ledger/accounts": {"GET": handlers.list_accounts, "POST": handlers.create_account},
+    "/api/ledger/accounts/{id}": {"GET": handlers.get_account},
+    "/api/ledger/accounts/{id}/close": {"POST": handlers.close},
+    "/api/ledger/transactions": {"GET": handlers.list_transactions, "POST": handlers.create_transaction},
+    "/api/ledger/transactions/{id}": {"GET": handlers.get_transaction},
+    "/api/ledger/events": {"GET": handlers.list_events},
+    "/api/ledger/verify": {"GET": handlers.get_verdict},
+    # A key may hold a slash; the path arrives decoded.
+    "/api/ledger/commands/{key:path}": {"GET": handlers.look_up},
+    "/healthz": {"GET": handlers.health},
+}
+
+_SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+
+
+def make_app(service: Service) -> ASGIApp:
+    """Return the application in front of a service."""
+    described = document()
+
+    async def openapi(_: Request) -> Response:
+        return Response(described, media_type="application/json")
+
+    routes = [Route(path, _by_method(table), methods=list(table)) for path, table in ROUTES.items()]
+    routes.append(Route("/api/openapi.json", openapi, methods=["GET"]))
+    app = Starlette(
+        routes=routes,
+        exception_handlers={
+            ProblemError: _tell_problem,
+            HTTPException: _tell_unrouted,
+            ClientDisconnect: _tell_nobody,
+            Exception: _tell_bug,
+        },
+    )
+    app.router.redirect_slashes = False
+    app.state.service = service
+    return Door(app, service)
+
+
+def _by_method(table: dict[str, Handler]) -> Handler:
+    async def dispatch(request: Request) -> Response:
+        return await table["GET" if request.method == "HEAD" else request.method](request)
+
+    return dispatch
+
+
+def _respond(request: Request, problem: Problem) -> Response:
+    lang = language(request.headers.get("accept-language"))
+    return respond(problem, lang, handlers.service_of(request).settings.retry_after_s)
+
+
+async def _tell_problem(request: Request, error: Exception) -> Response:
+    assert isinstance(error, ProblemError)
+    return _respond(request, error.problem)
+
+
+async def _tell_unrouted(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    if error.status_code == 405:
+        allowed = ", ".join(sorted(str((error.headers or {}).get("Allow", "")).split(", ")))
+        problem = Problem("method-not-allowed", values={"allowed": allowed}, headers={"Allow": allowed})
+        return _respond(request, problem)
+    assert error.status_code == 404, "the framework ends a request by itself only where there is no route"
+    return _respond(request, Problem("not-found"))
+
+
+async def _tell_nobody(_: Request, __: Exception) -> Response:
+    return Response(status_code=400)  # the client left in the middle of its body: nobody reads this
+
+
+async def _tell_bug(request: Request, _: Exception) -> Response:
+    # The server logs the traceback. The client hears no more than that it can't know what was done.
+    outcome = None if request.method in _SAFE_METHODS else Outcome.UNKNOWN
+    return _respond(request, Problem("internal", outcome=outcome))

@@ -1,0 +1,49 @@
+"""The door: what happens to every request and every answer, around the whole application.
+
+Each answer says the epoch it comes from, so that a gateway can discard the answers of a core that is no longer
+the serving one; each slot that a request took is given back with the status that went out, whatever happened
+in between. It is a plain ASGI layer: the framework's own middleware class costs a task per request.
+"""
+
+from typing import Final
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from core.service import Service
+
+_SLOT: Final = "core.slot"
+_UNANSWERED: Final = 500
+
+
+def take_slot(scope: Scope, slot: int) -> None:
+    """Bind a slot to this request: it is finished when the request is."""
+    assert _SLOT not in scope, "a request takes one slot"
+    scope[_SLOT] = slot
+
+
+class Door:
+    """Stamps answers with the epoch and gives slots back."""
+
+    def __init__(self, app: ASGIApp, service: Service) -> None:
+        self._app = app
+        self._service = service
+        self._epoch = str(service.epoch).encode()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request through."""
+        status = _UNANSWERED
+
+        async def stamp(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                message["headers"] = [*message["headers"], (b"x-core-epoch", self._epoch)]
+                if _SLOT in scope:
+                    self._service.answering(scope[_SLOT])
+            await send(message)
+
+        try:
+            await self._app(scope, receive, stamp)
+        finally:
+            if _SLOT in scope:
+                self._service.finish(scope[_SLOT], status)

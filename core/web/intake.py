@@ -1,0 +1,181 @@
+"""Taking a request apart: body, key and parameters, each bounded, each refused with the place of the fault.
+
+Bodies are decoded into typed structs in one step, so wrong types, missing and unknown members are found by the
+decoder; its English sentence is turned into a pointer and a reason here, the only place that knows how it
+words them. A library of forms was not chosen: three kinds of bodies and six parameters need none.
+"""
+
+import re
+from typing import Final, TypeVar
+
+import msgspec
+from starlette.requests import Request
+
+from core.ledger.accounts import is_account_id
+from core.ledger.commands import is_date
+from core.ledger.reasons import Fault, Reason
+from core.web.problems import Problem, ProblemError
+
+B = TypeVar("B", bound=msgspec.Struct)
+
+WORDS_CHARACTERS_MAX: Final = 200
+LIMIT_DEFAULT: Final = 50
+LIMIT_MAX: Final = 500
+SEQ_DIGITS_MAX: Final = 18
+
+_KEY: Final = re.compile(r"[\x21-\x7e]{1,255}")
+_BYTE: Final = re.compile(r"\(byte ([0-9]+)\)")
+_MEMBER: Final = re.compile(r"Object (missing required|contains unknown) field `(.*)`", re.DOTALL)
+_PLACE: Final = re.compile(r" - at `\$(.*)`\Z", re.DOTALL)
+_CURSOR: Final = re.compile(r"s([0-9]{1,18})")
+
+
+async def read_body(request: Request, bytes_max: int) -> bytes:
+    """Return the body, or end the request once it is larger than it may be."""
+    announced = request.headers.get("content-length", "0")
+    too_large = Problem("body-too-large", values={"limit_bytes": bytes_max}, headers={"Connection": "close"})
+    if announced.isdigit() and (len(announced) > SEQ_DIGITS_MAX or int(announced) > bytes_max):
+        raise ProblemError(too_large)
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > bytes_max:
+            raise ProblemError(too_large)
+    return bytes(body)
+
+
+def decode_body(body: bytes, shape: type[B]) -> B:
+    """Return the body as a value of this shape, or end the request with what is wrong with it."""
+    try:
+        body.decode()
+        return msgspec.json.decode(body, type=shape)
+    except UnicodeDecodeError as error:
+        raise _malformed(error.start) from None
+    except msgspec.ValidationError as error:
+        _refuse_malformed(body)
+        raise ProblemError(Problem("invalid-body", (_fault(str(error)),))) from None
+    except msgspec.DecodeError as error:
+        raise _malformed(_position(str(error), body)) from None
+    except RecursionError:
+        raise ProblemError(Problem("invalid-body", (Fault("", Reason.WRONG_TYPE),))) from None
+
+
+def idempotency_key(request: Request) -> str | None:
+    """Return the key of the request, None if it has none."""
+    keys = request.headers.getlist("idempotency-key")
+    if not keys:
+        return None
+    if len(keys) > 1:
+        raise ProblemError(Problem("invalid-key"))
+    return check_key(keys[0])
+
+
+def check_key(text: str) -> str:
+    """Return the text if it may be a key."""
+    if _KEY.fullmatch(text) is None:
+        raise ProblemError(Problem("invalid-key"))
+    return text
+
+
+class Parameters:
+    """The parameters of a query, read by name; what nobody asked for and what is unusable is refused at once."""
+
+    def __init__(self, request: Request, names: frozenset[str]) -> None:
+        self._given = request.query_params
+        self._faults = [Fault(f"?{name}", Reason.UNKNOWN_FIELD) for name in sorted(set(self._given) - names)]
+
+    def check(self) -> None:
+        """End the request if anything was wrong with what was read."""
+        if self._faults:
+            raise ProblemError(Problem("invalid-parameter", tuple(self._faults)))
+
+    def limit(self, default: int = LIMIT_DEFAULT, most: int = LIMIT_MAX) -> int:
+        """Return how many items a page may have."""
+        text = self._given.get("limit")
+        if text is None:
+            return default
+        if text.isascii() and text.isdigit() and len(text) <= SEQ_DIGITS_MAX and 1 <= int(text) <= most:
+            return int(text)
+        self._faults.append(Fault("?limit", Reason.OUT_OF_RANGE))
+        return default
+
+    def cursor(self) -> int | None:
+        """Return the sequence that a cursor of ours names."""
+        text = self._given.get("cursor")
+        if text is None:
+            return None
+        match = _CURSOR.fullmatch(text)
+        if match is None:
+            self._faults.append(Fault("?cursor", Reason.MALFORMED))
+            return None
+        return int(match[1])
+
+    def sequence(self, name: str) -> int:
+        """Return a sequence, 0 if none is given."""
+        text = self._given.get(name, "0")
+        if text.isascii() and text.isdigit() and len(text) <= SEQ_DIGITS_MAX:
+            return int(text)
+        self._faults.append(Fault(f"?{name}", Reason.MALFORMED))
+        return 0
+
+    def day(self, name: str) -> str | None:
+        """Return a day of the calendar."""
+        text = self._given.get(name)
+        if text is not None and not is_date(text):
+            self._faults.append(Fault(f"?{name}", Reason.MALFORMED))
+        return text
+
+    def account(self, name: str = "account") -> str | None:
+        """Return the id of an account."""
+        text = self._given.get(name)
+        if text is not None and not is_account_id(text):
+            self._faults.append(Fault(f"?{name}", Reason.MALFORMED))
+        return text
+
+    def words(self, name: str) -> str | None:
+        """Return words to look for."""
+        text = self._given.get(name) or None
+        if text is not None and len(text) > WORDS_CHARACTERS_MAX:
+            self._faults.append(Fault(f"?{name}", Reason.TOO_LONG))
+        return text
+
+
+def make_cursor(seq: int) -> str:
+    """Return the cursor that goes on after this sequence."""
+    return f"s{seq}"
+
+
+def _malformed(position: int) -> ProblemError:
+    return ProblemError(Problem("malformed-json", values={"position": position}))
+
+
+def _refuse_malformed(body: bytes) -> None:
+    # The typed decoder stops at the first member that does not fit, before it has seen whether the rest is
+    # JSON at all; a body that is none must be told so.
+    try:
+        msgspec.json.decode(body)
+    except msgspec.DecodeError as error:
+        raise _malformed(_position(str(error), body)) from None
+    except RecursionError:
+        return
+
+
+def _position(message: str, body: bytes) -> int:
+    found = _BYTE.search(message)
+    return int(found[1]) if found else len(body)
+
+
+def _fault(message: str) -> Fault:
+    place = _PLACE.search(message)
+    pointer = _pointer(place[1]) if place else ""
+    sentence = message[: place.start()] if place else message
+    member = _MEMBER.fullmatch(sentence)
+    if member is not None:
+        reason = Reason.MISSING if member[1].startswith("missing") else Reason.UNKNOWN_FIELD
+        name = member[2].replace("~", "~0").replace("/", "~1")
+        return Fault(f"{pointer}/{name}", reason)
+    return Fault(pointer, Reason.WRONG_TYPE)
+
+
+def _pointer(path: str) -> str:
+    return path.replace("[", "/").replace("]", "").replace(".", "/")

@@ -1,0 +1,206 @@
+"""The description of the API, OpenAPI 3.1, written by hand as data.
+
+It says what is promised, and only that. Generating it from handlers was not chosen: a description that follows
+the code can't tell anybody that the code has left its promise; a test compares routes, problems and the
+shapes of answers with it instead.
+"""
+
+from typing import Any, Final
+
+import msgspec
+
+from core.journal.verify import Verdict
+from core.ledger.commands import AccountBody, TransactionBody
+from core.ledger.reasons import Reason
+from core.ledger.views import AccountAnswer, AccountView, EventView, TransactionView
+from core.web.problems import PROBLEM_JSON, PROBLEM_KINDS, Outcome
+
+API_VERSION: Final = "1.0.0"
+
+_SHAPES: Final = (
+    AccountBody,
+    TransactionBody,
+    AccountView,
+    AccountAnswer,
+    TransactionView,
+    EventView,
+    Verdict,
+)
+
+_PROBLEM: Final[dict[str, Any]] = {
+    "type": "object",
+    "description": "RFC 9457. `outcome` stands wherever a request was not simply answered.",
+    "required": ["type", "title", "status", "detail"],
+    "properties": {
+        "type": {"type": "string", "enum": [f"/problems/{slug}" for slug in sorted(PROBLEM_KINDS)]},
+        "title": {"type": "string"},
+        "status": {"type": "integer"},
+        "detail": {"type": "string", "description": "In Korean or English, by Accept-Language."},
+        "outcome": {"type": "string", "enum": [outcome.value for outcome in Outcome]},
+        "retry_after": {"type": "integer", "description": "Seconds."},
+        "errors": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "required": ["pointer", "reason"],
+                "properties": {
+                    "pointer": {
+                        "type": "string",
+                        "description": "JSON pointer into the body, or `?name` for a parameter.",
+                    },
+                    "reason": {"type": "string", "enum": [reason.value for reason in Reason]},
+                },
+            },
+        },
+    },
+}
+
+_LOOK_UP: Final[dict[str, Any]] = {
+    "type": "object",
+    "required": ["key", "outcome", "status", "answer"],
+    "properties": {
+        "key": {"type": "string"},
+        "outcome": {"type": "string", "const": "done"},
+        "status": {"type": "integer", "description": "The status the command was answered with."},
+        "answer": {"type": "object", "description": "The answer, or the problem it was refused with."},
+    },
+}
+
+_HEALTH: Final[dict[str, Any]] = {
+    "type": "object",
+    "required": ["epoch", "seq"],
+    "properties": {"epoch": {"type": "integer"}, "seq": {"type": "integer"}},
+}
+
+_KEY: Final[dict[str, Any]] = {
+    "name": "Idempotency-Key",
+    "in": "header",
+    "description": (
+        "1 to 255 visible ASCII characters, made by the client, once per wish. The same key with the same "
+        "wish gets the same answer with `Idempotent-Replayed: true`; with another wish it gets 422."
+    ),
+    "schema": {"type": "string", "minLength": 1, "maxLength": 255},
+}
+
+
+def document() -> bytes:
+    """Return the description as JSON."""
+    _, shapes = msgspec.json.schema_components(_SHAPES, ref_template="#/components/schemas/{name}")
+    described = {
+        "openapi": "3.1.0",
+        "info": {
+            "title": "Ledger",
+            "version": API_VERSION,
+            "description": (
+                "Double entry: the postings of a transaction add up to zero in every currency, debit positive. "
+                "Amounts are decimal strings. Every answer carries `X-Core-Epoch`."
+            ),
+        },
+        "paths": _paths(),
+        "components": {
+            "schemas": {**shapes, "Problem": _PROBLEM, "LookUp": _LOOK_UP, "Health": _HEALTH},
+        },
+    }
+    return msgspec.json.encode(described)
+
+
+def _paths() -> dict[str, Any]:
+    return {
+        "/api/ledger/accounts": {
+            "get": _get("All accounts, by id", _page("AccountView"), _query("cursor"), _limit(10_000)),
+            "post": _post("Open an account", "201", "AccountAnswer", "AccountBody"),
+        },
+        "/api/ledger/accounts/{id}": {"get": _get("One account", _ref("AccountView"), _path("id"))},
+        "/api/ledger/accounts/{id}/close": {
+            "post": _post(
+                "Close an account: it takes no more postings", "200", "AccountAnswer", None, _path("id")
+            ),
+        },
+        "/api/ledger/transactions": {
+            "get": _get(
+                "Transactions, newest first",
+                _page("TransactionView"),
+                _query("account"),
+                _query("from", "First day, YYYY-MM-DD"),
+                _query("to", "Last day, YYYY-MM-DD"),
+                _query("q", "Words in the description"),
+                _query("cursor"),
+                _limit(500),
+            ),
+            "post": _post("Book a transaction", "201", "TransactionView", "TransactionBody"),
+        },
+        "/api/ledger/transactions/{id}": {
+            "get": _get("One transaction", _ref("TransactionView"), _path("id")),
+        },
+        "/api/ledger/events": {
+            "get": _get(
+                "Events in order; `next_cursor` is the next `after`",
+                _page("EventView"),
+                _query("after", "Begin after this sequence"),
+                _limit(500),
+            ),
+        },
+        "/api/ledger/verify": {"get": _get("Prove the whole book", _ref("Verdict"))},
+        "/api/ledger/commands/{key}": {
+            "get": _get("What became of a key (404: not done)", _ref("LookUp"), _path("key")),
+        },
+        "/api/openapi.json": {"get": _get("This description", {"type": "object"})},
+        "/healthz": {"get": _get("Epoch and last sequence, without asking the store", _ref("Health"))},
+    }
+
+
+def _get(summary: str, shape: dict[str, Any], *parameters: dict[str, Any]) -> dict[str, Any]:
+    responses = {"200": _content("The answer", shape), "default": _PROBLEM_RESPONSE}
+    return {"summary": summary, "parameters": list(parameters), "responses": responses}
+
+
+def _post(
+    summary: str, status: str, answer: str, body: str | None, *parameters: dict[str, Any]
+) -> dict[str, Any]:
+    described: dict[str, Any] = {
+        "summary": summary,
+        "parameters": [*parameters, _KEY],
+        "responses": {status: _content("Done", _ref(answer)), "default": _PROBLEM_RESPONSE},
+    }
+    if body is not None:
+        content = {"application/json": {"schema": _ref(body)}}
+        described["requestBody"] = {"required": True, "content": content}
+    return described
+
+
+def _ref(name: str) -> dict[str, Any]:
+    return {"$ref": f"#/components/schemas/{name}"}
+
+
+def _page(item: str) -> dict[str, Any]:
+    return {
+        "type": "object",
+        "required": ["items", "next_cursor"],
+        "properties": {
+            "items": {"type": "array", "items": _ref(item)},
+            "next_cursor": {"type": ["string", "null"]},
+        },
+    }
+
+
+def _path(name: str) -> dict[str, Any]:
+    return {"name": name, "in": "path", "required": True, "schema": {"type": "string"}}
+
+
+def _query(name: str, description: str = "") -> dict[str, Any]:
+    return {"name": name, "in": "query", "description": description, "schema": {"type": "string"}}
+
+
+def _limit(most: int) -> dict[str, Any]:
+    schema = {"type": "integer", "minimum": 1, "maximum": most}
+    return {"name": "limit", "in": "query", "schema": schema}
+
+
+def _content(description: str, shape: dict[str, Any]) -> dict[str, Any]:
+    return {"description": description, "content": {"application/json": {"schema": shape}}}
+
+
+_PROBLEM_RESPONSE: Final = {
+    "description": "A problem",
+    "content": {PROBLEM_JSON: {"schema": _ref("Problem")}},
+}

@@ -1,0 +1,119 @@
+"""Problems: everything that is not an answer, in one closed list, told as RFC 9457 in the reader's language.
+
+The list says for each slug its status and, where a request was not simply answered, what is known of its
+outcome: `not_done` and `unknown` are promises that programs act on, so they stand in a table and nowhere else.
+Inside this package a problem is raised, because it ends a request from any depth; it never leaves the package
+as an exception.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Final
+
+import msgspec
+from starlette.responses import Response
+
+from core.journal.answers import status_of
+from core.ledger.reasons import Fault, Rejection, Slug
+from frontend.render import Language, problem_text
+
+PROBLEM_JSON: Final = "application/problem+json"
+
+
+class Outcome(StrEnum):
+    """What is known of a request that was not simply answered."""
+
+    NOT_DONE = "not_done"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class ProblemKind:
+    """A row of the closed list. `again`: the same request may well succeed in a moment."""
+
+    status: int
+    outcome: Outcome | None = None
+    again: bool = False
+
+
+PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
+    "malformed-json": ProblemKind(400),
+    "invalid-key": ProblemKind(400),
+    "invalid-parameter": ProblemKind(400),
+    "not-found": ProblemKind(404),
+    "account-not-found": ProblemKind(404),
+    "transaction-not-found": ProblemKind(404),
+    "command-not-found": ProblemKind(404, Outcome.NOT_DONE),
+    "method-not-allowed": ProblemKind(405),
+    "body-too-large": ProblemKind(413),
+    **{slug.value: ProblemKind(status_of(slug)) for slug in Slug},
+    "key-reused": ProblemKind(422),
+    "internal": ProblemKind(500),
+    "busy": ProblemKind(503, Outcome.NOT_DONE, again=True),
+    "leaving": ProblemKind(503, Outcome.NOT_DONE, again=True),
+    "store-busy": ProblemKind(503, Outcome.NOT_DONE, again=True),
+    "store-unreadable": ProblemKind(503, again=True),
+    "read-too-long": ProblemKind(503),
+    "outcome-unknown": ProblemKind(503, Outcome.UNKNOWN),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One problem: its slug, the fields at fault, the values its sentence names.
+
+    `outcome` overrides the table's where the place of the fault decides it (our own bug, before or after the
+    writer was asked); `headers` are added to the response.
+    """
+
+    slug: str
+    faults: tuple[Fault, ...] = ()
+    values: dict[str, Any] = field(default_factory=dict)
+    outcome: Outcome | None = None
+    headers: dict[str, str] = field(default_factory=dict)
+
+
+class ProblemError(Exception):
+    """Ends a request with a problem."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem.slug)
+        self.problem = problem
+
+
+def refusal(rejection: Rejection, *, replayed: bool = False) -> Problem:
+    """Return the problem that tells a rejection of the ledger."""
+    headers = {"Idempotent-Replayed": "true"} if replayed else {}
+    return Problem(rejection.slug.value, rejection.faults, dict(rejection.values), headers=headers)
+
+
+def problem_json(problem: Problem, lang: Language, retry_after_s: int) -> dict[str, Any]:
+    """Return the members of a problem's body."""
+    kind = PROBLEM_KINDS[problem.slug]
+    title, detail = problem_text(problem.slug, lang, **problem.values)
+    outcome = problem.outcome or kind.outcome
+    body: dict[str, Any] = {
+        "type": f"/problems/{problem.slug}",
+        "title": title,
+        "status": kind.status,
+        "detail": detail,
+    }
+    if outcome is not None:
+        body["outcome"] = outcome.value
+    if problem.faults:
+        body["errors"] = [
+            {"pointer": fault.pointer, "reason": fault.reason.value} for fault in problem.faults
+        ]
+    if kind.again:
+        body["retry_after"] = retry_after_s
+    return body
+
+
+def respond(problem: Problem, lang: Language, retry_after_s: int) -> Response:
+    """Return the response that tells a problem."""
+    kind = PROBLEM_KINDS[problem.slug]
+    headers = {"Content-Language": lang, "Vary": "Accept-Language", **problem.headers}
+    if kind.again:
+        headers["Retry-After"] = str(retry_after_s)
+    body = msgspec.json.encode(problem_json(problem, lang, retry_after_s))
+    return Response(body, kind.status, headers, media_type=PROBLEM_JSON)

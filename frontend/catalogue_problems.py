@@ -1,0 +1,154 @@
+"""What the ledger says when it can't simply answer: title and detail of each problem, in Korean and English.
+
+Plain data, so that a translator can read it and a test can hold it against the closed list of problems. A
+detail may name values in braces; in Korean no particle stands directly after one, because the right particle
+would depend on the value.
+"""
+
+from typing import Final
+
+#: slug -> language -> (title, detail)
+PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
+    "malformed-json": {
+        "ko": ("JSON 형식이 잘못됐어요", "본문을 읽을 수 없어요. 위치: {position}번째 바이트 근처."),
+        "en": ("This is not valid JSON", "The body cannot be read near byte {position}."),
+    },
+    "body-too-large": {
+        "ko": ("보낸 내용이 너무 커요", "한 번에 {limit_bytes}바이트까지 받아요. 나누어 보내 주세요."),
+        "en": (
+            "What was sent is too large",
+            "Up to {limit_bytes} bytes are taken at once. Please send it in parts.",
+        ),
+    },
+    "invalid-key": {
+        "ko": (
+            "멱등성 키를 쓸 수 없어요",
+            "Idempotency-Key 헤더에는 공백 없는 ASCII 문자 1~255개만 쓸 수 있어요.",
+        ),
+        "en": (
+            "This idempotency key cannot be used",
+            "Idempotency-Key takes 1 to 255 visible ASCII characters.",
+        ),
+    },
+    "invalid-parameter": {
+        "ko": ("주소의 조건이 잘못됐어요", "errors에 있는 조건을 고쳐 주세요."),
+        "en": ("A parameter is not usable", "Please correct the parameters named in errors."),
+    },
+    "invalid-body": {
+        "ko": ("고쳐야 할 항목이 있어요", "errors에 있는 항목을 고쳐서 다시 보내 주세요."),
+        "en": (
+            "Some fields need to be corrected",
+            "Please correct the fields named in errors and send it again.",
+        ),
+    },
+    "unbalanced": {
+        "ko": ("차변과 대변이 맞지 않아요", "{currency} 합계가 0이어야 해요. 차이: {off_by}."),
+        "en": (
+            "The postings do not balance",
+            "The postings in {currency} must add up to zero; they are off by {off_by}.",
+        ),
+    },
+    "unknown-account": {
+        "ko": ("없는 계정이에요", "먼저 계정을 만들어 주세요: {account}."),
+        "en": ("There is no such account", "Please open it first: {account}."),
+    },
+    "account-exists": {
+        "ko": ("이미 있는 계정이에요", "다른 이름을 골라 주세요. 이미 있는 이름: {account}."),
+        "en": ("This account exists already", "Please choose another id than {account}."),
+    },
+    "account-closed": {
+        "ko": ("닫힌 계정이에요", "닫힌 계정에는 기록할 수 없어요: {account}."),
+        "en": ("This account is closed", "A closed account takes no more postings: {account}."),
+    },
+    "currency-differs": {
+        "ko": ("통화가 달라요", "{account} 계정의 통화: {currency}. 보낸 통화: {given}."),
+        "en": ("The currency differs", "{account} is kept in {currency}, not in {given}."),
+    },
+    "overdraft": {
+        "ko": (
+            "잔액이 부족해요",
+            "{account} 계정에서 이 거래 뒤의 잔액: {balance} {currency}. 이 계정은 0 아래로 내려갈 수 없어요.",
+        ),
+        "en": (
+            "The balance does not suffice",
+            "{account} would stand at {balance} {currency} and may not be overdrawn.",
+        ),
+    },
+    "balance-out-of-range": {
+        "ko": ("금액이 너무 커요", "{account} 계정이 담을 수 있는 금액을 넘어요."),
+        "en": ("The amount is too large", "It is more than {account} can hold."),
+    },
+    "key-reused": {
+        "ko": (
+            "이미 다른 요청에 쓴 키예요",
+            "같은 멱등성 키로 다른 내용을 보낼 수 없어요. 새 키를 써 주세요.",
+        ),
+        "en": (
+            "This key belongs to another request",
+            "An idempotency key stands for one request. Please use a new key.",
+        ),
+    },
+    "not-found": {
+        "ko": ("여기에는 아무것도 없어요", "주소를 확인해 주세요."),
+        "en": ("There is nothing here", "Please check the address."),
+    },
+    "account-not-found": {
+        "ko": ("없는 계정이에요", "찾은 이름: {account}."),
+        "en": ("There is no such account", "No account is called {account}."),
+    },
+    "transaction-not-found": {
+        "ko": ("없는 거래예요", "찾은 번호: {transaction}."),
+        "en": ("There is no such transaction", "No transaction has the id {transaction}."),
+    },
+    "command-not-found": {
+        "ko": ("이 키로 처리된 요청이 없어요", "이 키의 요청은 처리되지 않았어요."),
+        "en": ("No request under this key", "No request with this key has been done."),
+    },
+    "method-not-allowed": {
+        "ko": ("이 방식은 쓸 수 없어요", "여기서 쓸 수 있는 방식: {allowed}."),
+        "en": ("This method is not used here", "Here one may use: {allowed}."),
+    },
+    "busy": {
+        "ko": ("지금은 요청이 너무 많아요", "이 요청은 처리하지 않았어요. 잠시 뒤에 다시 보내 주세요."),
+        "en": (
+            "Too many requests at this moment",
+            "This request was not done. Please send it again in a moment.",
+        ),
+    },
+    "leaving": {
+        "ko": ("서버가 내려가는 중이에요", "이 요청은 처리하지 않았어요. 잠시 뒤에 다시 보내 주세요."),
+        "en": ("The server is shutting down", "This request was not done. Please send it again in a moment."),
+    },
+    "store-busy": {
+        "ko": ("장부가 다른 작업에 잠겨 있어요", "이 요청은 처리하지 않았어요. 잠시 뒤에 다시 보내 주세요."),
+        "en": (
+            "Something else holds the ledger's lock",
+            "This request was not done. Please send it again in a moment.",
+        ),
+    },
+    "store-unreadable": {
+        "ko": ("지금은 장부를 읽을 수 없어요", "잠시 뒤에 다시 시도해 주세요."),
+        "en": ("The ledger cannot be read right now", "Please try again in a moment."),
+    },
+    "read-too-long": {
+        "ko": ("찾는 데 너무 오래 걸려요", "기간이나 계정을 좁혀서 다시 찾아 주세요."),
+        "en": ("This search takes too long", "Please narrow the dates or name an account."),
+    },
+    "outcome-unknown": {
+        "ko": (
+            "처리됐는지 아직 알 수 없어요",
+            "저장하는 중에 문제가 생겼어요. 다시 보내기 전에 내역을 확인해 주세요.",
+        ),
+        "en": (
+            "It is not known whether this was done",
+            "Storing it failed half-way. Please check the records before you send it again.",
+        ),
+    },
+    "internal": {
+        "ko": ("서버 오류예요", "저희 쪽 문제예요. 다시 보내기 전에 내역을 확인해 주세요."),
+        "en": (
+            "The server made a mistake",
+            "The fault is ours. Please check the records before you send it again.",
+        ),
+    },
+}
