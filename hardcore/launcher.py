@@ -9,6 +9,7 @@ sentinel holds the lock; that one stops everything and ends with 0, and then so 
 Arguments: the data folder, the run folder, the listener's descriptor, the URL.
 """
 
+import contextlib
 import ctypes
 import fcntl
 import os
@@ -73,7 +74,13 @@ class Launcher:
         os.set_inheritable(self.listen_fd, True)
         quiet = [(os.POSIX_SPAWN_OPEN, 0, "/dev/null", os.O_RDONLY, 0)]
         self.child = os.posix_spawn(
-            sys.executable, argv, os.environ, file_actions=quiet, setsid=True, setsigdef=[signal.SIGCHLD]
+            sys.executable,
+            argv,
+            os.environ,
+            file_actions=quiet,
+            setsid=True,
+            setsigdef=[signal.SIGCHLD],
+            setsigmask=[signal.SIGTERM],  # kept back until the sentinel can hear it
         )
         self.pidfd = os.pidfd_open(self.child)
 
@@ -111,21 +118,21 @@ class Launcher:
         self.child, self.pidfd = 0, pidfd
         return True
 
-    def wait(self) -> None:
-        """Wait until the sentinel is gone, reaping whoever else ends."""
+    def wait(self) -> int | None:
+        """Wait until the sentinel is gone, reaping whoever else ends. Returns its status if it was ours."""
+        self.status = None
         poll = select.poll()
         poll.register(self.wakeup, select.POLLIN)
         poll.register(self.pidfd, select.POLLIN)
         gone = False
         while not gone:
             gone = any(fd == self.pidfd for fd, _event in poll.poll())
-            try:
+            with contextlib.suppress(BlockingIOError):
                 os.read(self.wakeup, 4096)
-            except BlockingIOError:
-                pass
             self.reap()
         os.close(self.pidfd)
         self.pidfd = -1
+        return self.status
 
     def reap(self) -> None:
         """Take the exit status of every child that has ended."""
@@ -166,17 +173,17 @@ class Launcher:
         """Keep a sentinel running until it ends as asked. Returns the exit code."""
         while True:
             began = time.monotonic()
-            self.status = None
             if not self.attach():
                 self.start()
             if self.told:
                 self.forward()
-            self.wait()
-            if self.told or self.status == 0 or self.wanted_down():
+            status = self.wait()
+            if status == 0 or (status is None and (self.told or self.wanted_down())):
                 return 0
-            if self.status == UNUSABLE:
+            if status == UNUSABLE:
                 return 1
-            if self.status != ANOTHER_WATCHES:
+            # One that died while stopping left its work half done: the next one goes on with it.
+            if status != ANOTHER_WATCHES:
                 os.write(2, b"The sentinel ended; starting it again.\n")
             if time.monotonic() - began < SHORT_LIFE_S:
                 select.select([], [], [], PAUSE_S)

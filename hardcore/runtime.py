@@ -84,6 +84,7 @@ class Runtime:
         """Watch until everything is stopped as asked. Returns the exit code."""
         loop = asyncio.get_running_loop()
         loop.add_signal_handler(signal.SIGTERM, self._on_term)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # the launcher kept it back until now
         loop.add_reader(self.notify.fileno(), self._on_notice)
         await self.control.start()
         self._begin()

@@ -1,0 +1,159 @@
+"""What the command line says: one text for each thing, in Korean and English.
+
+Plain data and one lookup. A sentence that tells of a failure says the next step. In Korean no particle stands
+right after a value.
+"""
+
+from typing import Final
+
+#: key -> (ko, en)
+CLI: Final[dict[str, tuple[str, str]]] = {
+    "serving": (
+        "가계부: {url}\n끄려면 Ctrl-C를 누르세요. 상태는 `hardcore status`로 볼 수 있어요.",
+        "Ledger: {url}\nCtrl-C stops it. `hardcore status` shows how it is.",
+    ),
+    "attached": (
+        "이미 돌고 있던 감시자에 다시 붙었어요: {url}",
+        "Attached to the sentinel that was still running: {url}",
+    ),
+    "already_running": (
+        "이 데이터 폴더는 이미 쓰이고 있어요 ({url}). `hardcore status`로 보거나 `hardcore down`으로 끄세요.",
+        "This data folder is already in use ({url}). See `hardcore status`, or stop it with `hardcore down`.",
+    ),
+    "port_taken": (
+        "포트 {port}번을 다른 프로그램이 쓰고 있어요. --port로 다른 번호를 고르세요 (예: --port {next}).",
+        "Port {port} is in use by another program. Choose another with --port, for example --port {next}.",
+    ),
+    "cannot_listen": (
+        "{host}:{port} 주소를 열 수 없어요 ({why}). --host와 --port를 확인하세요.",
+        "Can't listen on {host}:{port} ({why}). Check --host and --port.",
+    ),
+    "loopback_only": (
+        "--host {host}: 암호를 둘 수 있기 전까지는 이 컴퓨터 안에서만 열어요. 127.0.0.1 또는 ::1을 쓰세요.",
+        "--host {host}: until there is a password, only this machine is served. Use 127.0.0.1 or ::1.",
+    ),
+    "policy_bad": (
+        "정책 파일에 고칠 곳이 있어요: {path}",
+        "The policy file needs mending: {path}",
+    ),
+    "policy_kept": (
+        "정책 파일에 잘못이 있어서 지난번의 올바른 정책을 계속 써요. `hardcore policy check {path}`로 확인하세요.",
+        "The policy file is faulty, so the last good one stays in force. See `hardcore policy check {path}`.",
+    ),
+    "policy_next": (
+        "고친 뒤 다시 시작하거나, 파일을 지우면 기본값으로 시작해요.",
+        "Mend it and start again, or remove it to start with the defaults.",
+    ),
+    "policy_good": ("정책 파일이 올바라요: {path}", "The policy is fine: {path}"),
+    "unreachable": (
+        "감시자가 돌고 있지 않아요. `hardcore up`으로 시작하세요.",
+        "The sentinel is not running. Start it with `hardcore up`.",
+    ),
+    "silent": (
+        "감시자가 있지만 대답하지 않아요. 잠시 뒤 다시 해 보거나, 계속되면 `hardcore up` 창을 확인하세요.",
+        "The sentinel is there but does not answer. Try again shortly; if it lasts, look at the `hardcore up` window.",
+    ),
+    "refused": ("안 했어요: {why}", "Not done: {why}"),
+    "stopping": ("끄는 중이에요. 하던 일은 마칠게요.", "Stopping. What is under way will be finished."),
+    "stopped": ("껐어요. 다시 켜기 전까지 꺼져 있어요.", "Stopped. It stays off until `hardcore up`."),
+    "nothing_running": (
+        "돌고 있는 것이 없어요. 꺼진 상태로 기억해 둘게요.",
+        "Nothing was running. It is noted that it should stay off.",
+    ),
+    "still_stopping": (
+        "{seconds}초가 지났는데 아직 끄는 중이에요. `hardcore status`로 확인하세요.",
+        "Still stopping after {seconds} seconds. See `hardcore status`.",
+    ),
+    "restarting": ("핵심 서버를 다시 켜는 중이에요.", "Restarting the core."),
+    "restarted": (
+        "다시 켰어요. {seconds}초 걸렸어요. 사건 번호: {incident}",
+        "Restarted in {seconds} seconds. Incident: {incident}",
+    ),
+    "starting_already": (
+        "이미 켜지는 중이에요. `hardcore status`로 볼 수 있어요.",
+        "It is already being started. See `hardcore status`.",
+    ),
+    "no_comeback": (
+        "{seconds}초 안에 돌아오지 않았어요. `hardcore status`와 `hardcore incidents`를 보세요.",
+        "It did not come back within {seconds} seconds. See `hardcore status` and `hardcore incidents`.",
+    ),
+    "resumed": ("다시 해 보는 중이에요.", "Trying again."),
+    "resume_needless": ("다시 할 것이 없어요. 지금 상태: {state}", "There is nothing to try again: it is {state}."),
+    "drill_begins": (
+        "훈련: {fault}. 핵심 서버를 일부러 고장 내고 돌아오기를 기다려요.",
+        "Drill: {fault}. Breaking the core on purpose and waiting for it to come back.",
+    ),
+    "drill_done": (
+        "돌아왔어요. 진단: {diagnosis} · 발견까지 {detected}ms · 다시 서비스까지 {outage}ms · 사건 번호: {incident}",
+        "It is back. Diagnosis: {diagnosis} · noticed after {detected} ms · serving again after {outage} ms · incident {incident}",
+    ),
+    "drill_other": (
+        "기대한 결과가 아니에요: {outcome}, 진단 {diagnosis}. `hardcore incidents show {incident}`를 보세요.",
+        "Not what was expected: {outcome}, diagnosis {diagnosis}. See `hardcore incidents show {incident}`.",
+    ),
+    "verify_ok": (
+        "장부가 맞아요. 기록 {events}건, 모든 통화의 합이 0이에요.",
+        "The ledger is whole: {events} events, and every currency sums to zero.",
+    ),
+    "verify_bad": (
+        "장부가 맞지 않아요. 처음 어긋난 곳: {seq}번 기록. {reason} 입력을 멈추고 백업을 확인하세요.",
+        "The ledger does not hold: the first fault is at event {seq}. {reason} Stop writing and look at your backup.",
+    ),
+    "verify_failed": ("장부를 확인하지 못했어요: {why}", "The ledger could not be checked: {why}"),
+    "exported": ("저장했어요: {path}", "Written: {path}"),
+}
+
+LANGUAGES: Final = ("ko", "en")
+
+
+def text(key: str, lang: str, **values: object) -> str:
+    """Return a text in a language, its values filled in. A key that is missing is our own bug."""
+    return CLI[key][LANGUAGES.index(lang)].format_map(values)
+
+
+#: What the status page calls things: state -> (ko, en)
+STATES: Final[dict[str, tuple[str, str]]] = {
+    "STARTING": ("시작하는 중", "starting"),
+    "OPERATIONAL": ("정상", "working"),
+    "DEGRADED": ("느려지거나 걱정되는 점이 있음", "working, with a worry"),
+    "RECOVERY": ("복구하는 중", "recovering"),
+    "SAFE_MODE": ("읽기 전용", "read-only"),
+    "MANUAL_INTERVENTION": ("사람의 확인이 필요함", "waiting for you"),
+    "SHUTDOWN": ("끄는 중이거나 꺼져 있음", "stopping or stopped"),
+    "UNKNOWN": ("감시자가 없음", "no sentinel answers"),
+}
+
+#: Labels of the status page.
+LABELS: Final[dict[str, tuple[str, str]]] = {
+    "state": ("상태", "State"),
+    "since": ("부터", "since"),
+    "address": ("주소", "Address"),
+    "core": ("핵심 서버", "Core"),
+    "gateway": ("관문", "Gateway"),
+    "sentinel": ("감시자", "Sentinel"),
+    "budget": ("재시작", "Restarts"),
+    "incident": ("사건", "Incident"),
+    "last_incident": ("지난 사건", "Last incident"),
+    "verified": ("장부 확인", "Ledger checked"),
+    "worry": ("걱정되는 점", "Worry"),
+    "none": ("없음", "none"),
+    "open": ("진행 중", "open"),
+    "epoch": ("세대", "epoch"),
+    "events": ("기록", "events"),
+    "in_flight": ("처리 중", "in flight"),
+    "held": ("기다리는 요청", "waiting"),
+    "beat": ("박동", "beat"),
+    "ago": ("전", "ago"),
+    "of": ("중", "of"),
+    "in_seconds": ("{n}초 동안", "in {n} s"),
+}
+
+
+def label(key: str, lang: str) -> str:
+    """Return a label of the status page."""
+    return LABELS[key][LANGUAGES.index(lang)]
+
+
+def state_words(state: str, lang: str) -> str:
+    """Return a state in words for people."""
+    return STATES[state][LANGUAGES.index(lang)]

@@ -1,0 +1,142 @@
+"""What `hardcore up` does before it becomes the launcher: checks everything that can be told in one sentence.
+
+Once the launcher runs, nobody reads a terminal any more; so folders, locks, policy, address and port are
+settled here, each refusal with its next step. Then this process *becomes* the launcher (exec), which keeps
+the listener and the lock and loses the weight of the command line.
+"""
+
+import ipaddress
+import os
+import socket
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from frontend.catalogue import text
+from hardcore import standing
+from hardcore.control import client
+from hardcore.host import files
+from hardcore.host.folders import Folders, Unusable, prepare
+from hardcore.model.phases import Wanted
+from hardcore.recovery.policy import Policy, PolicyFault
+
+BACKLOG = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Why it can't be started, in words for the operator, and the exit code."""
+
+    words: str
+    code: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """All that the launcher needs; both descriptors are kept over the exec."""
+
+    folders: Folders
+    listen_fd: int
+    url: str
+    attached: bool
+    warning: str = ""
+
+
+def prepare_start(data: Path, host: str, port: int, policy: Path | None, lang: str) -> Ready | Refused:
+    """Settle everything that can go wrong before the launcher takes over."""
+    if not _loopback(host):
+        return Refused(text("loopback_only", lang, host=host), 2)
+    folders = prepare(data)
+    if isinstance(folders, Unusable):
+        return Refused(folders.reason)
+    lock = files.take_lock(folders.run / "launcher.lock")
+    if lock is None:
+        url = files.read_json(folders.sentinel).get("url") or f"--data {folders.data}"
+        return Refused(text("already_running", lang, url=url))
+    os.set_inheritable(lock, True)  # held by the launcher for as long as it lives
+    warning = _settle_policy(folders, policy, lang)
+    if isinstance(warning, Refused):
+        return warning
+    living = _attach(folders)
+    if living is not None:
+        return Ready(folders, *living, attached=True, warning=warning)
+    listener = _listen(host, port, lang)
+    if isinstance(listener, Refused):
+        return listener
+    # Only now: a start that was refused must not have changed what is wanted.
+    standing.store_wanted(folders, Wanted.UP)
+    shown = f"[{host}]" if ":" in host else host
+    port = listener.getsockname()[1]
+    return Ready(folders, listener.detach(), f"http://{shown}:{port}", attached=False, warning=warning)
+
+
+def become_launcher(ready: Ready) -> None:
+    """Become the launcher. Does not return."""
+    os.set_inheritable(ready.listen_fd, True)
+    launcher = Path(__file__).with_name("launcher.py")
+    argv = [sys.executable, "-I", "-S", str(launcher), str(ready.folders.data), str(ready.folders.run)]
+    os.execv(sys.executable, [*argv, str(ready.listen_fd), ready.url])  # noqa: S606  # to become it is the point
+
+
+def _loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _settle_policy(folders: Folders, given: Path | None, lang: str) -> str | Refused:
+    """Check the policy and copy a given one into the data folder. Returns a warning, or an empty text."""
+    if given is not None:
+        found = standing.load_policy_file(given)
+        if not isinstance(found, Policy):
+            return Refused(policy_faults(given, found, lang))
+        if given.resolve() != folders.policy:
+            files.write_whole(folders.policy, given.read_bytes())
+        return ""
+    if not folders.policy.exists():
+        return ""
+    found = standing.load_policy_file(folders.policy)
+    if isinstance(found, Policy):
+        return ""
+    if isinstance(standing.load_policy_file(folders.good_policy), Policy):
+        return text("policy_kept", lang, path=folders.policy)
+    return Refused(policy_faults(folders.policy, found, lang))
+
+
+def policy_faults(path: Path, faults: list[PolicyFault], lang: str) -> str:
+    """Return what is wrong with a policy file, a line for each fault, and the next step."""
+    lines = [text("policy_bad", lang, path=path), *(f"  {fault}" for fault in faults)]
+    return "\n".join([*lines, text("policy_next", lang)])
+
+
+def _attach(folders: Folders) -> tuple[int, str] | None:
+    """Return the listener and the URL of a sentinel that is still alive, or None."""
+    lock = files.take_lock(folders.run / "sentinel.lock")
+    if lock is not None:
+        os.close(lock)
+        return None
+    try:
+        answer, fds = client.ask_with_fds(folders.control, {"verb": "attach"})
+    except client.Unreachable:
+        return None
+    if len(fds) != 1 or not isinstance(answer.get("url"), str):
+        return None
+    return fds[0], str(answer["url"])
+
+
+def _listen(host: str, port: int, lang: str) -> socket.socket | Refused:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen(BACKLOG)
+    except OSError as error:
+        listener.close()
+        if error.errno in {98, 13}:  # in use, or a port below 1024
+            return Refused(text("port_taken", lang, port=port, next=max(1024, port) + 100))
+        return Refused(text("cannot_listen", lang, host=host, port=port, why=error.strerror))
+    return listener
