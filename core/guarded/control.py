@@ -98,10 +98,18 @@ class ControlServer:
     """Answers orders until it is closed."""
 
     def __init__(
-        self, path: Path, standing: Callable[[], Standing], note: Callable[[str, str], None]
+        self,
+        path: Path,
+        standing: Callable[[], Standing],
+        note: Callable[[str, str], None],
+        silence_s: float = SILENCE_S_MAX,
     ) -> None:
-        """Serve on `path`. `standing` is asked for each status; `note` is told code and text of a drill."""
+        """Serve on `path`. `standing` is asked for each status; `note` is told code and text of a drill.
+
+        Who says nothing for `silence_s` is hung up on.
+        """
         self._path = path
+        self._silence_s = silence_s
         self._standing = standing
         self._note = note
         self._generation = 0
@@ -133,7 +141,7 @@ class ControlServer:
 
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
-            while line := await asyncio.wait_for(self._line(reader), SILENCE_S_MAX):
+            while line := await asyncio.wait_for(self._line(reader), self._silence_s):
                 await self._answer(line, writer)
         except (TimeoutError, ConnectionError):
             pass  # Somebody who is silent or gone needs no answer.

@@ -1,0 +1,90 @@
+"""A small core without a ledger, as a process of its own: `python -m tests.unit.core_guarded.guest MODE`.
+
+It takes its instruments as the real core does, prints `up`, and then does what MODE says.
+"""
+
+import asyncio
+import ctypes
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+
+import uvloop
+
+from core.guarded.control import Standing
+from core.guarded.environment import GuardedEnvironment
+from core.guarded.life import Instruments, guarded_life, take_instruments
+
+
+def say(text: str) -> None:
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+def fail_in_thread() -> None:
+    raise LookupError("a part of the core is gone")
+
+
+def fail_in_main() -> None:
+    raise ValueError("no more core")
+
+
+async def serve(environment: GuardedEnvironment, instruments: Instruments, mode: str) -> None:
+    loop = asyncio.get_running_loop()
+    term = loop.create_future()
+    async with guarded_life(
+        environment,
+        instruments.recorder,
+        instruments.beacon,
+        standing=lambda: Standing(epoch=7, seq=12),
+        on_term=term.set_result,
+    ):
+        say("up")
+        match mode:
+            case "fail-in-thread":
+                threading.Thread(target=fail_in_thread, name="journal").start()
+            case "fail-in-loop":
+                loop.call_soon(fail_in_thread)
+            case "fail-in-main":
+                fail_in_main()
+            case "hold-the-interpreter":
+                ctypes.PyDLL(None).sleep(3600)
+            case _:
+                pass
+        sender = await term
+    instruments.beacon.stopping()
+    say(f"term {sender}")
+
+
+def fork_and_look() -> None:
+    if os.fork() == 0:
+        say(f"blocked {signal.SIGTERM in signal.pthread_sigmask(signal.SIG_BLOCK, [])}")
+        os._exit(0)
+    os.wait()
+
+
+def main(mode: str) -> None:
+    if mode == "early-thread":
+        threading.Thread(target=threading.Event().wait, daemon=True).start()
+    environment = GuardedEnvironment.read(os.environ)
+    assert isinstance(environment, GuardedEnvironment), environment
+    instruments = take_instruments(environment)
+    if not isinstance(instruments, Instruments):
+        sys.exit(instruments.reason)
+    run: Callable[..., None] = uvloop.run if mode.endswith("uvloop") else asyncio.run
+    match mode:
+        case "fork":
+            fork_and_look()
+        case "segv":
+            say("up")
+            ctypes.string_at(0)
+        case _:
+            run(serve(environment, instruments, mode))
+    instruments.recorder.close()
+    instruments.beacon.close()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
