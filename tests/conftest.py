@@ -8,7 +8,7 @@ from psutil import Process
 from tests import leftovers, waiting
 
 # Processes that were told to end are given this long to be gone; more means that nobody told them.
-LEAVING_S = 3.0
+LEAVING_S = 2.0
 
 
 @pytest.fixture(autouse=True)

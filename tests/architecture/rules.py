@@ -141,15 +141,17 @@ def thawed_words(source: Source) -> list[str]:
 def doors_to_the_ledger(source: Source) -> list[str]:
     """Ways to the ledger's file other than SQLite.
 
-    Two locks on one door: only one room may know the file's name, and in the core only named rooms may touch
-    files at all. Closing any descriptor of the file, even one opened for reading, drops SQLite's locks.
+    Two locks on one door: the file's name is written in one room, and a room that may know it (by the constant
+    of that room) may not touch files, the others may not know it. Closing any descriptor of the file, even
+    one opened for reading, drops SQLite's locks.
     """
+    may_touch_files = not source.path.startswith("core/") or source.path.startswith(tuple(CORE_FILE_ROOMS))
     named = [
         f"{source.path}:{line}: names {LEDGER_FILE}"
-        for line in _mentions_of_the_ledger(source)
-        if source.path != LEDGER_FILE_ROOM
+        for line, by_constant in _mentions_of_the_ledger(source)
+        if source.path != LEDGER_FILE_ROOM and (may_touch_files or not by_constant)
     ]
-    if not source.path.startswith("core/") or source.path.startswith(tuple(CORE_FILE_ROOMS)):
+    if may_touch_files:
         return named
     opened = [
         f"{source.path}:{node.lineno}: touches a file by {name}, beside SQLite"
@@ -162,13 +164,15 @@ def doors_to_the_ledger(source: Source) -> list[str]:
 
 def foreign_imports(source: Source) -> set[str]:
     """The packages of others that are imported, by their import names."""
-    found: set[str] = set()
-    for node in ast.walk(source.tree):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            found.add(node.module.split(".")[0])
+    found = {name.split(".")[0] for name in _imported(source)}
     return found - set(sys.stdlib_module_names) - set(PACKAGES) - {"tests"}
+
+
+def imports_beyond_the_standard_library(source: Source) -> list[str]:
+    """Imports of ours or of others, in a room that may have neither."""
+    named = {dotted_name.split(".")[0] for dotted_name in _imported(source)} - set(sys.stdlib_module_names)
+    relative = any(isinstance(node, ast.ImportFrom) and node.level for node in ast.walk(source.tree))
+    return [f"{source.path}: imports {name}" for name in sorted(named | ({"."} if relative else set()))]
 
 
 def declared_dependencies() -> set[str]:
@@ -178,15 +182,29 @@ def declared_dependencies() -> set[str]:
     return {name.lower().replace("-", "_") for name in names}
 
 
-def _mentions_of_the_ledger(source: Source) -> Iterator[int]:
+def _imported(source: Source) -> Iterator[str]:
+    for node in ast.walk(source.tree):
+        match node:
+            case ast.Import(names=names):
+                yield from (alias.name for alias in names)
+            case ast.ImportFrom(module=str(module), level=0):
+                yield module
+            case _:
+                pass
+
+
+def _mentions_of_the_ledger(source: Source) -> Iterator[tuple[int, bool]]:
+    """Lines that mention the ledger's file, and whether they do so by the constant of its room."""
     for node in ast.walk(source.tree):
         match node:
             case ast.Constant(value=str(text)) if text.strip("/") == LEDGER_FILE:
-                yield node.lineno
+                yield node.lineno, False
             case ast.alias(name=name) | ast.Attribute(attr=name) | ast.Name(id=name) if (
                 name == LEDGER_FILE_NAME
             ):
-                yield node.lineno
+                yield node.lineno, True
+            case _:
+                pass
 
 
 def _lines_of(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:

@@ -63,7 +63,12 @@ def parse(path: str, text: str) -> Source:
 def read(*tops: str) -> list[Source]:
     """All Python files under the given folders of the checkout, in the order of their paths."""
     paths = sorted(path for top in tops for path in (ROOT / top).rglob("*.py"))
-    return [parse(str(path.relative_to(ROOT)), path.read_text("utf-8")) for path in paths]
+    return [read_file(str(path.relative_to(ROOT))) for path in paths]
+
+
+def read_file(path: str) -> Source:
+    """One file of the checkout, by its path from the top."""
+    return parse(path, (ROOT / path).read_text("utf-8"))
 
 
 def dotted(node: ast.expr) -> str:
