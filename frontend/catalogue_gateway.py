@@ -1,0 +1,124 @@
+"""What the gateway says when it answers itself: title and detail of each problem, in Korean and English.
+
+Plain data, so that a translator can read it and a test can hold it against the gateway's closed list of
+problems. A sentence may say only what the gateway knows when it sends it.
+"""
+
+#: slug -> language -> (title, detail)
+PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
+    "bad-request": {
+        "ko": (
+            "요청을 읽을 수 없어요",
+            "요청 형식이 HTTP 규칙에 맞지 않아요. 보낸 프로그램을 확인해 주세요.",
+        ),
+        "en": (
+            "This request cannot be read",
+            "It does not follow the rules of HTTP. Please check the program that sent it.",
+        ),
+    },
+    "wrong-host": {
+        "ko": (
+            "이 주소로는 열 수 없어요",
+            "이 서버가 모르는 이름으로 요청이 왔어요. 관리자가 이름을 허용해야 해요.",
+        ),
+        "en": (
+            "Not served under this name",
+            "The request names a host that this server does not know. The administrator has to allow it.",
+        ),
+    },
+    "method-not-allowed": {
+        "ko": ("이 방식은 쓸 수 없어요", "여기서 쓸 수 있는 방식은 Allow 헤더에 있어요."),
+        "en": ("This method is not used here", "The methods that are used here stand in the Allow header."),
+    },
+    "request-timeout": {
+        "ko": ("요청이 끝까지 오지 않았어요", "제시간에 다 받지 못해서 처리하지 않았어요. 다시 보내 주세요."),
+        "en": (
+            "The request did not arrive in full",
+            "It was not complete in time, so nothing was done. Please send it again.",
+        ),
+    },
+    "body-too-large": {
+        "ko": ("보낸 내용이 너무 커요", "정해진 크기를 넘어서 받지 않았어요. 나누어 보내 주세요."),
+        "en": (
+            "What was sent is too large",
+            "It is over the limit and was not accepted. Please send it in smaller parts.",
+        ),
+    },
+    "expectation-failed": {
+        "ko": ("이 조건은 지킬 수 없어요", "Expect 헤더에는 100-continue만 쓸 수 있어요."),
+        "en": ("This expectation cannot be met", "The Expect header may only say 100-continue."),
+    },
+    "head-too-large": {
+        "ko": ("요청 머리글이 너무 커요", "헤더나 쿠키를 줄여서 다시 보내 주세요."),
+        "en": ("The request's headers are too large", "Please send it again with fewer headers or cookies."),
+    },
+    "gateway-fault": {
+        "ko": ("서버 앞단에서 오류가 났어요", "이 연결에서만 생긴 오류예요. 처리됐는지 먼저 확인해 주세요."),
+        "en": (
+            "The gateway made a mistake",
+            "Only this connection is concerned. Please check whether the request was done before you send it again.",
+        ),
+    },
+    "broken-answer": {
+        "ko": ("서버의 응답이 온전하지 않아요", "응답을 읽을 수 없었어요. 처리됐는지 먼저 확인해 주세요."),
+        "en": (
+            "The server's answer was broken",
+            "It could not be read. Please check whether the request was done before you send it again.",
+        ),
+    },
+    "recovering": {
+        "ko": ("서버를 다시 켜고 있어요", "이 요청은 처리하지 않았어요. 잠시 뒤에 다시 보내 주세요."),
+        "en": (
+            "The server is being restarted",
+            "This request was not done. Please send it again in a moment.",
+        ),
+    },
+    "not-done": {
+        "ko": (
+            "이 요청은 처리되지 않았어요",
+            "서버가 멈췄다가 다시 켜졌고, 장부에 이 요청이 없는 것을 확인했어요.",
+        ),
+        "en": (
+            "This request was not done",
+            "The server stopped and is back; the ledger was checked and does not hold this request.",
+        ),
+    },
+    "outcome-unknown": {
+        "ko": (
+            "처리됐는지 아직 알 수 없어요",
+            "응답하기 전에 서버가 멈췄어요. 다시 보내기 전에 내역을 확인해 주세요.",
+        ),
+        "en": (
+            "It is not known whether this was done",
+            "The server stopped before it answered. Please check the records before you send it again.",
+        ),
+    },
+    "not-serving": {
+        "ko": (
+            "지금은 서버를 쓸 수 없어요",
+            "자동 복구를 멈췄어요. 이 요청은 처리하지 않았어요. 관리자 확인이 필요해요.",
+        ),
+        "en": (
+            "The server is not available",
+            "Automatic recovery has stopped. This request was not done. The administrator must look at it.",
+        ),
+    },
+    "shutting-down": {
+        "ko": ("서버를 끄고 있어요", "이 요청은 처리하지 않았어요."),
+        "en": ("The server is being shut down", "This request was not done."),
+    },
+    "too-busy": {
+        "ko": ("기다리는 요청이 너무 많아요", "이 요청은 처리하지 않았어요. 잠시 뒤에 다시 보내 주세요."),
+        "en": (
+            "Too many requests are waiting",
+            "This request was not done. Please send it again in a moment.",
+        ),
+    },
+    "core-too-slow": {
+        "ko": ("서버가 제시간에 답하지 않았어요", "처리됐는지 먼저 확인해 주세요."),
+        "en": (
+            "The server did not answer in time",
+            "Please check whether the request was done before you send it again.",
+        ),
+    },
+}

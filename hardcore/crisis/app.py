@@ -1,0 +1,146 @@
+"""The gateway process: takes the inherited listener, follows the feed, serves until it is told to leave.
+
+Started by the sentinel with an open listening socket, so that nothing here can fail for a port, and a new
+gateway goes on where a dead one stopped. SIGTERM drains: no new connections, whoever waits is answered,
+what is at the core may finish; INT and HUP are meant for the people at the terminal, not for us.
+"""
+
+import argparse
+import asyncio
+import faulthandler
+import logging
+import os
+import signal
+import socket
+import sys
+import time
+from collections.abc import Sequence
+
+import uvloop
+
+from hardcore.crisis.client import Census, ClientConnection
+from hardcore.crisis.desk import Desk
+from hardcore.crisis.feed import stats_line
+from hardcore.crisis.limits import GatewayLimits, limits_from
+from hardcore.crisis.link import FeedLink
+
+_LOG = logging.getLogger(__name__)
+
+#: Names of this machine for itself.
+LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
+#: Connections that may wait to be accepted.
+BACKLOG = 512
+
+EXIT_FINE = 0
+EXIT_CONFIG = 78
+
+
+class Gateway:
+    """Everything of one gateway process, from the listener to the last answer."""
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        listener: socket.socket,
+        control: str,
+        hosts: Sequence[str],
+        limits: GatewayLimits,
+    ) -> None:
+        self._loop = loop
+        self._listener = listener
+        self._limits = limits
+        self._leaving = asyncio.Event()
+        self._all_gone = asyncio.Event()
+        self._stats: tuple[int, int, int] | None = None
+        names = frozenset(name.lower() for name in (*LOOPBACK_NAMES, *hosts))
+        self._census = Census(names, time.monotonic_ns, self._connections_changed, set())
+        self._link = FeedLink(loop, control, os.getpid(), limits)
+        self._desk = Desk(loop, limits, self._link, time.monotonic_ns)
+
+    async def serve(self) -> None:
+        """Serve until SIGTERM, then drain."""
+        self._loop.add_signal_handler(signal.SIGTERM, self._leaving.set)
+        server = await self._loop.create_server(
+            lambda: ClientConnection(self._loop, self._desk, self._census),
+            sock=self._listener,
+            backlog=BACKLOG,
+        )
+        self._link.start(self._desk.heard)
+        upkeep = self._loop.create_task(self._upkeep())
+        await self._leaving.wait()
+        server.close()
+        await self._drain()
+        upkeep.cancel()
+        self._link.close()
+
+    async def _drain(self) -> None:
+        _LOG.info("leaving: %d connections", len(self._census.connections))
+        self._desk.moves.leave()
+        for connection in list(self._census.connections):
+            connection.depart()
+        await self._wait_until_gone(self._limits.drain_ms)
+        self._desk.moves.give_up()
+        for connection in list(self._census.connections):
+            connection.depart()
+        await self._wait_until_gone(self._limits.linger_ms)
+
+    async def _wait_until_gone(self, wait_ms: int) -> None:
+        if not self._census.connections:
+            return
+        self._all_gone.clear()
+        try:
+            await asyncio.wait_for(self._all_gone.wait(), wait_ms / 1000)
+        except TimeoutError:
+            _LOG.info("%d connections are still open", len(self._census.connections))
+
+    def _connections_changed(self) -> None:
+        if not self._census.connections:
+            self._all_gone.set()
+
+    async def _upkeep(self) -> None:
+        """Tell numbers when they change, and look after connections to the core."""
+        while True:
+            await asyncio.sleep(self._limits.stats_ms / 1000)
+            self._desk.moves.outlook.upkeep()
+            held, forwarded = self._desk.moves.counts()
+            now = (held, len(self._census.connections), forwarded)
+            if now != self._stats:
+                line = stats_line(held=held, connections=now[1], websockets=0, forwarded=forwarded)
+                self._stats = now if self._link.say(line) else None
+
+
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m hardcore.crisis", description="The gateway.")
+    parser.add_argument("--listen-fd", type=int, required=True, help="the listening TCP socket, inherited")
+    parser.add_argument("--control", required=True, help="the sentinel's control socket")
+    parser.add_argument(
+        "--allow-host", action="append", default=[], help="another name this server answers to"
+    )
+    return parser.parse_args(arguments)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the gateway; returns the exit code."""
+    faulthandler.enable()
+    for deaf in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(deaf, signal.SIG_IGN)
+    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="gateway: %(message)s")
+    options = _options(arguments)
+    limits = limits_from(os.environ.get("HARDCORE_LIMITS", ""))
+    if isinstance(limits, list):
+        for fault in limits:
+            _LOG.error("%s %s", fault.name, fault.reason)
+        return EXIT_CONFIG
+    try:
+        listener = socket.socket(fileno=options.listen_fd)
+    except OSError as error:
+        _LOG.error("--listen-fd %d is no socket: %s", options.listen_fd, error.strerror)
+        return EXIT_CONFIG
+
+    async def run() -> None:
+        loop = asyncio.get_running_loop()
+        await Gateway(loop, listener, options.control, options.allow_host, limits).serve()
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(run())
+    return EXIT_FINE

@@ -1,0 +1,134 @@
+"""The front desk: where client connections bring requests, and where the feed's lines come in.
+
+Clients never see a core and cores never see a client; the desk hands each fact to `moves` as a step of the
+request it concerns. Everything runs in one thread, and nothing here waits.
+"""
+
+import asyncio
+from collections.abc import Callable
+from typing import assert_never
+
+from hardcore.crisis import pages
+from hardcore.crisis.exchange import Exchange
+from hardcore.crisis.feed import Heard, PhaseHeard, ReleaseHeard, Teller
+from hardcore.crisis.heads import RequestHead, browser_of
+from hardcore.crisis.holding import OVER, WAITING, Life, Trigger, WaitingRoom
+from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.moves import TURNED_AWAY, Moves
+from hardcore.crisis.problems import Problem
+from hardcore.crisis.routing import Route
+from hardcore.crisis.standing import alive, ready
+from hardcore.model.phases import Face
+
+
+class Desk:
+    """The gateway's door."""
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        limits: GatewayLimits,
+        teller: Teller,
+        now_ns: Callable[[], int],
+    ) -> None:
+        self.limits = limits
+        self.moves = Moves(loop, limits, teller, now_ns)
+        self._now_ns = now_ns
+
+    @property
+    def room(self) -> WaitingRoom:
+        """Where bytes are asked for before they are read."""
+        return self.moves.room
+
+    def arrived(self, exchange: Exchange) -> None:
+        """A request is here (whole, or to be streamed): decide its way."""
+        exchange.browser = browser_of(exchange.head.cookie)
+        way = self.moves.way(exchange.head.path)
+        match way:
+            case Route.LIVE | Route.READY:
+                self._own_page(exchange, way)
+            case Route.FORWARD if self.moves.core_has_room():
+                self.moves.move(exchange, Trigger.PASS)
+            case Route.FORWARD | Route.HOLD:
+                self.moves.keep(exchange)
+            case Route.REFUSE | Route.CLOSE:
+                self.moves.turn_away(exchange, TURNED_AWAY[way])
+            case _:
+                assert_never(way)
+
+    def turns_away(self, head: RequestHead) -> Problem | None:
+        """Whether a request would be turned away now: asked before its body is called for."""
+        way = self.moves.way(head.path)
+        return TURNED_AWAY[way] if way in {Route.REFUSE, Route.CLOSE} else None
+
+    def body(self, exchange: Exchange, data: bytes) -> None:
+        """A piece of a streamed body."""
+        if exchange.upstream is not None:
+            self.moves.courier.piece(exchange, data)
+        elif exchange.life not in OVER:
+            exchange.body.append(data)
+
+    def body_whole(self, exchange: Exchange) -> None:
+        """A streamed body is at its end."""
+        if exchange.upstream is not None:
+            self.moves.courier.last_piece(exchange)
+
+    def faulty(self, exchange: Exchange, problem: Problem) -> None:
+        """The rest of a request's body is too long, broken, or does not come."""
+        if exchange.life not in OVER:
+            exchange.fault = problem
+            self.moves.move(exchange, Trigger.FAULT)
+
+    def left(self, exchange: Exchange) -> None:
+        """The client is gone."""
+        if exchange.life not in OVER:
+            self.moves.move(exchange, Trigger.CLIENT_LEFT)
+
+    def half_left(self, exchange: Exchange) -> None:
+        """The client says no more, but may still read: whoever waits is told at once, in case he does."""
+        if exchange.life in WAITING:
+            self.moves.move(exchange, Trigger.CLIENT_LEFT)
+
+    def limit(self, exchange: Exchange) -> None:
+        """The time of a request is over."""
+        if exchange.life not in OVER:
+            self.moves.move(exchange, Trigger.LIMIT)
+
+    def slow_reader(self, exchange: Exchange, *, slow: bool) -> None:
+        """The client cannot take the answer as fast as it comes, or can again."""
+        if exchange.life is not Life.ANSWERING or exchange.upstream is None:
+            return
+        if slow:
+            exchange.upstream.pause()
+            exchange.client.limit.clear()  # the core is not to blame; the client has a limit of its own
+        else:
+            exchange.upstream.resume()
+            exchange.client.limit.set(self.limits.upstream_deadline_ms)
+
+    def forget(self, exchange: Exchange) -> None:
+        """A request that never got its turn is dropped with its connection."""
+        self.moves.release_bytes(exchange)
+
+    def heard(self, message: Heard) -> None:
+        """A line of the feed."""
+        match message:
+            case PhaseHeard(face=face, incident=incident) if face is not Face.FORWARD:
+                self.moves.book.name(incident)
+            case ReleaseHeard(incident=incident):
+                self.moves.book.name(incident)
+            case _:
+                pass
+        self.moves.outlook.hear(message)
+
+    def _own_page(self, exchange: Exchange, way: Route) -> None:
+        exchange.life = Life.ANSWERED  # it never was on its way to a core
+        self.moves.release_bytes(exchange)
+        standing = self.moves.outlook.standing
+        if exchange.head.method not in {"GET", "HEAD"}:
+            answer = pages.problem(Problem.METHOD_NOT_ALLOWED, exchange.head.accept_language)
+        elif way is Route.LIVE:
+            heard = alive(standing, self._now_ns(), self.limits.feed_silence_ms)
+            answer = pages.live(heard=heard)
+        else:
+            answer = pages.ready(standing.state, serving=ready(standing))
+        exchange.client.answer(answer.head, answer.body)

@@ -1,0 +1,106 @@
+"""One request and what is known about it, from its head to its answer.
+
+The only mutable thing that the client's side and the core's side share. The client connection fills it,
+the desk moves it along the table in `holding`; neither keeps a second copy of where it stands.
+"""
+
+from typing import Protocol
+
+from hardcore.crisis.alarm import Alarm
+from hardcore.crisis.heads import AnswerHead, RequestHead
+from hardcore.crisis.holding import Life, Plea
+from hardcore.crisis.problems import Problem
+from hardcore.crisis.upstream import UpstreamConnection
+
+
+class Client(Protocol):
+    """What the desk may do with the connection a request came from. All of it is safe after its end."""
+
+    limit: Alarm
+
+    def answer(self, head: AnswerHead, body: bytes, *, close: bool = False) -> None:
+        """Give a whole answer."""
+
+    def begin(self, head: AnswerHead, first: bytes) -> None:
+        """Begin an answer whose rest is still coming."""
+
+    def more(self, data: bytes) -> None:
+        """Give a piece of the answer that was begun."""
+
+    def end(self) -> None:
+        """The answer that was begun is whole."""
+
+    def cut(self) -> None:
+        """End the connection in the middle of an answer."""
+
+    def flow(self) -> None:
+        """Look again whether the request's body may be read on."""
+
+
+class Exchange:
+    """One request. Times are monotonic nanoseconds, 0 for never."""
+
+    __slots__ = (
+        "answer_status",
+        "arrived_ns",
+        "body",
+        "browser",
+        "called",
+        "client",
+        "closes",
+        "dial",
+        "fault",
+        "flowing",
+        "head",
+        "in_room",
+        "kept_bytes",
+        "life",
+        "lost_epoch",
+        "lost_ns",
+        "met_outage",
+        "received_bytes",
+        "sends",
+        "spent",
+        "started",
+        "streamed",
+        "upstream",
+        "waiting_ns",
+        "whole",
+    )
+
+    def __init__(self, client: Client, head: RequestHead, arrived_ns: int) -> None:
+        self.client = client
+        self.head = head
+        self.arrived_ns = arrived_ns
+        self.body: list[bytes] = []
+        self.received_bytes = 0  # of the body, in all
+        self.kept_bytes = 0  # of the body, set aside in the waiting room's count
+        self.whole = False  # the body has arrived to its end
+        self.streamed = False  # the body is not kept
+        self.spent = False  # a part of a streamed body has gone to a core
+        self.flowing = False  # a streamed body may be read on
+        self.called = False  # its body was called for (Expect: 100-continue)
+        self.closes = False  # the connection ends with the answer that was begun
+        self.started = False  # the desk has it
+        self.fault: Problem | None = None
+        self.life = Life.ARRIVED
+        self.upstream: UpstreamConnection | None = None
+        self.dial: object = None  # marks the dial whose connection this request waits for
+        self.sends = 0  # how often a core was given it
+        self.browser: bytes | None = None
+        self.in_room = False
+        self.waiting_ns = 0
+        self.lost_ns = 0
+        self.lost_epoch = 0
+        self.met_outage = False
+        self.answer_status = 0
+
+    def plea(self) -> Plea:
+        """What decides about it after a death."""
+        return Plea(
+            safe=self.head.safe,
+            key_hash=self.head.key_hash,
+            body_kept=not self.spent,
+            sent_whole=self.whole,
+            sends=self.sends,
+        )

@@ -1,0 +1,199 @@
+"""The feed's words: what the sentinel says to the gateway, what the gateway says back (JSON lines).
+
+Bytes in, values out. A line that nobody can read is a value too (`Unreadable`), because a feed that ends
+at the first odd line would leave the gateway blind. The meaning of a message is not decided here:
+`standing` folds it into what the gateway knows. The wire is `docs/wires.md` section 6.
+"""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from hardcore.model.phases import Face
+
+#: The longest line either side may say. A line of suspects carries at most 256 keys (one per slot).
+LINE_BYTES_MAX = 64 << 10
+#: Requests in one line of outcomes; with paths cut at PATH_CHARS_MAX a line stays under LINE_BYTES_MAX.
+OUTCOMES_PER_LINE = 64
+PATH_CHARS_MAX = 200
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseHeard:
+    """Where the guarded process is, and what that means to a request."""
+
+    generation: int
+    phase: str
+    state: str
+    face: Face
+    incident: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ServingHeard:
+    """Where the serving core listens."""
+
+    generation: int
+    socket: str
+    epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class SuspectsHeard:
+    """Hashes of keys that may only be looked up."""
+
+    generation: int
+    keys: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseHeard:
+    """Held and unanswered requests go on."""
+
+    generation: int
+    epoch: int
+    incident: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Unreadable:
+    """A line that is none of the above, and why."""
+
+    why: str
+
+
+Heard = PhaseHeard | ServingHeard | SuspectsHeard | ReleaseHeard
+
+
+def _text_or_none(value: object) -> str | None:
+    return value if isinstance(value, str) else None
+
+
+def _number(fields: Mapping[str, Any], name: str) -> int:
+    value = fields[name]
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(f"{name} is not a count")
+    return value
+
+
+def _text(fields: Mapping[str, Any], name: str) -> str:
+    value = fields[name]
+    if not isinstance(value, str):
+        raise TypeError(f"{name} is not a text")
+    return value
+
+
+def _message(fields: Mapping[str, Any]) -> Heard:
+    generation = _number(fields, "generation")
+    match fields["type"]:
+        case "phase":
+            return PhaseHeard(
+                generation,
+                _text(fields, "phase"),
+                _text(fields, "state"),
+                Face(_text(fields, "face")),
+                _text_or_none(fields.get("incident")),
+            )
+        case "serving":
+            return ServingHeard(generation, _text(fields, "socket"), _number(fields, "epoch"))
+        case "suspects":
+            return SuspectsHeard(generation, tuple(str(key) for key in fields["keys"]))
+        case "release":
+            return ReleaseHeard(generation, _number(fields, "epoch"), _text_or_none(fields.get("incident")))
+        case other:
+            raise ValueError(f"unknown type {other!r}")
+
+
+def parse_line(line: bytes) -> Heard | Unreadable:
+    """One line of the feed as a message."""
+    try:
+        fields = json.loads(line)
+        if not isinstance(fields, dict):
+            return Unreadable("not an object")
+        return _message(fields)
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        return Unreadable(f"{type(error).__name__}: {error}")
+
+
+@dataclass(slots=True)
+class LineSplitter:
+    """Cuts a stream of bytes into lines, none longer than LINE_BYTES_MAX."""
+
+    _rest: bytearray = field(default_factory=bytearray)
+
+    def feed(self, data: bytes) -> Iterator[bytes] | None:
+        """The lines that are whole now; None: a line is too long, and the stream is worth nothing more."""
+        self._rest += data
+        *whole, rest = self._rest.split(b"\n")
+        if len(rest) > LINE_BYTES_MAX or any(len(line) > LINE_BYTES_MAX for line in whole):
+            return None
+        self._rest = rest
+        return (bytes(line) for line in whole if line.strip())
+
+
+class Teller(Protocol):
+    """Who brings our lines to the sentinel."""
+
+    def say(self, line: bytes) -> bool:
+        """Say a line; False if nobody listens."""
+
+    def say_or_keep(self, line: bytes) -> None:
+        """Say a line now, or to the next sentinel that listens."""
+
+
+def _line(fields: Mapping[str, object]) -> bytes:
+    return json.dumps(fields, separators=(",", ":")).encode() + b"\n"
+
+
+def subscribe_line(pid: int) -> bytes:
+    """The first thing the gateway says."""
+    return _line({"verb": "subscribe", "who": "gateway", "pid": pid})
+
+
+def holding_line(phase: str, at_ns: int) -> bytes:
+    """Say that the gateway has begun to hold."""
+    return _line({"type": "holding", "phase": phase, "at_ns": at_ns})
+
+
+def served_line(epoch: int, at_ns: int) -> bytes:
+    """Say that the first answer of `epoch` came through."""
+    return _line({"type": "served", "epoch": epoch, "at_ns": at_ns})
+
+
+def stats_line(*, held: int, connections: int, websockets: int, forwarded: int) -> bytes:
+    """Say how much is going on at this moment."""
+    counts = {"held": held, "connections": connections, "websockets": websockets, "forwarded": forwarded}
+    return _line({"type": "stats", **counts})
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """What became of one request that met an outage. `outcome` is a word of the wire."""
+
+    method: str
+    path: str
+    key_hash: str | None
+    outcome: str
+    status: int
+    held_ms: int
+
+
+def _settled_fields(one: Settled) -> dict[str, object]:
+    return {
+        "method": one.method,
+        "path": one.path[:PATH_CHARS_MAX],
+        "key_hash": one.key_hash,
+        "outcome": one.outcome,
+        "status": one.status,
+        "held_ms": one.held_ms,
+    }
+
+
+def outcomes_lines(incident: str | None, requests: Sequence[Settled]) -> Iterator[bytes]:
+    """Say what became of each request that met the outage: at least one line, an empty one if none did."""
+    for start in range(0, max(1, len(requests)), OUTCOMES_PER_LINE):
+        part = requests[start : start + OUTCOMES_PER_LINE]
+        yield _line(
+            {"type": "outcomes", "incident": incident, "requests": [_settled_fields(r) for r in part]}
+        )

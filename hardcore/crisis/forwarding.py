@@ -1,0 +1,137 @@
+"""One sending of one request to a core: the answer is judged, kept whole or passed on as it comes.
+
+An answer counts only if it names the serving epoch; one of another epoch is no answer at all. Answers to
+unsafe requests are kept whole before the first byte leaves, so that a core that dies in the middle of a
+201 leaves nothing half said; safe ones are kept up to a bound and then streamed. Streaming everything was
+not chosen: half an answer can be neither repeated nor taken back.
+"""
+
+from typing import Protocol
+
+from hardcore.crisis.exchange import Exchange
+from hardcore.crisis.heads import AnswerHead
+from hardcore.crisis.holding import Life
+from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.upstream import Pool, UpstreamConnection
+
+
+class Reader(Protocol):
+    """Who is told what became of the sending."""
+
+    def answered(self, exchange: Exchange, head: AnswerHead, body: bytes) -> None:
+        """The answer is whole; `body` is all of it, or what is left of one that was begun."""
+
+    def begun(self, exchange: Exchange, head: AnswerHead, first: bytes) -> None:
+        """The answer is too long to keep: `first` is what came so far."""
+
+    def continued(self, exchange: Exchange, data: bytes) -> None:
+        """A piece of the answer that was begun."""
+
+    def not_run(self, exchange: Exchange, pool: Pool) -> None:
+        """The core says that it is leaving and did not run the request."""
+
+    def core_lost(self, exchange: Exchange, pool: Pool) -> None:
+        """No answer will come."""
+
+    def answer_garbled(self, exchange: Exchange) -> None:
+        """What came is no answer."""
+
+
+class Forwarding:
+    """The asker of one sending (see `upstream.Asker`)."""
+
+    __slots__ = (
+        "_connection",
+        "_exchange",
+        "_head",
+        "_limits",
+        "_over",
+        "_parts",
+        "_pool",
+        "_reader",
+        "_size",
+    )
+
+    def __init__(
+        self,
+        reader: Reader,
+        exchange: Exchange,
+        pool: Pool,
+        connection: UpstreamConnection,
+        limits: GatewayLimits,
+    ) -> None:
+        self._reader = reader
+        self._exchange = exchange
+        self._pool = pool
+        self._connection = connection
+        self._limits = limits
+        self._head: AnswerHead | None = None
+        self._parts: list[bytes] = []
+        self._size = 0
+        self._over = False
+
+    def headed(self, head: AnswerHead) -> None:
+        """Judge the head: whose answer is it, and was the request run at all?"""
+        if head.epoch is None:
+            self._stop()
+            self._reader.answer_garbled(self._exchange)
+        elif head.epoch != self._pool.epoch:
+            self._stop()
+            self._reader.core_lost(self._exchange, self._pool)
+        elif head.draining and head.status == 503:
+            self._stop()
+            self._reader.not_run(self._exchange, self._pool)
+        else:
+            self._head = head
+            if head.live and self._exchange.head.method == "GET":
+                self._begin()
+
+    def came(self, data: bytes) -> None:
+        """Keep a piece, or pass it on."""
+        if self._over:
+            return
+        if self._exchange.life is Life.ANSWERING:
+            self._reader.continued(self._exchange, data)
+            return
+        self._parts.append(data)
+        self._size += len(data)
+        if not self._exchange.head.safe:
+            if self._size > self._limits.unsafe_answer_bytes_max:
+                self._stop()
+                self._reader.answer_garbled(self._exchange)
+        elif self._size > self._limits.answer_buffer_bytes_max:
+            self._begin()
+
+    def ended(self) -> None:
+        """Pass the whole answer on."""
+        if not self._over:
+            self._over = True
+            assert self._head is not None, "an answer ended that never began"
+            self._reader.answered(self._exchange, self._head, b"".join(self._parts))
+
+    def lost(self) -> None:
+        """The connection ended first."""
+        if not self._over:
+            self._over = True
+            self._reader.core_lost(self._exchange, self._pool)
+
+    def garbled(self) -> None:
+        """The connection brought something else."""
+        if not self._over:
+            self._over = True
+            self._reader.answer_garbled(self._exchange)
+
+    def flowing(self, *, on: bool) -> None:
+        """Pass the core's pace on to whoever sends the body."""
+        if not self._over and self._exchange.streamed:
+            self._exchange.flowing = on
+            self._exchange.client.flow()
+
+    def _begin(self) -> None:
+        assert self._head is not None
+        parts, self._parts = self._parts, []
+        self._reader.begun(self._exchange, self._head, b"".join(parts))
+
+    def _stop(self) -> None:
+        self._over = True
+        self._connection.abandon()

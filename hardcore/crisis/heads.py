@@ -1,0 +1,286 @@
+"""The head of a request or an answer: read from loose header lines, judged, and written anew.
+
+Nothing a client sent is ever passed through as bytes. What is written to the core comes from a value made
+here, so an ambiguity that two parsers read differently cannot survive (request smuggling), and the length
+of a body is always said by us. Passing the raw head on and patching it was not chosen for that reason.
+"""
+
+import hashlib
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+from hardcore.crisis.problems import Problem
+
+Header = tuple[bytes, bytes]
+
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+METHODS = SAFE_METHODS | {"POST", "PUT", "PATCH", "DELETE"}
+ALLOW = "GET, HEAD, POST, PUT, PATCH, DELETE, OPTIONS"
+
+HEADERS_MAX = 128
+#: A longer key is passed on but counts as none: the ledger's own limit is shorter.
+KEY_BYTES_MAX = 255
+
+_HOP_BY_HOP = frozenset(
+    {
+        b"connection",
+        b"keep-alive",
+        b"proxy-authenticate",
+        b"proxy-authorization",
+        b"proxy-connection",
+        b"te",
+        b"trailer",
+        b"transfer-encoding",
+        b"upgrade",
+    }
+)
+#: Not passed on to the core: hop-by-hop, said anew by us, or a claim that only we may make.
+_NOT_TO_CORE = _HOP_BY_HOP | {b"content-length", b"expect", b"host", b"x-actor", b"forwarded", b"x-real-ip"}
+_NOT_TO_CORE_PREFIXES = (b"x-forwarded-", b"x-core-")
+_NOT_TO_CLIENT = _HOP_BY_HOP | {b"content-length"}
+
+
+@dataclass(frozen=True, slots=True)
+class RequestHead:
+    """A request's head after judgement. `headers` are those that go on to the core, host not among them.
+
+    `content_length` is None for a chunked body and 0 for none; `key` is the idempotency key, None if the
+    client gave none (or one that nobody could look up).
+    """
+
+    method: str
+    target: bytes
+    path: bytes
+    host: bytes
+    headers: tuple[Header, ...]
+    content_length: int | None
+    key: bytes | None
+    navigation: bool
+    expects_continue: bool
+    keep_alive: bool
+    http10: bool
+    accept_language: str
+    cookie: bytes
+
+    @property
+    def safe(self) -> bool:
+        """Whether sending it twice does no more than sending it once."""
+        return self.method in SAFE_METHODS
+
+    @property
+    def key_hash(self) -> str | None:
+        """First 16 bytes of SHA-256 of the key, in hex: the name a suspect goes by."""
+        return None if self.key is None else hashlib.sha256(self.key).digest()[:16].hex()
+
+
+@dataclass(slots=True)
+class _Facts:
+    """What one pass over the header lines has found."""
+
+    hosts: int = 0
+    host: bytes = b""
+    length: int = 0
+    chunked: bool = False
+    keys: int = 0
+    key: bytes = b""
+    accept: bytes = b""
+    accept_language: bytes = b""
+    cookie: bytes = b""
+    expect: bytes = b""
+    named_by_connection: frozenset[bytes] = frozenset()
+
+
+def _tokens(value: bytes) -> frozenset[bytes]:
+    return frozenset(token.strip().lower() for token in value.split(b","))
+
+
+def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, bytes]]] | Problem:
+    facts = _Facts()
+    kept: list[tuple[bytes, bytes, bytes]] = []
+    for name, value in lines:
+        low = name.lower()
+        match low:
+            case b"host":
+                facts.hosts, facts.host = facts.hosts + 1, value.strip()
+            case b"connection":
+                facts.named_by_connection |= _tokens(value)
+            case b"content-length":
+                facts.length = int(value)  # digits only: the parser has refused everything else
+            case b"transfer-encoding":
+                if facts.chunked or value.strip().lower() != b"chunked":
+                    return Problem.BAD_REQUEST
+                facts.chunked = True
+            case b"expect":
+                facts.expect = value.strip().lower()
+            case b"idempotency-key":
+                facts.keys, facts.key = facts.keys + 1, value.strip()
+            case b"accept":
+                facts.accept = value.lower()
+            case b"accept-language":
+                facts.accept_language = value
+            case b"cookie":
+                facts.cookie = value
+            case _:
+                pass
+        if low not in _NOT_TO_CORE and not low.startswith(_NOT_TO_CORE_PREFIXES):
+            kept.append((low, name, value))
+    return facts, kept
+
+
+def _usable_key(facts: _Facts) -> bytes | None:
+    """The key that the ledger will file the request under, if we can be sure that it will."""
+    if facts.keys != 1 or b"idempotency-key" in facts.named_by_connection:
+        return None
+    key = facts.key
+    visible = all(0x21 <= byte <= 0x7E for byte in key)
+    return key if key and visible and len(key) <= KEY_BYTES_MAX else None
+
+
+def read_request(
+    method: str,
+    target: bytes,
+    version: str,
+    lines: Collection[Header],
+    hosts: Collection[str],
+    *,
+    keep_alive: bool,
+    upgrade: bool,
+) -> RequestHead | Problem:
+    """Judge a parsed head. `hosts` are the names this server answers to, in lower case without a port."""
+    if method not in METHODS:
+        return Problem.METHOD_NOT_ALLOWED
+    if version not in {"1.0", "1.1"} or not target.startswith(b"/"):
+        return Problem.BAD_REQUEST
+    if len(lines) > HEADERS_MAX:
+        return Problem.HEAD_TOO_LARGE
+    gathered = _gather(lines)
+    if isinstance(gathered, Problem):
+        return gathered
+    facts, kept = gathered
+    if facts.hosts != 1 or facts.keys > 1 or (facts.chunked and version == "1.0"):
+        return Problem.BAD_REQUEST
+    # The parser takes what follows an upgrade for another protocol, a body included.
+    if upgrade and (facts.chunked or facts.length):
+        return Problem.BAD_REQUEST
+    if host_name(facts.host) not in hosts:
+        return Problem.WRONG_HOST
+    if facts.expect not in {b"", b"100-continue"}:
+        return Problem.EXPECTATION_FAILED
+    named = facts.named_by_connection
+    return RequestHead(
+        method=method,
+        target=target,
+        path=target.split(b"?", 1)[0],
+        host=facts.host,
+        headers=tuple((name, value) for low, name, value in kept if low not in named),
+        content_length=None if facts.chunked else facts.length,
+        key=_usable_key(facts),
+        navigation=method == "GET" and b"text/html" in facts.accept,
+        expects_continue=bool(facts.expect) and version == "1.1",
+        keep_alive=keep_alive and not upgrade,
+        http10=version == "1.0",
+        accept_language=facts.accept_language.decode("latin-1"),
+        cookie=facts.cookie,
+    )
+
+
+def host_name(host: bytes) -> str:
+    """The name in a Host value, in lower case, without a port; "" if the port is none."""
+    text = host.decode("latin-1").lower()
+    if ":" not in text or text.endswith("]"):
+        return text
+    name, _, port = text.rpartition(":")
+    return name if port.isascii() and port.isdecimal() else ""
+
+
+def request_bytes(head: RequestHead, *, length: int | None) -> bytes:
+    """The head as it goes to the core; `length` None announces a chunked body."""
+    parts = [f"{head.method} ".encode(), head.target, b" HTTP/1.1\r\nHost: ", head.host, b"\r\n"]
+    for name, value in head.headers:
+        parts += (name, b": ", value, b"\r\n")
+    if length is None:
+        parts.append(b"Transfer-Encoding: chunked\r\n")
+    elif length or not head.safe:
+        parts.append(b"Content-Length: %d\r\n" % length)
+    parts.append(b"\r\n")
+    return b"".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerHead:
+    """An answer's head. `headers` go on to the client; `length` None: not known (chunked).
+
+    `epoch` is the core that answered, None if the answer does not say; `draining`: the core says that it
+    is leaving and did not run the request.
+    """
+
+    status: int
+    reason: bytes
+    headers: tuple[Header, ...]
+    length: int | None
+    epoch: int | None = None
+    draining: bool = False
+    framed: bool = True
+
+    @property
+    def bodiless(self) -> bool:
+        """Whether the status alone rules a body out."""
+        return self.status in {204, 304}
+
+    @property
+    def live(self) -> bool:
+        """Whether its parts have to leave as they come (an event stream has no end to wait for)."""
+        return any(
+            name.lower() == b"content-type" and value.lower().startswith(b"text/event-stream")
+            for name, value in self.headers
+        )
+
+
+def read_answer(status: int, reason: bytes, lines: Iterable[Header]) -> AnswerHead:
+    """Take a parsed answer head apart: what the client gets, and what only we needed to know."""
+    kept: list[tuple[bytes, bytes, bytes]] = []
+    named: frozenset[bytes] = frozenset()
+    length, epoch, draining, chunked = None, None, False, False
+    for name, value in lines:
+        low = name.lower()
+        if low == b"connection":
+            named |= _tokens(value)
+        elif low == b"content-length":
+            length = int(value)  # digits only: the parser has refused everything else
+        elif low == b"transfer-encoding":
+            chunked = True
+        elif low == b"x-core-epoch":
+            epoch = int(value) if value.isdigit() else None
+        elif low == b"x-core-draining":
+            draining = value.strip() == b"1"
+        if low not in _NOT_TO_CLIENT and not low.startswith(b"x-core-"):
+            kept.append((low, name, value))
+    headers = tuple((name, value) for low, name, value in kept if low not in named)
+    framed = chunked or length is not None or status in {204, 304}
+    return AnswerHead(status, reason, headers, length, epoch, draining, framed)
+
+
+def answer_bytes(head: AnswerHead, *, length: int | None, chunked: bool, close: bool, http10: bool) -> bytes:
+    """The head as it goes to the client, with the length (or chunking) and connection we decided on."""
+    parts = [b"HTTP/1.1 %d " % head.status, head.reason, b"\r\n"]
+    for name, value in head.headers:
+        parts += (name, b": ", value, b"\r\n")
+    if chunked:
+        parts.append(b"Transfer-Encoding: chunked\r\n")
+    elif length is not None:
+        parts.append(b"Content-Length: %d\r\n" % length)
+    if close:
+        parts.append(b"Connection: close\r\n")
+    elif http10:
+        parts.append(b"Connection: keep-alive\r\n")
+    parts.append(b"\r\n")
+    return b"".join(parts)
+
+
+def browser_of(cookie: bytes) -> bytes | None:
+    """The value of the gateway's own cookie, which tells browsers apart; None for whoever has none."""
+    for pair in cookie.split(b";"):
+        name, _, value = pair.strip().partition(b"=")
+        if name == b"__hc" and value:
+            return value
+    return None

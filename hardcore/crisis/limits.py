@@ -1,0 +1,40 @@
+"""The gateway's settings: what the operator may turn, and beneath it the pace of its own machinery.
+
+The operator's numbers are `settings.Limits`. Those added here nobody needs to turn in a household, but
+they are waiting times and bounds all the same, so they have names and a test can shorten them. Both come
+in the same JSON object (`HARDCORE_LIMITS`); constants in the rooms that use them were not chosen, because
+two rooms would soon disagree.
+"""
+
+import json
+from dataclasses import dataclass
+
+from hardcore.settings import Fault, Limits, read, setting
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayLimits(Limits):
+    """`settings.Limits` and the pace of the gateway's own machinery."""
+
+    upstream_connections_max: int = setting(256, "connections to the core at a time", low=1, high=10_000)
+    #: Shorter than the core keeps an idle connection (5 s): a request sent into a closing one would be
+    #: taken for a core's death.
+    upstream_idle_ms: int = setting(2_000, "an unused connection to the core is closed", low=10, high=600_000)
+    probe_ms: int = setting(100, "a core in doubt is asked again after this", low=5, high=60_000)
+    feed_retry_ms: int = setting(100, "a lost feed is dialled again after this", low=5, high=60_000)
+    stats_ms: int = setting(200, "numbers are told at most this often", low=5, high=60_000)
+    client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
+    linger_ms: int = setting(2_000, "reads on after an early answer, so that it arrives", low=10, high=60_000)
+    answer_buffer_bytes_max: int = setting(1 << 20, "a longer safe answer is streamed", low=0, high=1 << 30)
+    unsafe_answer_bytes_max: int = setting(4 << 20, "a longer unsafe answer is broken", low=1, high=1 << 30)
+
+
+def limits_from(text: str) -> GatewayLimits | list[Fault]:
+    """The limits in a JSON object (empty text: the defaults), or everything that is wrong with it."""
+    try:
+        values = json.loads(text) if text else {}
+    except json.JSONDecodeError as error:
+        return [Fault("HARDCORE_LIMITS", f"is not JSON: {error.msg} at column {error.colno}")]
+    if not isinstance(values, dict):
+        return [Fault("HARDCORE_LIMITS", "must be a JSON object")]
+    return read(GatewayLimits, values)

@@ -1,0 +1,347 @@
+"""Moving requests along the table in `holding`, and doing what the table says.
+
+Every step of a request is one call of `move`: the table gives the deed, the deed is done here, and the
+lists of who waits and who is at the core follow from it. Clients, cores and the feed only cause steps
+(`desk`, `returns`, `outlook`); none of them changes a request by itself.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable
+
+from hardcore.crisis import pages
+from hardcore.crisis.exchange import Exchange
+from hardcore.crisis.feed import Settled, Teller
+from hardcore.crisis.holding import (
+    OVER,
+    TABLE,
+    WAITING,
+    Deed,
+    Life,
+    Trigger,
+    WaitingRoom,
+    after_release,
+    hold_limit_ms,
+)
+from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.mishap import describe
+from hardcore.crisis.outcomes import OutageBook
+from hardcore.crisis.outlook import Outlook, Ties
+from hardcore.crisis.problems import STATUS, Outcome, Problem
+from hardcore.crisis.returns import Returns
+from hardcore.crisis.routing import Route, route
+from hardcore.crisis.sending import Courier
+from hardcore.model.phases import Face
+
+_LOG = logging.getLogger(__name__)
+
+#: Problems that say that nothing was done, by what made us turn a request away.
+TURNED_AWAY = {
+    Route.REFUSE: Problem.NOT_SERVING,
+    Route.CLOSE: Problem.SHUTTING_DOWN,
+    Route.HOLD: Problem.RECOVERING,
+    Route.FORWARD: Problem.TOO_BUSY,
+}
+#: Problems after which the connection ends: nothing more will be answered on it, or its bytes are in doubt.
+_CLOSES = frozenset(
+    {Problem.SHUTTING_DOWN, Problem.BAD_REQUEST, Problem.REQUEST_TIMEOUT, Problem.BODY_TOO_LARGE}
+)
+
+
+class Moves:
+    """Holds every living request."""
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        limits: GatewayLimits,
+        teller: Teller,
+        now_ns: Callable[[], int],
+    ) -> None:
+        self.leaving = False
+        self.room = WaitingRoom(limits)
+        self.book = OutageBook()
+        self.outlook = Outlook(loop, limits, Ties(self._changed, self._pump_soon, teller, now_ns))
+        self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits))
+        self._loop = loop
+        self._limits = limits
+        self._teller = teller
+        self._now_ns = now_ns
+        self._held: dict[Exchange, None] = {}  # in order of arrival
+        self._lost: dict[Exchange, None] = {}
+        self._at_core: dict[Exchange, None] = {}
+        self._pump_due = False
+
+    def way(self, path: bytes) -> Route:
+        """Where a request for this path goes now."""
+        return route(path, self.outlook.posture, leaving=self.leaving)
+
+    def counts(self) -> tuple[int, int]:
+        """Requests that wait here, and requests that are at the core."""
+        return len(self._held) + len(self._lost), len(self._at_core)
+
+    def leave(self) -> None:
+        """The gateway is being stopped: whoever waits is answered now, what is at the core may finish."""
+        self.leaving = True
+        self._turn_all_away(Problem.SHUTTING_DOWN)
+
+    def give_up(self) -> None:
+        """The time to finish is over: answer whoever is still at the core with what is true."""
+        for exchange in list(self._at_core):
+            if exchange.life not in OVER:
+                self._contained(exchange, Trigger.TURN_AWAY)
+        self._flush_book(over=True)
+        self.outlook.close()
+
+    # -- the outlook changed ---------------------------------------------------------------------------
+
+    def _changed(self) -> None:
+        match self.outlook.posture:
+            case Face.FORWARD:
+                self._pump()
+                self._flush_book(over=True)
+            case Face.REFUSE:
+                self._turn_all_away(Problem.NOT_SERVING)
+                self._flush_book(over=True)
+            case Face.CLOSED:
+                self._turn_all_away(Problem.SHUTTING_DOWN)
+                self._flush_book(over=True)
+            case Face.HOLD:
+                pass
+
+    def _turn_all_away(self, problem: Problem) -> None:
+        for exchange in [*self._lost, *self._held]:
+            if exchange.life in WAITING:
+                exchange.fault = problem
+                self._contained(exchange, Trigger.TURN_AWAY)
+
+    def _pump_soon(self) -> None:
+        if not self._pump_due and (self._held or self._lost):
+            self._pump_due = True
+            self._loop.call_soon(self._pump)
+
+    def _pump(self) -> None:
+        """Give the core what waits for it, the lost ones first, as far as there are connections."""
+        self._pump_due = False
+        if self.outlook.posture is not Face.FORWARD:
+            return
+        suspects = frozenset(self.outlook.standing.suspects)
+        for exchange in list(self._lost):
+            if exchange.life is Life.LOST and self._may_resume(exchange):
+                if not self.core_has_room():
+                    return
+                plea = exchange.plea()
+                self._contained(exchange, after_release(plea, suspected=plea.key_hash in suspects))
+        for exchange in list(self._held):
+            if not self.core_has_room():
+                return
+            if exchange.life is Life.HELD:
+                self._contained(exchange, Trigger.PASS)
+
+    def _may_resume(self, exchange: Exchange) -> bool:
+        """An unsafe request waits for a newer core: in the one that had it, it may still be running."""
+        return exchange.head.safe or self.outlook.epoch > exchange.lost_epoch
+
+    def core_has_room(self) -> bool:
+        """Whether the serving core can be given one more request now."""
+        pool = self.outlook.pool
+        return self.outlook.posture is Face.FORWARD and pool is not None and pool.room
+
+    def _contained(self, exchange: Exchange, trigger: Trigger) -> None:
+        """Move one of many: a bug of ours with one request must not reach the next."""
+        try:
+            self.move(exchange, trigger)
+        except Exception as error:  # noqa: BLE001 - whatever it was, it belongs to this request alone
+            _LOG.error("a request could not be moved by %s: %s", trigger, describe(error))
+            self._abandon(exchange)
+            exchange.client.cut()
+
+    # -- one step along the table ----------------------------------------------------------------------
+
+    def move(self, exchange: Exchange, trigger: Trigger, answer: pages.Answer | None = None) -> None:
+        """Take one step of the table; `answer` comes with those triggers that bring one."""
+        before = exchange.life
+        exchange.life, deed = TABLE[before, trigger]
+        assert deed is not Deed.NEVER, f"{trigger} cannot happen to a request in {before}"
+        self._unlist(exchange)
+        match deed:
+            case Deed.SEND:
+                self._send(exchange)
+            case Deed.WAIT:
+                self._wait(exchange)
+            case Deed.REMEMBER:
+                self._remember(exchange)
+            case Deed.LOOK_UP:
+                self._look_up(exchange)
+            case Deed.BEGIN:
+                assert answer is not None
+                self._at_core[exchange] = None
+                exchange.answer_status = answer.head.status
+                exchange.client.limit.set(self._limits.upstream_deadline_ms)
+                exchange.client.begin(answer.head, answer.body)
+            case Deed.PASS_ON | Deed.SAY_STORED:
+                assert answer is not None
+                word = "done" if deed is Deed.SAY_STORED else _how(exchange)
+                self._settle(exchange, word, answer.head.status)
+                exchange.client.answer(answer.head, answer.body)
+            case Deed.FINISH:
+                self._settle(exchange, _how(exchange), exchange.answer_status)
+                exchange.client.end()
+            case Deed.CUT:
+                self._settle(exchange, "unknown", exchange.answer_status)
+                exchange.client.cut()
+            case Deed.NOTHING | Deed.NEVER:
+                pass
+            case _:
+                self._say_for(exchange, deed, early=before is Life.ARRIVED)
+
+    def _say_for(self, exchange: Exchange, deed: Deed, *, early: bool) -> None:
+        """Answer with a problem. `early`: the request never waited."""
+        safe = exchange.head.safe
+        doubtful = Outcome.NOT_DONE if safe else Outcome.UNKNOWN  # a safe request leaves nothing half done
+        match deed:
+            case Deed.SAY_NOT_DONE:
+                why = exchange.fault or Problem.RECOVERING
+                self._say(exchange, why, Outcome.NOT_DONE, "refused" if early else None)
+            case Deed.SAY_ABSENT:
+                self._say(exchange, Problem.NOT_DONE, Outcome.NOT_DONE)
+            case Deed.SAY_UNKNOWN:
+                self._say(exchange, Problem.RECOVERING if safe else Problem.OUTCOME_UNKNOWN, doubtful)
+            case Deed.SAY_GARBLED:
+                self._say(exchange, Problem.BROKEN_ANSWER, doubtful)
+            case Deed.SAY_LATE:
+                self._say(exchange, Problem.CORE_TOO_SLOW, doubtful)
+            case Deed.SAY_FAULT:
+                assert exchange.fault is not None
+                self._say(exchange, exchange.fault, doubtful if exchange.spent else Outcome.NOT_DONE)
+            case Deed.DROP_UNSENT:
+                self._say(exchange, Problem.RECOVERING, Outcome.NOT_DONE, "gone")
+            case _:
+                assert deed is Deed.DROP_SENT, f"nobody says anything for {deed}"
+                self._say(exchange, Problem.OUTCOME_UNKNOWN, doubtful, "gone")
+
+    # -- deeds -----------------------------------------------------------------------------------------
+
+    def _send(self, exchange: Exchange) -> None:
+        self._leave_room(exchange)
+        self._at_core[exchange] = None
+        exchange.client.limit.set(self._limits.upstream_deadline_ms)
+        self.courier.send(exchange)
+
+    def _look_up(self, exchange: Exchange) -> None:
+        self._lost[exchange] = None  # it still waits here, and its limit still runs
+        self.courier.look_up(exchange)
+
+    def keep(self, exchange: Exchange) -> None:
+        """Let a request wait, if there is room for one more."""
+        problem = self.room.enter(exchange.browser)
+        if problem is not None:
+            self.turn_away(exchange, problem)
+            return
+        exchange.in_room = True
+        self.move(exchange, Trigger.KEEP)
+
+    def _wait(self, exchange: Exchange) -> None:
+        if self._nobody_comes(exchange):
+            return
+        if not exchange.in_room:  # it comes back from a core that did not run it
+            problem = self.room.enter(exchange.browser)
+            if problem is not None:
+                self.turn_away(exchange, problem)
+                return
+            exchange.in_room = True
+        self._meet(exchange, outage=self.outlook.posture is not Face.FORWARD)
+        self._held[exchange] = None
+        exchange.waiting_ns = exchange.waiting_ns or self._now_ns()
+        limit_ms = hold_limit_ms(self._limits, navigation=exchange.head.navigation)
+        self._limit_from(exchange, exchange.waiting_ns, limit_ms)
+
+    def _remember(self, exchange: Exchange) -> None:
+        if self._nobody_comes(exchange):
+            return
+        self._meet(exchange, outage=True)
+        self._lost[exchange] = None
+        exchange.upstream = None
+        exchange.lost_ns = exchange.lost_ns or self._now_ns()
+        self._limit_from(exchange, exchange.lost_ns, self._limits.hold_ms)
+        self._pump_soon()  # another core may serve already
+
+    def _limit_from(self, exchange: Exchange, since_ns: int, limit_ms: int) -> None:
+        gone_ms = (self._now_ns() - since_ns) / 1_000_000
+        exchange.client.limit.set(max(0.0, limit_ms - gone_ms))
+
+    def _nobody_comes(self, exchange: Exchange) -> bool:
+        """Whether waiting is pointless; if so, the request is answered."""
+        way = self.way(exchange.head.path)
+        if way in {Route.REFUSE, Route.CLOSE}:
+            self.turn_away(exchange, TURNED_AWAY[way])
+            return True
+        return False
+
+    def turn_away(self, exchange: Exchange, problem: Problem) -> None:
+        """Answer a request that waits, or would have to, with `problem`."""
+        self._meet(exchange, outage=self.outlook.posture is not Face.FORWARD)
+        exchange.fault = problem
+        self.move(exchange, Trigger.TURN_AWAY)
+
+    def _meet(self, exchange: Exchange, *, outage: bool) -> None:
+        if outage and not exchange.met_outage:
+            exchange.met_outage = True
+            self.book.meet()
+
+    def _say(self, exchange: Exchange, problem: Problem, outcome: Outcome, word: str | None = None) -> None:
+        self._settle(exchange, word or outcome, STATUS[problem])
+        answer = pages.problem(problem, exchange.head.accept_language, outcome)
+        close = word == "gone" or problem in _CLOSES
+        exchange.client.answer(answer.head, answer.body, close=close)
+
+    # -- the end of a request --------------------------------------------------------------------------
+
+    def _unlist(self, exchange: Exchange) -> None:
+        self._held.pop(exchange, None)
+        self._lost.pop(exchange, None)
+        self._at_core.pop(exchange, None)
+
+    def _leave_room(self, exchange: Exchange) -> None:
+        if exchange.in_room:
+            exchange.in_room = False
+            self.room.leave(exchange.browser)
+
+    def _abandon(self, exchange: Exchange) -> None:
+        """Let go of everything a request holds."""
+        self._unlist(exchange)
+        self._leave_room(exchange)
+        self.release_bytes(exchange)
+        exchange.client.limit.clear()
+        exchange.body = []
+        exchange.dial = None
+        connection, exchange.upstream = exchange.upstream, None
+        if connection is not None:
+            connection.abandon()  # it still carries this request, so no other may follow on it
+
+    def _settle(self, exchange: Exchange, word: str, status: int) -> None:
+        self._abandon(exchange)
+        if not exchange.met_outage:
+            return
+        exchange.met_outage = False
+        head = exchange.head
+        since_ns = exchange.lost_ns or exchange.waiting_ns
+        waited_ms = (self._now_ns() - since_ns) // 1_000_000 if since_ns else 0
+        path = head.path.decode("ascii", "replace")
+        self.book.settle(Settled(head.method, path, head.key_hash, word, status, waited_ms))
+        self._flush_book(over=False)
+
+    def _flush_book(self, *, over: bool) -> None:
+        if over:
+            self.book.close()
+        for line in self.book.take():
+            self._teller.say_or_keep(line)
+
+    def release_bytes(self, exchange: Exchange) -> None:
+        """The bytes set aside for a request's body are free again."""
+        self.room.give_bytes(exchange.kept_bytes)
+        exchange.kept_bytes = 0
+
+
+def _how(exchange: Exchange) -> str:
+    return "replayed" if exchange.sends > 1 else "answered"

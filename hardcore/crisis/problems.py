@@ -1,0 +1,67 @@
+"""The problems the gateway itself may answer with: their names, statuses and when to come again.
+
+A closed list, because clients build on it (`type` is `/problems/<slug>`). The texts people read are in
+`frontend/catalogue_gateway.py`; a test holds the two in step. One generic 503 was not chosen: whether a
+request was done is the one thing its sender has to know.
+"""
+
+from enum import StrEnum
+
+
+class Problem(StrEnum):
+    """The slug of a problem."""
+
+    BAD_REQUEST = "bad-request"
+    WRONG_HOST = "wrong-host"
+    METHOD_NOT_ALLOWED = "method-not-allowed"
+    REQUEST_TIMEOUT = "request-timeout"
+    BODY_TOO_LARGE = "body-too-large"
+    EXPECTATION_FAILED = "expectation-failed"
+    HEAD_TOO_LARGE = "head-too-large"
+    GATEWAY_FAULT = "gateway-fault"
+    BROKEN_ANSWER = "broken-answer"
+    RECOVERING = "recovering"
+    NOT_DONE = "not-done"
+    OUTCOME_UNKNOWN = "outcome-unknown"
+    NOT_SERVING = "not-serving"
+    SHUTTING_DOWN = "shutting-down"
+    TOO_BUSY = "too-busy"
+    CORE_TOO_SLOW = "core-too-slow"
+
+
+class Outcome(StrEnum):
+    """What became of a request that was not simply answered by the core."""
+
+    DONE = "done"
+    NOT_DONE = "not_done"
+    UNKNOWN = "unknown"
+
+
+STATUS: dict[Problem, int] = {
+    Problem.BAD_REQUEST: 400,
+    Problem.WRONG_HOST: 421,
+    Problem.METHOD_NOT_ALLOWED: 405,
+    Problem.REQUEST_TIMEOUT: 408,
+    Problem.BODY_TOO_LARGE: 413,
+    Problem.EXPECTATION_FAILED: 417,
+    Problem.HEAD_TOO_LARGE: 431,
+    Problem.GATEWAY_FAULT: 500,
+    Problem.BROKEN_ANSWER: 502,
+    Problem.RECOVERING: 503,
+    Problem.NOT_DONE: 503,
+    Problem.OUTCOME_UNKNOWN: 503,
+    Problem.NOT_SERVING: 503,
+    Problem.SHUTTING_DOWN: 503,
+    Problem.TOO_BUSY: 503,
+    Problem.CORE_TOO_SLOW: 504,
+}
+
+#: Seconds after which asking again makes sense; a problem not named here carries no `Retry-After`.
+RETRY_AFTER_S: dict[Problem, int] = {
+    Problem.RECOVERING: 2,
+    Problem.NOT_DONE: 1,
+    Problem.OUTCOME_UNKNOWN: 2,
+    Problem.NOT_SERVING: 30,
+    Problem.SHUTTING_DOWN: 10,
+    Problem.TOO_BUSY: 1,
+}

@@ -1,0 +1,43 @@
+"""Where a request goes: to the core, into the waiting room, to a page of our own, or back.
+
+Three lines of a table rather than a router: in this part the gateway owns two paths, and everything else
+belongs to the core. The face is asked after the path, because our own pages answer in every phase.
+"""
+
+from enum import Enum
+from typing import assert_never
+
+from hardcore.model.phases import Face
+
+
+class Route(Enum):
+    """What happens to a request at the door."""
+
+    LIVE = "answer whether the guard is alive"
+    READY = "answer whether a core may be sent traffic"
+    FORWARD = "send it to the serving core"
+    HOLD = "keep it until a core serves"
+    REFUSE = "answer at once that nobody knows when a core comes"
+    CLOSE = "answer at once that the service is being stopped"
+
+
+OWN_PAGES = {b"/livez": Route.LIVE, b"/readyz": Route.READY}
+
+
+def route(path: bytes, posture: Face, *, leaving: bool) -> Route:
+    """The way of a request for `path`. `leaving`: the gateway itself is being stopped."""
+    if (own := OWN_PAGES.get(path)) is not None:
+        return own
+    if leaving:
+        return Route.CLOSE
+    match posture:
+        case Face.FORWARD:
+            return Route.FORWARD
+        case Face.HOLD:
+            return Route.HOLD
+        case Face.REFUSE:
+            return Route.REFUSE
+        case Face.CLOSED:
+            return Route.CLOSE
+        case _:
+            assert_never(posture)

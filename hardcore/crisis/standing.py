@@ -1,0 +1,104 @@
+"""What the gateway knows about the core at this moment, and the one thing that follows: its posture.
+
+The feed's face alone does not decide. A request is forwarded only to a core that the feed has named *and*
+released, and that has not just hung up on us; so a sentinel that is dead, late or out of order can make
+the gateway wait but never make it send a request into an old core. Each fact is folded in by a function
+that returns a new value. Asking the core whether it is well was not chosen as the rule (a frozen core's
+kernel still accepts): the gateway asks only to end a doubt of its own.
+"""
+
+from dataclasses import dataclass, replace
+from typing import assert_never
+
+from hardcore.crisis.feed import Heard, PhaseHeard, ReleaseHeard, ServingHeard, SuspectsHeard
+from hardcore.model.phases import Face, HAState
+
+#: Suspects remembered; the oldest are forgotten first. One death names at most as many as a core has slots.
+SUSPECTS_MAX = 4096
+
+#: States in which traffic may be sent here.
+_READY = frozenset({HAState.OPERATIONAL, HAState.DEGRADED, HAState.SAFE_MODE})
+
+
+@dataclass(frozen=True, slots=True)
+class Serving:
+    """Where the serving core listens, and its epoch."""
+
+    socket: str
+    epoch: int
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Everything the gateway knows about the guarded process. `heard_ns` 0: the feed was never heard."""
+
+    generation: int = 0
+    phase: str = ""
+    state: str = ""
+    face: Face = Face.HOLD
+    incident: str | None = None
+    serving: Serving | None = None
+    released: int | None = None
+    suspects: tuple[str, ...] = ()
+    doubted: bool = False
+    heard_ns: int = 0
+
+
+def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
+    """Fold a message in; None if it comes from an older sentinel and must not count."""
+    if message.generation < standing.generation:
+        return None
+    known = replace(standing, generation=message.generation, heard_ns=now_ns)
+    match message:
+        case PhaseHeard(phase=phase, state=state, face=face, incident=incident):
+            # Whoever stops forwarding takes his release back: the next one may be of another core.
+            released = known.released if face is Face.FORWARD else None
+            named = incident or (known.incident if face is not Face.FORWARD else None)
+            return replace(known, phase=phase, state=state, face=face, incident=named, released=released)
+        case ServingHeard(socket=socket, epoch=epoch):
+            serving = Serving(socket, epoch)
+            if serving == known.serving:
+                return known
+            return replace(known, serving=serving, released=None, doubted=False)
+        case SuspectsHeard(keys=keys):
+            merged = dict.fromkeys((*known.suspects, *keys))
+            return replace(known, suspects=tuple(merged)[-SUSPECTS_MAX:])
+        case ReleaseHeard(epoch=epoch, incident=incident):
+            return replace(known, released=epoch, incident=incident or known.incident, doubted=False)
+        case _:
+            assert_never(message)
+
+
+def doubt(standing: Standing) -> Standing:
+    """The core hung up on a request or refused us: hold, whatever the feed says, until somebody knows."""
+    return replace(standing, doubted=True)
+
+
+def trust(standing: Standing) -> Standing:
+    """The core answered: the doubt is over."""
+    return replace(standing, doubted=False)
+
+
+def leaving(standing: Standing) -> Standing:
+    """The core says that it is leaving: nothing goes to it any more, unless it is released again."""
+    return replace(standing, released=None)
+
+
+def posture(standing: Standing) -> Face:
+    """What the gateway does with a request now."""
+    if standing.face is not Face.FORWARD:
+        return standing.face
+    serving = standing.serving
+    if standing.doubted or serving is None or standing.released != serving.epoch:
+        return Face.HOLD
+    return Face.FORWARD
+
+
+def alive(standing: Standing, now_ns: int, silence_ms: int) -> bool:
+    """Whether the sentinel was heard within `silence_ms`."""
+    return bool(standing.heard_ns) and now_ns - standing.heard_ns <= silence_ms * 1_000_000
+
+
+def ready(standing: Standing) -> bool:
+    """Whether a request sent now has a core to go to."""
+    return standing.state in _READY and not standing.doubted
