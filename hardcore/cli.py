@@ -282,10 +282,17 @@ def _incident(asked: Asked, incident: str) -> dict[str, Any]:
     return found
 
 
+def _keep(context: click.Context, given: dict[str, Any]) -> None:
+    """Keep what was asked of a group for the command below it."""
+    context.find_root().obj |= {name: value for name, value in given.items() if value}
+
+
 @main.group(invoke_without_command=True)
+@_options
 @click.pass_context
-def incidents(context: click.Context) -> None:
+def incidents(context: click.Context, /, **given: object) -> None:
     """What has happened: list, show ID, export ID --out FILE. Works with everything stopped."""
+    _keep(context, given)
     if context.invoked_subcommand is None:
         context.invoke(incidents_list, data=None, as_json=False, lang=None)
 
@@ -297,7 +304,7 @@ def incidents_list(asked: Asked) -> None:
     items = incidents_cli.list_incidents(asked.folders.incidents, asked.lang)
     asked.tell(items)
     if not asked.json:
-        incidents_cli.print_list(items, asked.lang, click.echo)
+        incidents_cli.print_list(items, asked.lang, sys.stdout.write)
 
 
 @incidents.command("show")
@@ -310,7 +317,7 @@ def incidents_show(asked: Asked, incident: str) -> None:
         asked.fail(story.sentence)
     asked.tell(story)
     if not asked.json:
-        incidents_cli.print_show(story, asked.lang, click.echo)
+        incidents_cli.print_show(story, asked.lang, sys.stdout.write)
 
 
 @incidents.command("export")
@@ -369,8 +376,11 @@ def _verify_alone(asked: Asked) -> dict[str, Any]:
 
 
 @main.group()
-def policy() -> None:
+@_options
+@click.pass_context
+def policy(context: click.Context, /, **given: object) -> None:
     """The failover policy."""
+    _keep(context, given)
 
 
 @policy.command("check")

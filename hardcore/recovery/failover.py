@@ -360,7 +360,7 @@ class FailoverManager:
             case Step.SETTLED:
                 self._tries = 0
             case Step.CLOSE:
-                self._close("recovered" if after is Phase.RUNNING else "manual", now_ns)
+                self._close(now_ns, recovered=after is Phase.RUNNING)
             case Step.ALERT:
                 self._alert_about(after)
             case Step.FORGET:
@@ -450,9 +450,12 @@ class FailoverManager:
             return
         self._actions.append(TakeEvidence(self._life, self._story.id, living, self.policy.snapshot_budget_ms))
 
-    def _close(self, outcome: str, now_ns: int) -> None:
+    def _close(self, now_ns: int, *, recovered: bool) -> None:
         if self._story is None:
             return
+        # A stop in the middle of the probation does not undo a recovery: a proven core had served.
+        served = self.wanted is Wanted.DOWN and self._story.proof is not None
+        outcome = "recovered" if recovered or served else "manual"
         self._actions.append(CloseIncident(self._story.told(outcome, now_ns)))
         self._story = None
         self._stage_max = 0

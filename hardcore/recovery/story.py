@@ -49,7 +49,8 @@ class Story:
         self.steps[name] = at_ns
 
     def add_death(self, diagnosis: Diagnosis, how: Exit | None, at_ns: int) -> None:
-        """Note one death, the first or a further one."""
+        """Note one death, the first or a further one; what its predecessor had proven is over."""
+        self.proof, self.next_epoch = None, None
         if len(self.deaths) < DEATHS_MAX:
             self.deaths.append(DeathNote(at_ns, diagnosis, how))
 
