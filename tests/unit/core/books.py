@@ -1,0 +1,107 @@
+"""Small books for tests: orders in one line, a journal on a real SQLite file."""
+
+import itertools
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sqlalchemy import Connection
+
+from core.guarded.recorder import NoRecorder
+from core.journal.answers import Answer, LookUp, Order, Work
+from core.journal.append import Committed, Journal
+from core.journal.fence import Raised, fence
+from core.journal.store import LEDGER_FILE, StoreError, open_writing
+from core.ledger.accounts import AccountType
+from core.ledger.commands import (
+    CloseAccount,
+    Command,
+    OpenAccount,
+    Posting,
+    PostTransaction,
+    accounts_of,
+    fingerprint_of,
+)
+
+_numbers = itertools.count(1)
+
+
+def opening(
+    name: str, kind: AccountType = AccountType.ASSET, currency: str = "KRW", *, no_overdraft: bool = False
+) -> OpenAccount:
+    return OpenAccount(name, name.upper(), kind, currency, no_overdraft)
+
+
+def closing(name: str) -> CloseAccount:
+    return CloseAccount(name)
+
+
+def moving(amount: int, to: str, source: str, currency: str = "KRW") -> PostTransaction:
+    lines = (Posting(to, amount, currency), Posting(source, -amount, currency))
+    return PostTransaction(f"tx-{next(_numbers)}", "2026-11-21", "moved", (), lines)
+
+
+def order(command: Command, key: str | None = None, slot: int = 0) -> Order:
+    transaction_id = command.id if isinstance(command, PostTransaction) else ""
+    command_id = f"cmd-{next(_numbers)}"
+    return Order(
+        command, key, fingerprint_of(command), command_id, transaction_id, accounts_of(command), slot
+    )
+
+
+def opened(path: Path, busy_timeout_ms: int = 1_000) -> Connection:
+    connection = open_writing(path / LEDGER_FILE, busy_timeout_ms)
+    assert not isinstance(connection, StoreError), connection
+    return connection
+
+
+class Pen:
+    """A journal that was fenced, and its recorder."""
+
+    def __init__(self, path: Path, busy_timeout_ms: int = 1_000) -> None:
+        self.connection = opened(path, busy_timeout_ms)
+        raised = fence(self.connection, None)
+        assert isinstance(raised, Raised), raised
+        self.epoch = raised.epoch
+        self.recorder = NoRecorder()
+        self.journal = Journal(
+            self.connection, raised.epoch, 0, self.recorder, lambda: 1_795_000_000_000_000_000
+        )
+
+    def write(self, *works: Work) -> tuple[Answer, ...]:
+        outcome = self.journal.write(works)
+        assert isinstance(outcome, Committed), outcome
+        return outcome.answers
+
+    def carry_out(self, *commands: Command) -> tuple[Answer, ...]:
+        return self.write(*[order(command) for command in commands])
+
+    def look_up(self, key: str) -> Answer:
+        return self.write(LookUp(key, 0))[0]
+
+    def close(self) -> None:
+        self.journal.close()
+        self.recorder.close()
+
+
+@contextmanager
+def pen(path: Path, busy_timeout_ms: int = 1_000) -> Iterator[Pen]:
+    made = Pen(path, busy_timeout_ms)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def tamper(path: Path, *statements: str) -> None:
+    """Change the file as somebody with a database tool would: triggers off, foreign keys unchecked."""
+    connection = sqlite3.connect(path / LEDGER_FILE, isolation_level=None)
+    try:
+        names = connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall()
+        for (name,) in names:
+            connection.execute(f"DROP TRIGGER {name}")
+        for statement in statements:
+            connection.execute(statement)
+    finally:
+        connection.close()
