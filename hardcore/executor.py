@@ -16,8 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, assert_never
 
-from hardcore import standing
-from hardcore.host import clock, files, lives, logs, processes
+from hardcore.host import clock, deaths, files, lives, logs, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.model import actions as orders
@@ -272,8 +271,7 @@ class Executor:
         handle.close()
 
     async def _keep(self, order: orders.KeepBudget) -> None:
-        entry = standing.budget_entry(order.deaths_ns)
-        await self.in_hand(files.write_json, self._folders.state / "budget.json", entry)
+        await self.in_hand(deaths.write_deaths, self._folders, order.deaths_ns)
 
 
 async def _gone(handle: processes.Handle) -> None:

@@ -22,7 +22,7 @@ from hardcore.control.server import ControlServer
 from hardcore.door import Door
 from hardcore.executor import Executor
 from hardcore.gatekeeper import Gatekeeper
-from hardcore.host import clock, files, lives
+from hardcore.host import clock, deaths, files, lives
 from hardcore.host.folders import Folders, Unusable, prepare
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Leftovers, Life
@@ -68,7 +68,7 @@ class Runtime:
             standing.wanted(folders),
             new_id,
             random.random,
-            standing.deaths_of_budget(folders, window_ns),
+            deaths.read_deaths(folders, window_ns),
         )
         self.executor = Executor(folders, setup.generation, self.feed, self.publish)
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)

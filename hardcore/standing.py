@@ -1,6 +1,5 @@
-"""What the guard keeps on disk between its own lives: the policy in force, what is wanted, the budget."""
+"""What the guard keeps on disk between its own lives: the policy in force, what is wanted, its generation."""
 
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,8 +13,6 @@ from hardcore.recovery.policy import (
     read_policy,
     shipped_text,
 )
-
-DEATHS_MAX = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,36 +65,6 @@ def wanted(folders: Folders) -> Wanted:
 def store_wanted(folders: Folders, what: Wanted) -> None:
     """Write down what the operator wants. On disk before the first signal is sent."""
     files.write_json(folders.state / "wanted.json", {"wanted": str(what), "at": clock.wall(clock.now_ns())})
-
-
-def deaths_of_budget(folders: Folders, window_ns: int) -> tuple[int, ...]:
-    """Return the deaths that count, as monotonic times of this boot.
-
-    After a reboot the old stamps mean nothing: their age is taken from the wall clock, at least 0 and at
-    most the window.
-    """
-    stored = files.read_json(folders.state / "budget.json")
-    deaths = stored.get("deaths")
-    if not isinstance(deaths, list):
-        return ()
-    now_ns = clock.now_ns()
-    same_boot = stored.get("boot_id") == clock.boot_id()
-    stamps = [
-        d.get("monotonic_ns" if same_boot else "wall_ns") for d in deaths[-DEATHS_MAX:] if isinstance(d, dict)
-    ]
-    whole = [stamp for stamp in stamps if isinstance(stamp, int)]
-    if same_boot:
-        return tuple(min(stamp, now_ns) for stamp in whole)
-    return tuple(now_ns - min(window_ns, max(0, time.time_ns() - stamp)) for stamp in whole)
-
-
-def budget_entry(deaths_ns: tuple[int, ...]) -> dict[str, object]:
-    """Return what is written down of the budget."""
-    offset_ns = time.time_ns() - clock.now_ns()
-    return {
-        "boot_id": clock.boot_id(),
-        "deaths": [{"monotonic_ns": at, "wall_ns": at + offset_ns} for at in deaths_ns],
-    }
 
 
 def next_generation(folders: Folders) -> int:
