@@ -6,6 +6,7 @@ on. A schema library that refuses the whole file for one bad field was not chose
 story beats none.
 """
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 TEXT_MAX = 4_096
 ITEMS_MAX = 2_000
 OUTCOMES = frozenset({"recovered", "manual", "safe_mode", "assist", "open"})
+_MOMENT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,9})?(?:Z|[+-]\d\d:\d\d)", re.ASCII)
 GRADES = frozenset({"certain", "likely", "unknown"})
 
 
@@ -135,8 +137,8 @@ def from_facts(incident_id: str, raw: object) -> Incident:
     outcome, grade = text(facts.get("outcome")), text(facts.get("grade"))
     return Incident(
         id=incident_id,
-        opened_at=optional_text(facts.get("opened_at")),
-        closed_at=optional_text(facts.get("closed_at")),
+        opened_at=moment(facts.get("opened_at")),
+        closed_at=moment(facts.get("closed_at")),
         outcome=outcome if outcome in OUTCOMES else "open",
         diagnosis=text(facts.get("diagnosis")) or "UNKNOWN",
         grade=grade if grade in GRADES else "unknown",
@@ -218,6 +220,11 @@ def optional_text(raw: object) -> str | None:
     return text(raw) or None
 
 
+def moment(raw: object) -> str | None:
+    """Return `raw` if it is a time in RFC 3339."""
+    return raw if isinstance(raw, str) and _MOMENT.fullmatch(raw) else None
+
+
 def texts(raw: object) -> tuple[str, ...]:
     """Return the texts of a JSON list, at most ITEMS_MAX."""
     return (
@@ -241,7 +248,7 @@ def number(raw: object) -> int | None:
 
 
 def _step(raw: Mapping[str, Any]) -> Step:
-    return Step(text(raw.get("step")), optional_text(raw.get("at")), duration(raw.get("offset_ms")))
+    return Step(text(raw.get("step")), moment(raw.get("at")), duration(raw.get("offset_ms")))
 
 
 def _exit(raw: object) -> Exit:
@@ -291,6 +298,4 @@ def _proof(raw: object) -> Proof | None:
 
 
 def _death(raw: Mapping[str, Any]) -> Death:
-    return Death(
-        optional_text(raw.get("at")), text(raw.get("diagnosis")) or "UNKNOWN", _exit(raw.get("exit"))
-    )
+    return Death(moment(raw.get("at")), text(raw.get("diagnosis")) or "UNKNOWN", _exit(raw.get("exit")))

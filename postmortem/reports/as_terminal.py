@@ -16,7 +16,7 @@ from postmortem.reports.visible import visible
 
 Write = Callable[[str], object]
 
-WIDTH_MIN, WIDTH_MAX = 40, 110
+WIDTH_MIN, WIDTH_MAX = 56, 110
 #: Below it a row of the list takes two lines.
 _WIDE = 90
 _ID_MIN = 8
@@ -232,8 +232,8 @@ def _local(at: str | None, language: str) -> str:
         return pad(_word("nothing_recorded", language), 19)
     try:
         return datetime.fromisoformat(at).astimezone().strftime("%Y-%m-%d %H:%M:%S")
-    except (ValueError, OverflowError):
-        return visible(at)
+    except (ValueError, OverflowError):  # the form of a time, but no such day
+        return pad(cut(at, 19), 19)
 
 
 def milliseconds(value: float | None, otherwise: str) -> str:

@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hardcore.host.recorder import make_page
@@ -129,6 +130,13 @@ def until(holds: Callable[[], bool]) -> None:
         os.sched_yield()
 
 
+def words_of(process: psutil.Process) -> list[str]:
+    try:
+        return process.cmdline()
+    except psutil.Error:
+        return []
+
+
 def state_of(pid: int) -> str:
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
 
@@ -228,12 +236,12 @@ def test_a_frozen_core_is_read_and_leaves_no_signal_pending(bench: Bench) -> Non
 
 
 def test_a_debugger_that_hangs_is_cut_off_and_the_rest_is_kept(bench: Bench) -> None:
-    mark = bench.place / "started"
     subject = bench.core("sleep")
-    taken = whole(bench.live(subject, bench.tool(f"echo $$ > {mark}; exec sleep 600"), budget_ms=1_000))
+    seconds = f"600.{os.getpid()}"  # marks the process as this test's own
+    taken = whole(bench.live(subject, bench.tool(f"exec sleep {seconds}"), budget_ms=1_500))
     assert taken.missing["stacks.json"] == "py-spy: it took too long"
     assert {"recorder.bin", "process.json", "log.txt"} <= {file.name for file in taken.path.iterdir()}
-    until(lambda: not Path(f"/proc/{mark.read_text().strip()}").exists())
+    until(lambda: seconds not in {word for one in psutil.process_iter() for word in words_of(one)})
 
 
 @pytest.mark.parametrize(

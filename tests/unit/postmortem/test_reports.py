@@ -1,0 +1,177 @@
+import json
+import re
+from typing import Any
+
+import pytest
+
+from frontend import catalogue_reports as texts
+from postmortem import incident
+from postmortem.analyzer.case import Case
+from postmortem.reports import as_terminal
+from postmortem.reports.as_json import as_item, as_story
+from postmortem.reports.as_markdown import as_markdown, escape
+from postmortem.reports.as_terminal import Look
+from postmortem.reports.report import Contents, Report, make_report, money_line
+from tests.unit.postmortem import story
+
+ITEM = (
+    "id opened_at closed_at diagnosis grade summary account_ids transaction_ids command_ids outage_ms detected_ms"
+    " outcome fingerprint evidence_complete money"
+)
+STORY = "timeline evidence findings proposals requests"
+HOSTILE = (
+    "\x1b]0;owned\x07\x1b[2J`x` | **b** <script>alert(1)</script> [a](http://e) \u202egnp\r\n# head\x00\ud800"
+)
+
+
+def report(**other: Any) -> Report:
+    read = incident.from_facts(story.ID, story.facts(**other))
+    contents = Contents(
+        complete=False,
+        partial=False,
+        files={"recorder.bin": 364_544},
+        missing={"stacks.json": HOSTILE},
+        faults=(),
+    )
+    return make_report(Case(read, (), {}, {}, ""), contents)
+
+
+def hostile() -> Report:
+    command = story.command(HOSTILE, HOSTILE, HOSTILE, [HOSTILE], HOSTILE)
+    step = {"at": HOSTILE, "offset_ms": 1, "step": HOSTILE}
+    request = {"method": HOSTILE, "path": HOSTILE, "key_hash": HOSTILE, "outcome": HOSTILE}
+    return report(
+        opened_at=HOSTILE,
+        closed_at=HOSTILE,
+        diagnosis=HOSTILE,
+        reason=HOSTILE,
+        planned=True,
+        evidence=[{"kind": HOSTILE, "text": HOSTILE}],
+        timeline=[step],
+        in_flight=[command],
+        suspects=[HOSTILE],
+        requests=[request],
+        deaths=[{"at": HOSTILE, "diagnosis": HOSTILE, "exit": {}}],
+        last_words={"code": HOSTILE, "text": HOSTILE},
+    )
+
+
+def terminal(one: Report, language: str, look: Look) -> str:
+    lines = {language: money_line(one, language) for language in texts.LANGUAGES}
+    shown = {**as_story(one, language), "money_line": lines, "folder": "incidents/x"}
+    written: list[str] = []
+    as_terminal.print_show(shown, language, written.append, look)
+    as_terminal.print_list([as_item(one, language)] * 2, language, written.append, look)
+    return "".join(written)
+
+
+def test_an_item_and_a_story_have_the_fields_that_programs_rely_on() -> None:
+    item, whole = as_item(report(), "en"), as_story(report(), "en")
+    assert set(ITEM.split()) <= set(item)
+    assert set(STORY.split()) <= set(whole)
+    assert item["money"] == {"lost": 0, "doubled": None, "verified": True}
+    assert item["transaction_ids"] == ["tx-1", "tx-2"]
+    assert item["account_ids"] == ["assets:bank:kb", "expenses:food", "assets:cash"]
+    assert item["command_ids"] == ["cmd-1", "cmd-2"]
+    assert whole["timeline"][1] == {"step": "detected", "at": "2026-11-21T14:08:15.001Z", "offset_ms": 0.8}
+    json.dumps(whole)
+
+
+def test_the_summary_is_one_plain_sentence_in_both_languages() -> None:
+    assert report().summary == {
+        "en": "The ledger was killed from outside; it answered again after 0.9 s.",
+        "ko": "장부 서버가 밖에서 강제 종료됐고 0.9초 만에 다시 응답했어요.",
+    }
+
+
+def test_a_likely_cause_is_never_told_as_certain() -> None:
+    assert report(grade="likely").summary["en"].startswith("Most likely ")
+    assert report(grade="likely").summary["ko"].startswith("아마도 ")
+    assert report(grade="unknown").summary["en"].startswith("As far as can be told, ")
+
+
+@pytest.mark.parametrize("diagnosis", [*texts.CAUSES, "SOMETHING_NEW"])
+@pytest.mark.parametrize("outcome", sorted(incident.OUTCOMES))
+def test_every_diagnosis_and_outcome_has_its_words(diagnosis: str, outcome: str) -> None:
+    for language, sentence in report(diagnosis=diagnosis, outcome=outcome).summary.items():
+        assert "{" not in sentence, language
+        assert sentence.endswith(".")
+
+
+def test_no_text_lacks_a_language() -> None:
+    tables = (texts.CAUSES, texts.GRADES, texts.OUTCOMES, texts.OUTCOME_WORDS, texts.STEPS, texts.FINDINGS)
+    for table in (*tables, texts.REQUEST_OUTCOMES, texts.MONEY, texts.WORDS, texts.ERRORS):
+        for key, text in table.items():
+            assert set(text) == set(texts.LANGUAGES), key
+            assert all(text.values()), key
+
+
+@pytest.mark.parametrize("language", texts.LANGUAGES)
+def test_nothing_is_said_about_losses_without_a_witness(language: str) -> None:
+    chain = {"kind": "chain", "tail": 1000, "seq": 40, "witness_seq": None}
+    assert money_line(report(proof=chain), language) == texts.MONEY["chain"][language].format(tail=1000)
+    assert money_line(report(proof=None), language) == texts.MONEY["none"][language]
+    for proof in (chain, None):
+        text = as_markdown(report(proof=proof), language) + terminal(report(proof=proof), language, Look())
+        assert texts.MONEY["witness"][language].split(".")[0].split(":")[0] not in text
+
+
+@pytest.mark.parametrize("language", texts.LANGUAGES)
+def test_the_markdown_tells_the_whole_story(language: str) -> None:
+    text = as_markdown(report(), language)
+    for part in (
+        "KILLED_FROM_OUTSIDE",
+        "912 ms",
+        "assets:bank:kb",
+        "tx-1",
+        "/api/ledger/transactions",
+        "recorder.bin",
+    ):
+        assert part in text
+    assert "None" not in text
+    assert all(
+        f"## {texts.WORDS[word][language]}" in text for word in ("timeline", "money", "requests", "files")
+    )
+
+
+@pytest.mark.parametrize("language", texts.LANGUAGES)
+def test_no_text_of_the_ledger_breaks_out_of_a_report(language: str) -> None:
+    text = as_markdown(hostile(), language)
+    assert all(character.isprintable() or character == "\n" for character in text)
+    assert "\n# head" not in text
+    for raw in ("<script>", "](http", "`x`", "**b**"):
+        assert re.search(rf"(?<!\\){re.escape(raw)}", text) is None
+
+
+@pytest.mark.parametrize("language", texts.LANGUAGES)
+@pytest.mark.parametrize("width", [56, 80, 110])
+def test_no_text_of_the_ledger_reaches_the_terminal_raw(language: str, width: int) -> None:
+    text = terminal(hostile(), language, Look(width))
+    assert all(character.isprintable() or character == "\n" for character in text)
+
+
+@pytest.mark.parametrize("language", texts.LANGUAGES)
+@pytest.mark.parametrize("width", [56, 64, 80, 110])
+def test_no_line_is_wider_than_the_window(language: str, width: int) -> None:
+    for line in terminal(hostile(), language, Look(width)).splitlines():
+        assert as_terminal.cells(line) <= width, line
+    for line in terminal(report(), language, Look(width)).splitlines():
+        assert as_terminal.cells(line) <= width, line
+
+
+def test_colour_is_only_where_it_is_wanted() -> None:
+    assert "\x1b" not in terminal(report(), "en", Look())
+    assert "\x1b[32mrecovered" in terminal(report(), "en", Look(100, colour=True))
+
+
+def test_an_escape_shows_exactly_the_characters() -> None:
+    assert escape("assets:bank_kb") == "assets:bank_kb"
+    assert escape("_a_ *b* `c`") == r"\_a\_ \*b\* \`c\`"
+    assert escape("a\nb\x1b") == r"a\\nb\\x1b"
+
+
+@pytest.mark.parametrize(("text", "width"), [("abc", 3), ("한글", 4), ("e\u0301", 1), ("a한", 3)])
+def test_a_korean_syllable_takes_two_cells(text: str, width: int) -> None:
+    assert as_terminal.cells(text) == width
+    assert as_terminal.cells(as_terminal.cut("한글 설명이 아주 길어요", 9)) <= 9
+    assert as_terminal.pad("한글", 6) == "한글  "
