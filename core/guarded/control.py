@@ -23,6 +23,10 @@ CONNECTIONS_MAX = 8
 SILENCE_S_MAX = 10.0
 
 
+class ControlUnboundError(OSError):
+    """The control socket can't be bound; `strerror` says why. The guard has to name another path."""
+
+
 @dataclass(frozen=True, slots=True)
 class Standing:
     """Where the core stands: its epoch (0: none raised yet) and the last committed sequence."""
@@ -117,8 +121,11 @@ class ControlServer:
         self._talks: set[asyncio.Task[None]] = set()
 
     async def open(self) -> None:
-        """Begin to answer. Raises OSError when the socket can't be bound."""
-        door = bind_private(self._path)
+        """Begin to answer. Raises ControlUnboundError when there is no socket to be had at the path."""
+        try:
+            door = bind_private(self._path)
+        except OSError as error:
+            raise ControlUnboundError(error.errno, error.strerror) from error
         self._server = await asyncio.start_unix_server(self._accept, sock=door, limit=LINE_BYTES_MAX)
 
     async def close(self) -> None:

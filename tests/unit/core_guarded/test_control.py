@@ -17,6 +17,7 @@ from core.guarded.control import (
     CONNECTIONS_MAX,
     LINE_BYTES_MAX,
     ControlServer,
+    ControlUnboundError,
     DrillOrder,
     Refused,
     Standing,
@@ -79,6 +80,13 @@ def test_the_socket_is_private_from_its_first_moment(tmp_path: Path) -> None:
                 bind_private(tmp_path / "control")
     finally:
         os.umask(before)
+
+
+def test_a_taken_path_is_told_apart_from_every_other_fault(tmp_path: Path) -> None:
+    (tmp_path / "control").touch()
+    server = ControlServer(tmp_path / "control", lambda: Standing(7, 12), lambda _code, _text: None)
+    with pytest.raises(ControlUnboundError, match="in use"):
+        asyncio.run(server.open())
 
 
 def served(path: Path, talk: Callable[[Path], Awaitable[None]], silence_s: float = 10.0) -> None:
