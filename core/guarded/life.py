@@ -69,8 +69,8 @@ async def guarded_life(
     """Be seen and be reachable until the block ends.
 
     `standing` is asked by the control socket. `on_term` is called once, on the loop, with the pid of the
-    first TERM's sender (0: unknown); that it came is already noted and told by then. Raises ControlUnboundError
-    (an OSError) when the control socket can't be bound.
+    first TERM's sender (0: unknown); that it came is already noted and told by then. Raises
+    ControlUnboundError (an OSError) when the control socket can't be bound.
     """
     loop = asyncio.get_running_loop()
     async with AsyncExitStack() as ending:
