@@ -1,0 +1,103 @@
+"""Draws `docs/policy.md` from the declarations, so that the manual can't fall behind them.
+
+`python -m tests.architecture.draw_policy` writes it anew; a test holds the file against this text.
+"""
+
+import dataclasses
+from pathlib import Path
+
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.policy import DEFAULT_ACTIONS, EFFECT, Policy
+from hardcore.settings import Limits
+
+PAGE = Path(__file__).parents[2] / "docs" / "policy.md"
+
+_HEAD = """# The failover policy
+
+`DATA/failover_policy.json` says what is done on which diagnosis and carries every number of the watch. A first
+start writes it with the defaults. A file may name only what differs. `hardcore policy check FILE` tells
+everything that is wrong with one, with line and reason; `hardcore up --policy FILE` checks it and puts it into
+DATA. A bad file never replaces a good one: if the file in DATA is faulty, the last good one stays in force.
+
+This page is drawn from the declarations (`python -m tests.architecture.draw_policy`).
+
+## Numbers of the watch
+
+"""
+
+_BETWEEN = """
+Between the numbers: `health_check_timeout_ms` is at least `health_check_interval_ms` × `failure_threshold`;
+`confirm_deadlock_ms` is more than `health_check_timeout_ms`; `confirm_hang_ms` is at least
+`confirm_deadlock_ms`; `backoff_max_ms` is at least `backoff_initial_ms`.
+
+## The gateway
+
+An object `"gateway"` of what differs:
+
+"""
+
+_ACTIONS = """
+## What is done on a diagnosis
+
+`"actions": {"FROZEN": ["SEND_ALERT", "SNAPSHOT", "REBOOT_PROCESS"]}`. The list is a set; the order of the
+steps is always the same: tell, evidence, kill, restart, proof. REBOOT_PROCESS restarts the core,
+AWAIT_OPERATOR leaves it down and waits for `hardcore resume`, SNAPSHOT takes the evidence, SEND_ALERT writes
+an alert into the guard's log (channels come later), NONE does nothing. A living core is ended only on a
+diagnosis whose list says REBOOT_PROCESS. STORE_CORRUPT can't be given REBOOT_PROCESS: a ledger that may be
+damaged is never put back to work by itself.
+
+| Diagnosis | By default |
+|---|---|
+"""
+
+_EFFECTS = """
+Words that do less here than their name says, until the parts they name are built:
+
+| Word | Means for now |
+|---|---|
+"""
+
+
+def _rows(cls: type[Policy] | type[Limits]) -> list[str]:
+    rows = ["| Setting | Default | Range | Meaning |", "|---|---|---|---|"]
+    for field in dataclasses.fields(cls):
+        if "text" not in field.metadata:
+            continue
+        meta, default = field.metadata, field.default
+        shown = str(default).lower() if isinstance(default, bool) else str(default)
+        if meta["words"]:
+            span = ", ".join(meta["words"])
+        elif isinstance(default, bool):
+            span = "true, false"
+        else:
+            span = f"{meta['low']} to {meta['high']}"
+        rows.append(f"| `{field.name}` | {shown} | {span} | {meta['text']} |")
+    return rows
+
+
+def draw() -> str:
+    """Return the whole page."""
+    actions = [
+        f"| {diagnosis} | {', '.join(sorted(DEFAULT_ACTIONS[diagnosis]))} |" for diagnosis in Diagnosis
+    ]
+    effects = [f"| {word} | {text} |" for word, (_effect, text) in EFFECT.items()]
+    return "".join(
+        (
+            _HEAD,
+            "\n".join(_rows(Policy)),
+            "\n",
+            _BETWEEN,
+            "\n".join(_rows(Limits)),
+            "\n",
+            _ACTIONS,
+            "\n".join(actions),
+            "\n",
+            _EFFECTS,
+            "\n".join(effects),
+            "\n",
+        )
+    )
+
+
+if __name__ == "__main__":
+    PAGE.write_text(draw(), encoding="utf-8")
