@@ -10,7 +10,7 @@ import asyncio
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Final, NoReturn, assert_never
+from typing import Final, assert_never
 
 from core.guarded.recorder import FlightRecorder
 from core.journal.answers import Answer, Leaving, Work
@@ -30,8 +30,8 @@ class Writer:
         recorder: FlightRecorder,
         loop: asyncio.AbstractEventLoop,
         on_failed: Callable[[str], None],
-        on_fenced: Callable[[int], NoReturn],
-        on_bug: Callable[[BaseException], NoReturn],
+        on_fenced: Callable[[int], None],
+        on_bug: Callable[[Exception], None],
     ) -> None:
         """Prepare the thread.
 
@@ -83,7 +83,7 @@ class Writer:
         try:
             self._write_batches()
         # Everything the store can raise is a value by now: what arrives here is our own bug.
-        except BaseException as error:  # noqa: BLE001
+        except Exception as error:  # noqa: BLE001
             self._on_bug(error)
 
     def _write_batches(self) -> None:
@@ -99,6 +99,7 @@ class Writer:
                     return
                 case FencedBy(actual):
                     self._on_fenced(actual)
+                    return
                 case _:
                     assert_never(outcome)
         self._journal.close()
