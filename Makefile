@@ -42,9 +42,10 @@ check: lint fast
 
 lint: venv-dev
 	@echo 'Format'
-	@.venv/bin/ruff format --check --quiet . || { .venv/bin/ruff format --check . ; exit 1; }
+	@.venv/bin/ruff format --check --quiet --output-format concise . || \
+		{ echo 'To format: .venv/bin/ruff format .' >&2; exit 1; }
 	@echo 'Lint'
-	@.venv/bin/ruff check --quiet .
+	@.venv/bin/ruff check --quiet --output-format concise .
 	@echo 'Types'
 	@.venv/bin/mypy --no-error-summary
 	@echo 'Import laws'

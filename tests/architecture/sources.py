@@ -10,6 +10,7 @@ import re
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Final
 
@@ -66,8 +67,9 @@ def read(*tops: str) -> list[Source]:
     return [read_file(str(path.relative_to(ROOT))) for path in paths]
 
 
+@cache
 def read_file(path: str) -> Source:
-    """One file of the checkout, by its path from the top."""
+    """One file of the checkout, by its path from the top; read once, every rule looks at the same tree."""
     return parse(path, (ROOT / path).read_text("utf-8"))
 
 
