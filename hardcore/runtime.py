@@ -10,6 +10,7 @@ import argparse
 import asyncio
 import os
 import random
+import resource
 import signal
 import sys
 from collections.abc import Callable, Mapping
@@ -292,6 +293,8 @@ def main() -> int:
     # The terminal's signals go to everybody in the foreground; the launcher passes on what is meant for us.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    # Inherited by all we start: a core file would hold the ledger's memory, and the policy says never.
+    resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     setup = _set_up(asked.data, asked.listen_fd, asked.url)
     if isinstance(setup, int):
         return setup
