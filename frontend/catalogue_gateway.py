@@ -31,10 +31,10 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
         "en": ("This method is not used here", "The methods that are used here stand in the Allow header."),
     },
     "request-timeout": {
-        "ko": ("요청이 끝까지 오지 않았어요", "제시간에 다 받지 못해서 처리하지 않았어요. 다시 보내 주세요."),
+        "ko": ("요청이 끝까지 오지 않았어요", "정해진 시간 안에 다 받지 못했어요. 다시 보내 주세요."),
         "en": (
             "The request did not arrive in full",
-            "It was not complete in time, so nothing was done. Please send it again.",
+            "It was not complete in time. Please send it again.",
         ),
     },
     "body-too-large": {

@@ -206,6 +206,7 @@ class Moves:
             case Deed.SAY_ABSENT:
                 self._say(exchange, Problem.NOT_DONE, Outcome.NOT_DONE)
             case Deed.SAY_UNKNOWN:
+                self._meet(exchange, outage=True)  # whatever the feed says: a core died under it
                 self._say(exchange, Problem.RECOVERING if safe else Problem.OUTCOME_UNKNOWN, doubtful)
             case Deed.SAY_GARBLED:
                 self._say(exchange, Problem.BROKEN_ANSWER, doubtful)

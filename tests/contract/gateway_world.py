@@ -13,11 +13,12 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
+
+from tests.waiting import until
 
 DEADLINE_S = 20.0
 
@@ -109,6 +110,7 @@ class Core:
         self.epoch = epoch
         self.script = script
         self.health = health or (lambda call: call.answer(200, b"{}"))
+        self.at_head: Script | None = None  # answers before the body is read, and reads no more
         self.calls = Watched()
         self.connections = 0
         self._open: set[socket.socket] = set()
@@ -138,12 +140,16 @@ class Core:
     def _serve(self, connection: socket.socket) -> None:
         stream = connection.makefile("rb")
         try:
-            while (request := read_request(stream)) is not None:
+            while (request := read_request(stream, lambda: self.at_head is not None)) is not None:
                 call = Call(connection, request, self.epoch)
                 if request.target == "/healthz":
                     self.health(call)
                     continue
                 self.calls.append(call)
+                if self.at_head is not None:
+                    self.at_head(call)
+                    stream.read()  # as servers do: closing on unread bytes would take the answer back
+                    return
                 self.script(call)
         except (OSError, ValueError):
             pass
@@ -180,7 +186,7 @@ class Core:
             thread.join(DEADLINE_S)
 
 
-def read_request(stream: Any) -> Request | None:
+def read_request(stream: Any, heads_only: Callable[[], bool]) -> Request | None:
     first = stream.readline()
     if not first:
         return None
@@ -191,7 +197,9 @@ def read_request(stream: Any) -> Request | None:
         headers.append((name, value))
     names = {n.lower(): v for n, v in headers}
     body = b""
-    if names.get("transfer-encoding") == "chunked":
+    if heads_only():
+        pass
+    elif names.get("transfer-encoding") == "chunked":
         while size := int(stream.readline(), 16):
             body += stream.read(size)
             stream.readline()
@@ -435,15 +443,6 @@ class World:
             core.close()
         self.feed.close()
         self._listener.close()
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    """Wait for a condition that nobody announces."""
-    deadline = time.monotonic() + DEADLINE_S
-    pause = threading.Event()
-    while not condition():
-        assert time.monotonic() < deadline, f"never came: {what}"
-        pause.wait(0.005)
 
 
 @contextlib.contextmanager
