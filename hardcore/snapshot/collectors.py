@@ -67,8 +67,14 @@ def page_as_json(page: Page, now_ns: int) -> dict[str, Any]:
         **asdict(page),
         "in_flight": [_command_as_json(note, now_ns) for note in page.in_flight],
         "finished": [_command_as_json(note, now_ns) for note in page.finished],
+        "last_words": _words_as_json(page),
         "events": [asdict(event) | {"text": mask_line(event.text)} for event in page.events],
     }
+
+
+def _words_as_json(page: Page) -> dict[str, Any] | None:
+    words = page.last_words
+    return None if words is None else asdict(words) | {"text": mask_line(words.text)}
 
 
 def _command_as_json(note: CommandNote, now_ns: int) -> dict[str, Any]:

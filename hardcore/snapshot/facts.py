@@ -9,6 +9,7 @@ from typing import Any
 from hardcore.model.actions import Incident
 from hardcore.model.observations import Exit
 from hardcore.model.recorder import CommandNote
+from hardcore.snapshot.masking import mask_line
 
 VERSION = 1
 _MS = 1_000_000
@@ -38,7 +39,7 @@ def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int],
         "outage_ms": round((steps["serving"] - fault) / _MS, 1) if "serving" in steps else None,
         "core": {"pid": pid, "nonce": nonce, "epoch": incident.epoch, "exit": _exit(incident.exit)},
         "last_words": (
-            {"code": incident.last_words.code, "text": incident.last_words.text}
+            {"code": incident.last_words.code, "text": mask_line(incident.last_words.text)}
             if incident.last_words
             else None
         ),

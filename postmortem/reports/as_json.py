@@ -4,6 +4,7 @@ from dataclasses import asdict
 from typing import Any
 
 from frontend import catalogue_reports as texts
+from postmortem.incident import at_work
 from postmortem.reports.report import Report, finding_line
 
 
@@ -53,7 +54,7 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
         ],
         "proposals": [],
         "requests": [asdict(request) for request in incident.requests],
-        "in_flight": [asdict(command) for command in incident.in_flight],
+        "in_flight": [asdict(command) for command in at_work(incident)],
         "suspects": list(incident.suspects),
         "core": {
             "pid": incident.pid,

@@ -20,7 +20,7 @@ WIDTH_MIN, WIDTH_MAX = 56, 110
 #: Below it a row of the list takes two lines.
 _WIDE = 90
 _ID_MIN = 8
-_LABEL = 14
+_LABEL = 16
 #: Lines of one section; what is left out is counted.
 LINES_MAX = 50
 
@@ -93,8 +93,8 @@ def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) ->
         ("opened", _local(story["opened_at"], language)),
         ("detection", milliseconds(story["detected_ms"], nothing)),
         ("outage", milliseconds(story["outage_ms"], nothing)),
-        ("account", ", ".join(story["account_ids"]) or nothing),
-        ("transaction", ", ".join(story["transaction_ids"]) or nothing),
+        ("accounts", ", ".join(story["account_ids"]) or nothing),
+        ("transactions", ", ".join(story["transaction_ids"]) or nothing),
         ("money", story["money_line"][language]),
     ]
     for label, value in rows:

@@ -1,5 +1,7 @@
 import pytest
 
+from hardcore.model.recorder import Beats, LastWords, Page, RingEvent, Threads
+from hardcore.snapshot.collectors import page_as_json
 from hardcore.snapshot.masking import MASK, mask_line, mask_local, mask_payload, mask_shapes
 
 CANARY = "canary-7f3a"
@@ -61,3 +63,12 @@ def test_ids_amounts_and_times_stay_readable(text: str) -> None:
 
 def test_a_carried_credential_is_hidden_in_a_line() -> None:
     assert CANARY not in mask_line(f"sent Bearer {CANARY} to x")
+
+
+def test_last_words_are_kept_without_what_follows_a_secret_name() -> None:
+    words = LastWords(1, "EXCEPTION", f"KeyError at x.py:1: password={CANARY}")
+    page = Page("n", "b", 1, 1, Threads(), Beats(), None, words, (), (), (RingEvent(1, 1, "E", words.text),))
+    told = page_as_json(page, 2)
+    assert CANARY not in str(told)
+    assert told["last_words"]["code"] == "EXCEPTION"
+    assert "KeyError at x.py:1" in told["last_words"]["text"]
