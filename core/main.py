@@ -82,6 +82,8 @@ def serve(data: Path, port: int) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def verify(data: Path, *, as_json: bool) -> None:
     """Prove the whole ledger of a data folder, reading only; a core may be at work meanwhile."""
+    gc.freeze()
+    gc.enable()
     settings = Settings.read(os.environ)
     if isinstance(settings, list):
         sys.exit(_say(departure.config_invalid(" ".join(settings))))
@@ -196,9 +198,9 @@ class Life:
         return self._service
 
     def _ready(self, book: OpenBook, bound: socket.socket) -> None:
-        # What was loaded lives as long as the process: a collection need not look at it again.
-        gc.collect()
+        # What was loaded lives as long as the process: no collection need ever look at it.
         gc.freeze()
+        gc.enable()
         self._recorder.set_state(LifeState.READY)
         proof = book.proof
         self._beacon.ready(book.epoch, proof.head_seq, proof.head_hash.hex(), proof.kind.value, proof.tail)
