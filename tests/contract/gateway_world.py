@@ -105,7 +105,9 @@ def silent(_: Call) -> None:
 class Core:
     """A core of one life. `script` decides every answer but that to /healthz."""
 
-    def __init__(self, path: Path, epoch: int, script: Script = echo, *, health: Script | None = None) -> None:
+    def __init__(
+        self, path: Path, epoch: int, script: Script = echo, *, health: Script | None = None
+    ) -> None:
         self.path = path
         self.epoch = epoch
         self.script = script
@@ -412,6 +414,19 @@ class World:
         self.feed.hold()
         self.feed.wait("holding")
 
+    def die(self, core: Core) -> None:
+        """The core dies, and the sentinel sees it."""
+        core.die()
+        self.feed.hold()
+
+    def lose(self, *headers: str, method: str = "POST", body: bytes = b"abc") -> Client:
+        """A request whose core dies before it answers; the client still waits."""
+        core = self.serving(silent)
+        client = self.client().ask(method, "/t", *headers, body=body)
+        core.wait("/t")
+        self.die(core)
+        return client
+
     def core(self, epoch: int, script: Script = echo, **more: Any) -> Core:
         core = Core(self.folder / f"core-{epoch}-{len(self._cores)}.sock", epoch, script, **more)
         self._cores.append(core)
@@ -451,8 +466,8 @@ def world(folder: Path, *options: str, **limits: int) -> Iterator[World]:
     made = World(folder, limits, options)
     try:
         yield made
-    except BaseException:
-        print(made.log.read_text() if made.log.exists() else "no log")
+    except BaseException as error:
+        error.add_note(made.log.read_text() if made.log.exists() else "the gateway wrote no log")
         raise
     finally:
         made.close()

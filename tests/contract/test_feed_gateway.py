@@ -1,9 +1,14 @@
 """The feed between sentinel and gateway, as `docs/wires.md` section 6 has it."""
 
+from functools import partial
 from pathlib import Path
 
-from tests.contract.gateway_world import world
+from tests.contract.gateway_world import World, world
 from tests.waiting import until
+
+
+def _says(w: World, state: str) -> bool:
+    return bool(w.ask("GET", "/readyz").json()["state"] == state)
 
 
 def test_the_gateway_subscribes_with_its_pid(tmp_path: Path) -> None:
@@ -120,7 +125,9 @@ def test_outcomes_are_told_to_the_next_sentinel_if_the_first_is_gone(tmp_path: P
 def test_many_outcomes_come_in_lines_of_bounded_length(tmp_path: Path) -> None:
     with world(tmp_path) as w:
         w.holding()
-        clients = [w.client().ask("POST", "/" + "p" * 500, f"Idempotency-Key: {n}", body=b"") for n in range(150)]
+        clients = [
+            w.client().ask("POST", "/" + "p" * 500, f"Idempotency-Key: {n}", body=b"") for n in range(150)
+        ]
         w.wait_held(150)
         w.feed.serve(w.core(2), incident="i1")
         assert {client.read().status for client in clients} == {200}
@@ -143,9 +150,14 @@ def test_numbers_are_told_when_they_change(tmp_path: Path) -> None:
 def test_readiness_follows_the_state_of_the_feed(tmp_path: Path) -> None:
     with world(tmp_path) as w:
         w.serving()
-        for state, status in {"DEGRADED": 200, "SAFE_MODE": 200, "RECOVERY": 503, "MANUAL_INTERVENTION": 503}.items():
+        for state, status in {
+            "DEGRADED": 200,
+            "SAFE_MODE": 200,
+            "RECOVERY": 503,
+            "MANUAL_INTERVENTION": 503,
+        }.items():
             w.feed.phase("FORWARD", state=state)
-            until(lambda state=state: w.ask("GET", "/readyz").json()["state"] == state, f"state {state}")
+            until(partial(_says, w, state), f"state {state}")
             answer = w.ask("GET", "/readyz")
             assert answer.status == status
             assert (answer.header("Retry-After") is None) is (status == 200)

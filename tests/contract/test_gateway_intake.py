@@ -9,14 +9,20 @@ from tests.contract.gateway_world import world
 HOST = b"Host: localhost\r\n"
 
 UNREADABLE = {
-    "length and chunks": b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 3\r\nTransfer-Encoding: chunked\r\n\r\nabc",
-    "chunks and length": b"POST / HTTP/1.1\r\n" + HOST + b"Transfer-Encoding: chunked\r\nContent-Length: 3\r\n\r\nabc",
+    "length and chunks": b"POST / HTTP/1.1\r\n"
+    + HOST
+    + b"Content-Length: 3\r\nTransfer-Encoding: chunked\r\n\r\nabc",
+    "chunks and length": b"POST / HTTP/1.1\r\n"
+    + HOST
+    + b"Transfer-Encoding: chunked\r\nContent-Length: 3\r\n\r\nabc",
     "two lengths": b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 3\r\nContent-Length: 3\r\n\r\nabc",
     "a list of lengths": b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 3, 3\r\n\r\nabc",
     "a signed length": b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: +3\r\n\r\nabc",
     "bare line feed": b"GET / HTTP/1.1\n" + HOST + b"\r\n",
     "bare line feed in a header": b"GET / HTTP/1.1\r\nHost: localhost\nX: 1\r\n\r\n",
-    "bare line feed in a chunk": b"POST / HTTP/1.1\r\n" + HOST + b"Transfer-Encoding: chunked\r\n\r\n3\nabc\r\n0\r\n\r\n",
+    "bare line feed in a chunk": b"POST / HTTP/1.1\r\n"
+    + HOST
+    + b"Transfer-Encoding: chunked\r\n\r\n3\nabc\r\n0\r\n\r\n",
     "a folded line": b"GET / HTTP/1.1\r\n" + HOST + b"X: 1\r\n 2\r\n\r\n",
     "a space before the colon": b"GET / HTTP/1.1\r\n" + HOST + b"X : 1\r\n\r\n",
     "no host": b"GET / HTTP/1.1\r\nX: 1\r\n\r\n",
@@ -54,7 +60,9 @@ def test_what_follows_an_unreadable_request_is_not_a_request(tmp_path: Path) -> 
     with world(tmp_path) as w:
         core = w.serving()
         smuggled = b"GET /smuggled HTTP/1.1\r\n" + HOST + b"\r\n"
-        client = w.client().send(b"GET /first HTTP/1.1\r\n" + HOST + b"\r\n" + UNREADABLE["two lengths"] + smuggled)
+        client = w.client().send(
+            b"GET /first HTTP/1.1\r\n" + HOST + b"\r\n" + UNREADABLE["two lengths"] + smuggled
+        )
         assert [client.read().status, client.read().status] == [200, 400]
         assert client.closed()
         assert core.targets() == ["/first"]
@@ -78,7 +86,9 @@ def test_a_foreign_host_is_misdirected(tmp_path: Path, host: str) -> None:
         assert core.targets() == []
 
 
-@pytest.mark.parametrize("host", ["LOCALHOST", "127.0.0.1:3000", "[::1]:3000", "[::1]", "box.lan", "Box.Lan:80"])
+@pytest.mark.parametrize(
+    "host", ["LOCALHOST", "127.0.0.1:3000", "[::1]:3000", "[::1]", "box.lan", "Box.Lan:80"]
+)
 def test_a_known_host_is_served(tmp_path: Path, host: str) -> None:
     with world(tmp_path, "--allow-host", "box.lan") as w:
         w.serving()

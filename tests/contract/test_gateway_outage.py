@@ -1,43 +1,14 @@
-"""What a gateway does while cores come and go: hold, never twice, and say what is true."""
+"""What a gateway does while no core serves, whose answers it believes, and how it leaves."""
 
-import json
 import socket
 from pathlib import Path
 
 import pytest
 
-from tests.contract.gateway_world import Call, Client, Core, World, echo, key_hash, silent, world
+from tests.contract.gateway_world import Call, Core, echo, silent, world
 from tests.waiting import until
 
 KEY = "Idempotency-Key: k1"
-
-
-def _stored(call: Call) -> None:
-    """The ledger has the key."""
-    assert call.request.target == "/api/ledger/commands/k1"
-    found = {"key": "k1", "outcome": "done", "status": 201, "answer": {"id": "t1"}}
-    call.answer(200, json.dumps(found).encode())
-
-
-def _absent(call: Call) -> None:
-    body = b'{"type": "/problems/unknown-command", "status": 404, "outcome": "not_done"}'
-    call.answer(404, body, headers=("Content-Type: application/problem+json",))
-
-
-def _die(w: World, core: Core) -> None:
-    core.die()
-    w.feed.hold()
-
-
-def _lose(w: World, *headers: str, method: str = "POST", body: bytes = b"abc") -> tuple[Core, Client]:
-    core = w.serving(silent)
-    client = w.client().ask(method, "/t", *headers, body=body)
-    core.wait("/t")
-    _die(w, core)
-    return core, client
-
-
-# -- holding ---------------------------------------------------------------------------------------------
 
 
 def test_a_request_waits_for_a_core_and_is_answered_by_it(tmp_path: Path) -> None:
@@ -169,194 +140,6 @@ def test_a_half_closed_client_that_waits_is_told_before_it_is_dropped(tmp_path: 
         assert client.closed()
 
 
-# -- deaths ----------------------------------------------------------------------------------------------
-
-
-def test_a_safe_request_that_was_lost_is_sent_again(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, method="GET", body=b"")
-        second = w.core(2)
-        w.feed.serve(second, incident="i1")
-        assert client.read().json()["epoch"] == 2
-
-
-def test_nothing_is_replayed_before_the_release(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, KEY)
-        w.wait_held(1)
-        second = w.core(2)
-        w.feed.say("suspects", keys=[])
-        w.feed.say("serving", socket=str(second.path), epoch=2)
-        w.feed.phase("FORWARD", phase="PROBATION")
-        assert w.ask("GET", "/readyz").status == 200  # the gateway has read all of it
-        assert second.targets() == []
-        w.feed.say("release", epoch=2, incident="i1")
-        assert client.read().status == 200
-
-
-def test_an_unsafe_request_with_a_key_is_replayed_once_with_its_key(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, KEY)
-        second = w.core(2)
-        w.feed.serve(second, incident="i1")
-        assert client.read().status == 200
-        (call,) = second.wait("/t")
-        assert (call.request.header("Idempotency-Key"), call.request.body) == ("k1", b"abc")
-        (line,) = w.feed.wait("outcomes")
-        assert line["incident"] == "i1"
-        (request,) = line["requests"]
-        assert (request["outcome"], request["status"], request["key_hash"]) == ("replayed", 200, key_hash("k1"))
-        assert (request["method"], request["path"]) == ("POST", "/t")
-
-
-def test_an_unsafe_request_is_replayed_once_in_its_life_and_then_looked_up(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, KEY)
-        second = w.core(2, silent)
-        w.feed.serve(second, incident="i1")
-        second.wait("/t")
-        _die(w, second)
-        third = w.core(3, _stored)
-        w.feed.serve(third, incident="i2")
-        assert client.read().status == 201
-        assert third.targets() == ["/api/ledger/commands/k1"]
-
-
-def test_a_suspect_is_only_looked_up_and_found(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, KEY)
-        second = w.core(2, _stored)
-        w.feed.serve(second, incident="i1", suspects=(key_hash("k1"),))
-        answer = client.read()
-        assert (answer.status, answer.json()) == (201, {"id": "t1"})
-        assert answer.header("Idempotent-Replayed") == "true"
-        assert second.targets() == ["/api/ledger/commands/k1"]
-        (line,) = w.feed.wait("outcomes")
-        assert [(r["outcome"], r["status"]) for r in line["requests"]] == [("done", 201)]
-
-
-def test_a_suspect_that_is_not_in_the_ledger_is_not_done(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, KEY)
-        second = w.core(2, _absent)
-        w.feed.serve(second, incident="i1", suspects=(key_hash("k1"),))
-        answer = client.read()
-        assert (answer.status, answer.json()["outcome"]) == (503, "not_done")
-        assert answer.json()["type"] == "/problems/not-done"
-        assert second.targets() == ["/api/ledger/commands/k1"]
-
-
-def test_a_look_up_that_says_neither_leaves_the_outcome_unknown(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, KEY)
-        w.feed.serve(w.core(2, lambda call: call.answer(404, b"no such page")), suspects=(key_hash("k1"),))
-        answer = client.read()
-        assert answer.json()["outcome"] == "unknown"
-
-
-def test_a_look_up_that_dies_with_its_core_is_made_again(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, KEY)
-        second = w.core(2, silent)
-        w.feed.serve(second, suspects=(key_hash("k1"),))
-        second.wait("/api/ledger/commands/k1")
-        _die(w, second)
-        w.feed.serve(w.core(3, _absent))
-        assert client.read().json()["outcome"] == "not_done"
-
-
-def test_an_unsafe_request_without_a_key_is_unknown_at_once(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w)
-        answer = client.read()
-        assert (answer.status, answer.json()["outcome"]) == (503, "unknown")
-        second = w.core(2)
-        w.feed.serve(second, incident="i1")
-        (line,) = w.feed.wait("outcomes")
-        assert [(r["outcome"], r["key_hash"]) for r in line["requests"]] == [("unknown", None)]
-        assert second.targets() == []
-
-
-def test_a_key_that_nobody_could_look_up_is_no_key(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, "Idempotency-Key: " + "k" * 300)
-        assert client.read().json()["outcome"] == "unknown"
-
-
-def test_a_lost_request_is_unknown_when_its_time_is_over(tmp_path: Path) -> None:
-    with world(tmp_path, hold_ms=100) as w:
-        _, client = _lose(w, KEY)
-        answer = client.read()
-        assert (answer.status, answer.json()["outcome"]) == (503, "unknown")
-        assert answer.json()["type"] == "/problems/outcome-unknown"
-
-
-def test_a_lost_request_is_unknown_when_no_core_will_come(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
-        _, client = _lose(w, KEY)
-        w.feed.phase("REFUSE", phase="FATAL", state="MANUAL_INTERVENTION")
-        assert client.read().json()["outcome"] == "unknown"
-
-
-def test_a_streamed_body_is_never_replayed_only_looked_up(tmp_path: Path) -> None:
-    with world(tmp_path, replay_body_bytes_max=2) as w:
-        _, client = _lose(w, KEY)
-        second = w.core(2, _stored)
-        w.feed.serve(second)
-        assert client.read().status == 201
-        assert second.targets() == ["/api/ledger/commands/k1"]
-
-
-def test_an_unfinished_upload_is_answered_when_its_core_dies(tmp_path: Path) -> None:
-    with world(tmp_path, replay_body_bytes_max=2, upstream_idle_ms=10) as w:
-        core = w.serving()
-        core.at_head = Call.hang_up
-        head = f"POST /t HTTP/1.1\r\nHost: localhost\r\n{KEY}\r\nContent-Length: 9\r\n\r\n"
-        client = w.client().send(head.encode() + b"abc")
-        assert client.read().json()["outcome"] == "unknown"
-
-
-def test_half_an_answer_to_an_unsafe_request_is_not_an_answer(tmp_path: Path) -> None:
-    def half(call: Call) -> None:
-        call.raw(b"HTTP/1.1 201 Created\r\nContent-Length: 100\r\nX-Core-Epoch: 1\r\n\r\nhalf")
-        call.hang_up()
-
-    with world(tmp_path) as w:
-        core = w.serving(half)
-        client = w.client().ask("POST", "/t", KEY, body=b"abc")
-        core.wait("/t")
-        _die(w, core)
-        w.feed.serve(w.core(2))
-        assert client.read().json()["epoch"] == 2
-
-
-def test_an_answer_that_was_begun_is_cut_and_not_completed_by_another(tmp_path: Path) -> None:
-    def half(call: Call) -> None:
-        call.raw(b"HTTP/1.1 200 OK\r\nContent-Length: 100000\r\nX-Core-Epoch: 1\r\n\r\n" + b"x" * 5000)
-
-    with world(tmp_path, answer_buffer_bytes_max=1000) as w:
-        core = w.serving(half)
-        client = w.client().ask("GET", "/long")
-        assert client.socket.recv(10) == b"HTTP/1.1 2"
-        _die(w, core)
-        w.feed.serve(w.core(2))
-        seen = b""
-        try:
-            while data := client.socket.recv(65536):
-                seen += data
-        except ConnectionResetError:
-            pass
-        assert len(seen) < 100_000
-
-
-def test_a_safe_request_that_kills_whoever_reads_it_is_not_sent_for_ever(tmp_path: Path) -> None:
-    with world(tmp_path, probe_ms=5) as w:
-        core = w.serving(lambda call: call.hang_up())
-        answer = w.ask("GET", "/deadly")
-        assert (answer.status, answer.json()["outcome"]) == (503, "not_done")
-        assert core.targets() == ["/deadly"] * 3
-
-
 # -- whose answer ----------------------------------------------------------------------------------------
 
 
@@ -398,7 +181,7 @@ def test_a_core_that_is_leaving_did_not_run_it(tmp_path: Path) -> None:
 
 def test_what_an_earlier_core_may_have_run_stays_lost_though_the_next_one_did_not(tmp_path: Path) -> None:
     with world(tmp_path, hold_ms=300) as w:
-        _, client = _lose(w, KEY)
+        client = w.lose(KEY)
         second = w.core(2, lambda call: call.answer(503, b"{}", headers=("X-Core-Draining: 1",)))
         w.feed.serve(second)
         second.wait("/t")

@@ -81,7 +81,13 @@ def test_headers_between_hops_are_removed_both_ways(tmp_path: Path) -> None:
 
     with world(tmp_path) as w:
         core = w.serving(script)
-        hops = ("Connection: X-Mine, keep-alive", "X-Mine: 1", "TE: trailers", "Proxy-Connection: x", "X-Stays: 1")
+        hops = (
+            "Connection: X-Mine, keep-alive",
+            "X-Mine: 1",
+            "TE: trailers",
+            "Proxy-Connection: x",
+            "X-Stays: 1",
+        )
         answer = w.ask("GET", "/h", *hops)
         (call,) = core.wait("/h")
         assert [name for name, _ in call.request.headers] == ["Host", "X-Stays"]
@@ -326,7 +332,9 @@ def test_a_client_that_leaves_takes_its_request_with_it(tmp_path: Path) -> None:
 def test_the_language_of_a_problem_is_the_clients(tmp_path: Path) -> None:
     with world(tmp_path) as w:
         w.serving(silent)
-        korean = w.client().send(b"POST /livez HTTP/1.1\r\nHost: localhost\r\nAccept-Language: ko\r\n\r\n").read()
+        korean = (
+            w.client().send(b"POST /livez HTTP/1.1\r\nHost: localhost\r\nAccept-Language: ko\r\n\r\n").read()
+        )
         english = w.client().send(b"POST /livez HTTP/1.1\r\nHost: localhost\r\n\r\n").read()
         assert korean.header("Content-Language") == "ko"
         assert english.header("Content-Language") == "en"
