@@ -92,7 +92,7 @@ STEPS: Mapping[str, Text] = {
     "fenced": _text("옛 서버의 쓰기 차단", "old core fenced off"),
     "ready": _text("장부 확인 후 준비 완료", "ledger proven, ready"),
     "serving": _text("첫 응답", "first answer"),
-    "verified": _text("장부 전체 확인", "whole ledger verified"),
+    "verified": _text("잔액과 기록 확인", "balances and records checked"),
     "closed": _text("사고 종료", "closed"),
 }
 
@@ -165,8 +165,8 @@ REQUEST_OUTCOMES: Mapping[str, Text] = {
 
 MONEY: Mapping[str, Text] = {
     "witness": _text(
-        "잃은 기록이 없어요. 마지막으로 확인된 {witness_seq}번 기록까지 그대로 있어요.",
-        "No acknowledged record is lost: everything up to the last one seen, number {witness_seq}, is there unchanged.",
+        "잃거나 두 번 들어간 기록이 없어요. 마지막으로 확인된 {witness_seq}번 기록까지 그대로 있어요.",
+        "No acknowledged record is lost, and none is there twice: everything up to the last one seen, number {witness_seq}, is there unchanged.",
     ),
     "chain": _text(
         "마지막 기록 {tail}건이 서로 맞게 이어져요. 멈추기 전 마지막 기록을 본 증인이 없어서, 잃은 기록이 있는지는 말할 수 없어요.",

@@ -23,7 +23,8 @@ from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.snapshot import writer
 from hardcore.snapshot.facts import facts
-from hardcore.snapshot.subject import Evidence, Subject, Tools
+from hardcore.snapshot.stacks import find_tools
+from hardcore.snapshot.subject import Evidence, Subject
 
 THREADS_MAX = 4
 LIVES_KEPT_MAX = 4
@@ -52,7 +53,7 @@ class Executor:
         self._tell = tell
         self._publish = publish
         self._log = logs.LogFile(folders.logs / "sentinel.log")
-        self._tools = Tools(_find_py_spy())
+        self._tools = find_tools()
         self._tasks: set[asyncio.Task[None]] = set()
         self._evidence: dict[str, asyncio.Event] = {}
         self.serving: tuple[dict[str, object], ...] = ()
@@ -286,10 +287,3 @@ async def _gone(handle: processes.Handle) -> None:
         loop.remove_reader(fd)
         os.close(fd)
 
-
-def _find_py_spy() -> Path | None:
-    beside = Path(sys.executable).with_name("py-spy")
-    if beside.exists():
-        return beside
-    found = shutil.which("py-spy")
-    return Path(found) if found else None

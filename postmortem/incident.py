@@ -181,13 +181,14 @@ def money(incident: Incident) -> Money:
     """Return what the recorded proof says about the money, and nothing that it does not say.
 
     A proof with a witness found every commit up to the last that was seen, with the same hash: nothing that
-    was acknowledged is lost. It does not look for duplicates, so nothing is said about them.
+    was acknowledged is lost. From there to the head it also found each key with exactly one event, and keys
+    are unique in the store: nothing that carries a key is there twice.
     """
     proof = incident.proof
     if proof is None or proof.seq is None:
         return Money(None, None, verified=False)
     seen = proof.kind == "witness" and proof.witness_seq is not None and proof.seq >= proof.witness_seq
-    return Money(0 if seen else None, None, verified=True)
+    return Money(0 if seen else None, 0 if seen else None, verified=True)
 
 
 def at_work(incident: Incident) -> tuple[Command, ...]:

@@ -69,7 +69,7 @@ def test_an_item_and_a_story_have_the_fields_that_programs_rely_on() -> None:
     item, whole = as_item(report(), "en"), as_story(report(), "en")
     assert set(ITEM.split()) <= set(item)
     assert set(STORY.split()) <= set(whole)
-    assert item["money"] == {"lost": 0, "doubled": None, "verified": True}
+    assert item["money"] == {"lost": 0, "doubled": 0, "verified": True}
     assert item["transaction_ids"] == ["tx-1", "tx-2"]
     assert item["account_ids"] == ["assets:bank:kb", "expenses:food", "assets:cash"]
     assert item["command_ids"] == ["cmd-1", "cmd-2"]
