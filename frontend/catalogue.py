@@ -78,7 +78,10 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "It did not come back within {seconds} seconds. See `hardcore status` and `hardcore incidents`.",
     ),
     "resumed": ("다시 해 보는 중이에요.", "Trying again."),
-    "resume_needless": ("다시 할 것이 없어요. 지금 상태: {state}", "There is nothing to try again: it is {state}."),
+    "resume_needless": (
+        "다시 할 것이 없어요. 지금 상태: {state}",
+        "There is nothing to try again: it is {state}.",
+    ),
     "drill_begins": (
         "훈련: {fault}. 핵심 서버를 일부러 고장 내고 돌아오기를 기다려요.",
         "Drill: {fault}. Breaking the core on purpose and waiting for it to come back.",

@@ -101,6 +101,7 @@ class Runtime:
         self.notify.close()
         await self.executor.finish()
         self.setup.folders.switch.unlink(missing_ok=True)
+        lives.sweep(self.setup.folders, set(), keep=1)  # the last page is the next start's witness
         return 0
 
     def _begin(self) -> None:

@@ -189,11 +189,11 @@ def _last_page(folders: Folders) -> Page | None:
     return best
 
 
-def sweep(folders: Folders, living: set[str]) -> None:
-    """Remove the files of dead lives that nobody needs any more, but for the youngest."""
+def sweep(folders: Folders, living: set[str], keep: int = DEAD_LIVES_KEPT) -> None:
+    """Remove the files of dead lives that nobody needs any more, but for the `keep` youngest."""
     pages = sorted(folders.run.glob("recorder-*"), key=lambda p: p.stat().st_mtime_ns, reverse=True)
     nonces = [p.name.removeprefix("recorder-") for p in pages if not p.suffix]
-    for nonce in [n for n in nonces if n not in living][DEAD_LIVES_KEPT:]:
+    for nonce in [n for n in nonces if n not in living][keep:]:
         for path in _files(folders, nonce):
             path.unlink(missing_ok=True)
 

@@ -48,8 +48,8 @@ def test_facts_may_be_anything_at_all(raw: object) -> None:
 @pytest.mark.parametrize(
     ("proof", "expected"),
     [
-        ({"kind": "witness", "tail": 9, "seq": 40, "witness_seq": 40}, Money(0, None, verified=True)),
-        ({"kind": "witness", "tail": 9, "seq": 41, "witness_seq": 40}, Money(0, None, verified=True)),
+        ({"kind": "witness", "tail": 9, "seq": 40, "witness_seq": 40}, Money(0, 0, verified=True)),
+        ({"kind": "witness", "tail": 9, "seq": 41, "witness_seq": 40}, Money(0, 0, verified=True)),
         ({"kind": "chain", "tail": 1000, "seq": 40, "witness_seq": None}, Money(None, None, verified=True)),
         ({"kind": "chain", "tail": 1000, "seq": 40, "witness_seq": 39}, Money(None, None, verified=True)),
         ({"kind": "witness", "tail": 9, "seq": 39, "witness_seq": 40}, Money(None, None, verified=True)),
