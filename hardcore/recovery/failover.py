@@ -29,20 +29,25 @@ from hardcore.model.actions import (
 from hardcore.model.phases import Phase, StartCause, Wanted
 from hardcore.model.recorder import Page, Witness
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony
-from hardcore.recovery import plan, trial
+from hardcore.recovery import plan
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
+from hardcore.recovery.deadline import Deadline
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.store import StoreKnowledge
 from hardcore.recovery.story import Story
 from hardcore.recovery.transitions import ON_ENTRY, Step, Trigger, step
 from hardcore.recovery.worry import Worry
-from hardcore.sentinel.deaths import Death, describe, judge_death
+from hardcore.sentinel.deaths import Death, describe, judge_death, own_fault
 from hardcore.sentinel.verdict import Bench
+from hardcore.sentinel.witnesses.own_stall import LATE_INTERVALS
 
 TRANSITIONS_MAX = 1024
 #: A drill that has shown no effect after this was no drill: a later death is a real one.
 DRILL_GRACE_NS = 15 * NS_PER_S
+_BOOTING = frozenset({Phase.STARTING, Phase.PROVING})
+#: Phases whose time is the core's: it is judged by what it did not do in it.
+_ITS_TIME = _BOOTING | {Phase.ADOPTING, Phase.STOPPING, Phase.KILLING}
 
 
 @dataclass(slots=True)
@@ -72,7 +77,7 @@ class FailoverManager:
         self._jitter = jitter
         self._phase = Phase.STOPPED
         self._since_ns = 0
-        self._deadline_ns: int | None = None
+        self._deadline = Deadline(int(policy.health_check_interval_ms * NS_PER_MS * LATE_INTERVALS))
         self._delay_ns = 0
         self._cause = StartCause.FIRST
         self._life = 0
@@ -80,6 +85,7 @@ class FailoverManager:
         self._budget = Budget(policy.max_restart_count, policy.restart_window_sec * NS_PER_S, deaths_ns)
         self._tries = 0
         self._hopeless: Diagnosis | None = None
+        self._blame = Diagnosis.OPERATOR  # what the end of the present life is called
         self._bench = Bench(plan.patience(policy))
         self._verdict = GREEN
         self._worry = Worry(policy.degraded_after_ms, policy.clean_after_ms)
@@ -88,6 +94,7 @@ class FailoverManager:
         self._trouble: _Trouble | None = None
         self._stage_max = 0
         self._drill: tuple[str, int] | None = None
+        self._held_early = False
         self._term_sent = False
         self._skip_evidence = False
         self._actions: list[Action] = []
@@ -105,6 +112,8 @@ class FailoverManager:
             case seen.DrillStarted():
                 self._drill = (fact.fault, fact.at_ns) if fact.fault else None
             case seen.GatewayHolding():
+                # A dying process closes its sockets before its pidfd wakes us: the gateway may be first.
+                self._held_early = self._story is None
                 self._mark("alerted", fact.at_ns)
             case seen.FirstServed():
                 if fact.epoch == self._store.epoch:
@@ -118,10 +127,9 @@ class FailoverManager:
 
     def handle_deadline(self, now_ns: int) -> None:
         """Ring the present phase's deadline if it has come."""
-        if self._deadline_ns is None or now_ns < self._deadline_ns:
+        if not self._deadline.rings(now_ns):
             return
-        self._deadline_ns = None
-        if self._phase in {Phase.STARTING, Phase.PROVING}:
+        if self._phase in _BOOTING:
             limit_ms = (now_ns - self._since_ns) // NS_PER_MS
             fact = Testimony("start", Colour.RED, f"the core was not ready within {limit_ms} ms")
             self._trouble = _Trouble(Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (fact,)), self._since_ns)
@@ -129,7 +137,7 @@ class FailoverManager:
 
     def next_deadline_ns(self) -> int | None:
         """Return when `handle_deadline` wants to be called, monotonic; None: not by itself."""
-        return self._deadline_ns
+        return self._deadline.due_ns
 
     def take_actions(self) -> tuple[Action, ...]:
         """Return the orders given since the last call, in their order."""
@@ -164,6 +172,7 @@ class FailoverManager:
     # ---- facts ----
 
     def _begin(self, fact: seen.SentinelBegan) -> None:
+        self._budget = self._budget.at(fact.at_ns)
         self._store.saw(fact.page)
         self._store.certain = False  # a core of the earlier guard may have raised it since
         if self.wanted is Wanted.DOWN and not fact.leftovers:
@@ -177,17 +186,18 @@ class FailoverManager:
             self._fire(Trigger.START, fact.at_ns, "the guard is up")
 
     def _obey(self, fact: seen.OperatorAsked) -> None:
+        why = fact.reason or "the operator asked for it"
         match fact.verb:
             case seen.Verb.STOP:
                 self.wanted = Wanted.DOWN
-                self._fire(Trigger.STOP, fact.at_ns, fact.reason)
+                self._fire(Trigger.STOP, fact.at_ns, why)
             case seen.Verb.RESUME:
-                self._fire(Trigger.RESUME, fact.at_ns, fact.reason)
+                self._fire(Trigger.RESUME, fact.at_ns, why)
             case seen.Verb.RESTART | seen.Verb.RESTART_HARD:
                 asked = Testimony("operator", Colour.GREEN, fact.reason or "no reason was given")
                 self._trouble = _Trouble(Death(Diagnosis.OPERATOR, Grade.CERTAIN, (asked,)), fact.at_ns)
                 hard = fact.verb is seen.Verb.RESTART_HARD
-                self._fire(Trigger.RESTART_HARD if hard else Trigger.RESTART, fact.at_ns, fact.reason)
+                self._fire(Trigger.RESTART_HARD if hard else Trigger.RESTART, fact.at_ns, why)
             case _:
                 assert_never(fact.verb)
 
@@ -197,6 +207,7 @@ class FailoverManager:
                 self._watch(fact)
             case seen.CoreSpawned():
                 self._mark("spawned", fact.at_ns)
+                self._fire(Trigger.SPAWNED, fact.at_ns, "it was told to leave before it was there")
             case seen.SpawnFailed():
                 told = Testimony("spawn", Colour.RED, f"no process could be started: {fact.reason}")
                 death = Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (told,))
@@ -206,8 +217,10 @@ class FailoverManager:
                 self._raised(fact.epoch, fact.at_ns)
                 self._fire(Trigger.EPOCH_RAISED, fact.at_ns, f"epoch {fact.epoch}")
             case seen.StartExtended():
-                if self._phase in {Phase.STARTING, Phase.PROVING} and self._deadline_ns is not None:
-                    self._deadline_ns = max(self._deadline_ns, fact.at_ns + fact.for_ns)
+                if self._phase in _BOOTING:
+                    # Each asking is good for one more start at most: no core can ask for ever at once.
+                    most_ns = self.policy.startup_timeout_ms * NS_PER_MS
+                    self._deadline.extend(fact.at_ns + min(fact.for_ns, most_ns))
             case seen.CoreReady():
                 self._ready(fact)
             case seen.FenceBlocked():
@@ -228,9 +241,11 @@ class FailoverManager:
         self._mark("fenced", now_ns)
 
     def _ready(self, fact: seen.CoreReady) -> None:
+        self._store.witness = Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns)
+        if self._phase not in _BOOTING:
+            return  # it is being ended: what it has proven serves nobody
         if self._phase is Phase.STARTING:
             self._raised(fact.epoch, fact.at_ns)
-        self._store.witness = Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns)
         self._mark("ready", fact.at_ns)
         self._mark("verified", fact.at_ns)
         if self._story:
@@ -240,6 +255,7 @@ class FailoverManager:
     def _watch(self, tick: seen.Sampled) -> None:
         if self._phase not in phases.SERVING:
             return
+        self._budget = self._budget.at(tick.at_ns)
         self._verdict = verdict = self._bench.judge(tick)
         self._worry.look(verdict.colour, tick.at_ns)
         if verdict.colour is Colour.GREEN:
@@ -262,7 +278,7 @@ class FailoverManager:
     def _exited(self, fact: seen.CoreExited) -> None:
         self._store.saw(fact.page)
         how = describe(fact.exit)
-        if self._phase in {Phase.STARTING, Phase.PROVING, *phases.SERVING}:
+        if self._phase in _BOOTING | phases.SERVING:
             words = fact.page.last_words if fact.page else None
             ready = self._phase in phases.SERVING
             death = judge_death(fact.exit, words, was_ready=ready, term_sent=self._term_sent)
@@ -270,23 +286,16 @@ class FailoverManager:
         elif self._story:
             self._mark("killed", fact.at_ns)
             self._story.exit = self._story.exit or fact.exit
-            self._take_over(self._story, self._story.diagnosis, fact.page)
+            self._story.add_page(fact.page, own_fault(fact.exit) or self._blame)
         self._fire(Trigger.EXITED, fact.at_ns, f"the core {how}")
 
     def _evidence(self, fact: seen.EvidenceTaken) -> None:
         if self._story:
             for name, at_ns in fact.steps:
                 self._mark(name, at_ns)
-            self._take_over(self._story, self._story.diagnosis, fact.page)
+            self._story.add_page(fact.page, self._blame)
         if self._phase is Phase.SNAPSHOT_LIVE:
             self._fire(Trigger.EVIDENCE_TAKEN, fact.at_ns, "whole" if fact.complete else "in part")
-
-    @staticmethod
-    def _take_over(story: Story, diagnosis: Diagnosis, page: Page | None) -> None:
-        story.add_page(page)
-        if page is not None:
-            new = trial.suspects(diagnosis, page.in_flight)
-            story.suspects += tuple(key for key in new if key not in story.suspects)
 
     # ---- the table ----
 
@@ -333,7 +342,7 @@ class FailoverManager:
         if phase is Phase.BACKOFF:
             self._delay_ns = plan.pause_ns(self.policy, self._tries, self._jitter())
         wait_ns = plan.limit_ns(self.policy, phase, self._delay_ns, self._hopeless)
-        self._deadline_ns = None if wait_ns is None else now_ns + wait_ns
+        self._deadline.set(now_ns, wait_ns, forgiving=phase in _ITS_TIME)
         self._stage_max = max(self._stage_max, phases.stage(phase) or 0) if self._story else 0
         if phase not in phases.SERVING:
             self._verdict = GREEN
@@ -373,6 +382,8 @@ class FailoverManager:
 
     def _spawn(self) -> None:
         self._life += 1
+        self._drill = None  # a drill is one life's
+        self._blame = Diagnosis.OPERATOR
         self._hopeless = None
         self._term_sent = False
         expected = self._store.epoch if self._store.certain else None
@@ -381,6 +392,7 @@ class FailoverManager:
 
     def _release(self) -> None:
         self._bench = Bench(plan.patience(self.policy))
+        self._held_early = False
         assert self._store.epoch is not None, "a core that is ready has said its epoch"
         suspects = self._story.suspects if self._story else ()
         incident = self._story.id if self._story else None
@@ -390,16 +402,19 @@ class FailoverManager:
         trouble, self._trouble = self._trouble, None
         assert trouble is not None, "an incident is opened only for a trouble that was named"
         death = trouble.death
+        self._blame = death.diagnosis
         drill = self._take_drill(now_ns)
         if self._story is None or self._story.planned:
             self._tell_new(death, trouble.fault_ns, now_ns, planned=planned, drill=drill)
         assert self._story is not None, "told just now, or open already"
         self._story.add_evidence(death.evidence)
         self._story.exit = self._story.exit or trouble.exit
-        self._take_over(self._story, death.diagnosis, trouble.page)
+        self._story.add_page(trouble.page, death.diagnosis)
         if planned:
             self._cause = StartCause.PLANNED
             return
+        if drill is None:
+            self._alert(death.diagnosis, f"{death.evidence[0].why}. Recovery has begun.")
         self._story.add_death(death.diagnosis, trouble.exit, trouble.fault_ns)
         if self._cause is not StartCause.FIRST or self._phase in phases.SERVING:
             self._cause = StartCause.UNPLANNED
@@ -422,9 +437,12 @@ class FailoverManager:
             drill=drill,
             reason=old.reason if old else (death.evidence[0].why if planned else ""),
             evidence=old.evidence if old else [],
+            requests=old.requests if old else (),
         )
         self._story.mark("fault", old.steps["fault"] if old else fault_ns)
         self._story.mark("detected", now_ns)
+        if self._held_early:
+            self._story.mark("alerted", now_ns)
 
     def _take_drill(self, now_ns: int) -> str | None:
         drill, self._drill = self._drill, None
@@ -432,7 +450,7 @@ class FailoverManager:
 
     def _count(self, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
         """Put an unplanned death on the budget and judge whether another try makes sense."""
-        if self._phase in {Phase.STARTING, Phase.PROVING, Phase.PROBATION}:
+        if self._phase in _BOOTING or self._phase is Phase.PROBATION:
             self._tries += 1
         if not free:
             self._keep(self._budget.after_death(now_ns))
@@ -444,7 +462,7 @@ class FailoverManager:
 
     def _order_evidence(self, *, living: bool) -> None:
         assert self._story is not None, "evidence belongs to an incident"
-        wanted = self.policy.asks(self._story.diagnosis, Word.SNAPSHOT)
+        wanted = self.policy.asks(self._blame, Word.SNAPSHOT)
         if not wanted:
             self._skip_evidence = living
             return

@@ -21,10 +21,10 @@ class StoreKnowledge:
     witness: Witness | None = None
 
     def saw(self, page: Page | None) -> None:
-        """Take over what a recorder page proves."""
+        """Take over what a recorder page proves; an older core's page proves nothing new."""
         if page is None:
             return
-        if page.beats.epoch:
+        if page.beats.epoch and page.beats.epoch >= (self.epoch or 0):
             self.epoch, self.certain = page.beats.epoch, True
         if page.witness is not None and (
             self.witness is None

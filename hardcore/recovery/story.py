@@ -11,6 +11,7 @@ from hardcore.model.actions import Incident
 from hardcore.model.observations import DeathNote, Exit, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Page, Witness
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
+from hardcore.recovery import trial
 
 DEATHS_MAX = 64
 EVIDENCE_MAX = 64
@@ -60,12 +61,17 @@ class Story:
             if fact not in self.evidence and len(self.evidence) < EVIDENCE_MAX:
                 self.evidence.append(fact)
 
-    def add_page(self, page: Page | None) -> None:
-        """Take over what a recorder page says, keeping what an earlier one said of commands in flight."""
+    def add_page(self, page: Page | None, blame: Diagnosis) -> None:
+        """Take over what a recorder page says, keeping what an earlier one said of commands in flight.
+
+        `blame` is the diagnosis of the life whose page it is, which decides whether its commands are suspects.
+        """
         if page is None:
             return
         self.last_words = self.last_words or page.last_words
         self.witness = page.witness or self.witness
+        new = trial.suspects(blame, page.in_flight)
+        self.suspects += tuple(key for key in new if key not in self.suspects)
         seen = {note.command_id for note in self.in_flight}
         self.in_flight += tuple(note for note in page.in_flight if note.command_id not in seen)
 

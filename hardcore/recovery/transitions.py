@@ -15,7 +15,8 @@ Why a dead core has no phase for its evidence: its recorder page is never reused
 wake-up (1 ms) and copied beside the restart; a phase in which to wait would only make the outage longer.
 Why UNKILLABLE is a phase: a START given there would make two cores. Why FATAL has no process: for the same
 reason. Why nothing leads back from SNAPSHOT_LIVE to RUNNING: the core was stopped by us in the middle of
-something, and two kinds of evidence had agreed.
+something, and two kinds of evidence had agreed. Why an order is repeated at SPAWNED: a core may be told to
+leave while its process is still being made, and an order to nobody is lost.
 
 Each phase has at most one deadline; `plan.limit_ns` names it.
 """
@@ -35,6 +36,7 @@ class Trigger(StrEnum):
     RESTART = "RESTART"  # the operator wants a new core, the old one may finish
     RESTART_HARD = "RESTART_HARD"  # the same, at once
     RESUME = "RESUME"  # the operator says: try again
+    SPAWNED = "SPAWNED"  # the process exists
     SPAWN_FAILED = "SPAWN_FAILED"
     EPOCH_RAISED = "EPOCH_RAISED"
     READY = "READY"
@@ -139,17 +141,24 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.EVIDENCE_TAKEN: (P.KILLING, (S.KILL,)),
         T.DEADLINE: (P.KILLING, (S.KILL,)),
         T.EXITED: (P.BACKOFF, ()),
+        T.SPAWN_FAILED: (P.BACKOFF, ()),
     },
     P.STOPPING: {
+        T.SPAWNED: (P.STOPPING, (S.TERMINATE,)),
+        T.SPAWN_FAILED: (P.BACKOFF, ()),
         T.EXITED: (P.BACKOFF, ()),
         T.DEADLINE: (P.KILLING, (S.KILL,)),
         T.RESTART_HARD: (P.KILLING, (S.KILL,)),
     },
     P.KILLING: {
+        T.SPAWNED: (P.KILLING, (S.KILL,)),
+        T.SPAWN_FAILED: (P.BACKOFF, ()),
         T.EXITED: (P.BACKOFF, ()),
         T.DEADLINE: (P.UNKILLABLE, (S.ALERT,)),
     },
     P.UNKILLABLE: {
+        T.SPAWNED: (P.UNKILLABLE, (S.KILL,)),
+        T.SPAWN_FAILED: (P.BACKOFF, ()),
         T.EXITED: (P.BACKOFF, ()),
         T.UNWANTED: (P.UNKILLABLE, (S.CLOSE, S.HALT)),
         T.STOP: (P.UNKILLABLE, (S.CLOSE, S.HALT)),

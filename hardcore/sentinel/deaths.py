@@ -78,6 +78,16 @@ def judge_death(how: Exit, words: LastWords | None, *, was_ready: bool, term_sen
     return Death(diagnosis, grade, tuple(facts))
 
 
+def own_fault(how: Exit) -> Diagnosis | None:
+    """Return what a core that was asked to leave did instead of leaving, or None if it left.
+
+    A crash in the middle of a stop is still a crash: what it was deciding is suspect all the same.
+    """
+    if how.signal in _OWN:
+        return Diagnosis.CRASHED
+    return None if how.code in {0, None, *_CODES} else Diagnosis.EXITED
+
+
 def _name(how: Exit, words: LastWords | None, *, was_ready: bool, term_sent: bool) -> tuple[Diagnosis, Grade]:
     if how.signal in _OWN:
         return Diagnosis.CRASHED, Grade.CERTAIN

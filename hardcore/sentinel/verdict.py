@@ -2,8 +2,9 @@
 
 Two different kinds of evidence must agree before a living process is called lost: what the core wrote about
 itself (beats, queue) and what the kernel says of it (stopped, asleep without processor time). One kind alone
-is yellow. So a busy core, a long garbage collection, a core that the machine does not schedule and a guard
-that was itself asleep all stay alive.
+is yellow. Both must have lasted: a core that was busy for long and then slept for a moment is not blocked.
+So a busy core, a long garbage collection, a core that the machine does not schedule and a guard that was
+itself asleep all stay alive.
 """
 
 from dataclasses import dataclass, field
@@ -37,6 +38,7 @@ class Bench:
 
     patience: Patience
     _own_stall: OwnStall = field(init=False)
+    _lone_thread: beat_witness.LoneThread = field(default_factory=beat_witness.LoneThread)
     _process: process_state.ProcessState = field(default_factory=process_state.ProcessState)
     _progress: progress.Progress = field(default_factory=progress.Progress)
 
@@ -53,7 +55,8 @@ class Bench:
         overslept = self._own_stall.look(tick.at_ns)
         if tick.beats is None or tick.process is None or not tick.beats.loop_ns:
             return GREEN  # no page or no process to look at: its end is told by the pidfd, not by silence
-        facts = self._process.look(tick.process)
+        alone = self._lone_thread.look(tick.beats)
+        facts = self._process.look(tick.process, tick.at_ns, self._own_stall.forgiven_ns)
         found = beat_witness.ages(tick.beats, tick.at_ns, self._own_stall.forgiven_ns)
         stuck = self._progress.look(tick.beats, tick.in_flight, tick.at_ns, self._own_stall.forgiven_ns)
         said = (
@@ -63,38 +66,50 @@ class Bench:
         )
         if overslept:
             return GREEN
-        return self._red(found, facts, stuck, said) or _mildest(said, facts)
+        return (
+            self._frozen(found, facts, said)
+            or (self._blocked(found, facts, said) if alone else None)
+            or self._no_progress(found, facts, stuck, said)
+            or _mildest(said, facts)
+        )
 
-    def _red(
+    def _frozen(
+        self, found: beat_witness.BeatAges, facts: ProcessFacts, said: tuple[Testimony, ...]
+    ) -> Verdict | None:
+        limit_ms = self.patience.conclusive_ms
+        if facts.stopped and facts.stopped_ns >= limit_ms * _NS_PER_MS and found.loop_stale(limit_ms):
+            return Verdict(Colour.RED, Diagnosis.FROZEN, Grade.CERTAIN, found.last_loop_ns, said)
+        return None
+
+    def _blocked(
+        self, found: beat_witness.BeatAges, facts: ProcessFacts, said: tuple[Testimony, ...]
+    ) -> Verdict | None:
+        if facts.loop not in {Sleep.CONCLUSIVE, Sleep.OTHER}:
+            return None
+        sure = facts.loop is Sleep.CONCLUSIVE
+        limit_ms = self.patience.conclusive_ms if sure else self.patience.hang_ms
+        if facts.loop_ns < limit_ms * _NS_PER_MS or not found.loop_stale(limit_ms):
+            return None
+        grade = Grade.CERTAIN if sure else Grade.LIKELY
+        return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, grade, found.last_loop_ns, said)
+
+    def _no_progress(
         self,
         found: beat_witness.BeatAges,
         facts: ProcessFacts,
         stuck: progress.Stuck | None,
         said: tuple[Testimony, ...],
     ) -> Verdict | None:
-        conclusive = found.loop_stale(self.patience.conclusive_ms)
-        if facts.stopped and conclusive:
-            return Verdict(Colour.RED, Diagnosis.FROZEN, Grade.CERTAIN, found.last_loop_ns, said)
-        if not found.thread_stale(self.patience.late_ms):
-            if facts.loop is Sleep.CONCLUSIVE and conclusive:
-                return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, Grade.CERTAIN, found.last_loop_ns, said)
-            if facts.loop is Sleep.OTHER and found.loop_stale(self.patience.hang_ms):
-                return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, Grade.LIKELY, found.last_loop_ns, said)
-        beating = not found.loop_stale(self.patience.late_ms)
-        if stuck and beating and stuck.for_ns > self.patience.hang_ms * _NS_PER_MS:
-            return self._no_progress(facts, stuck, said)
-        return None
-
-    def _no_progress(
-        self, facts: ProcessFacts, stuck: progress.Stuck, said: tuple[Testimony, ...]
-    ) -> Verdict | None:
-        if facts.writer is Sleep.GONE:
-            fact = Testimony("process", Colour.RED, "the writer's thread is gone")
-            return Verdict(Colour.RED, Diagnosis.NO_PROGRESS, Grade.CERTAIN, stuck.since_ns, (*said, fact))
-        if facts.writer in {Sleep.CONCLUSIVE, Sleep.OTHER}:
-            fact = Testimony("process", Colour.RED, "the writer's thread sleeps without processor time")
-            return Verdict(Colour.RED, Diagnosis.NO_PROGRESS, Grade.LIKELY, stuck.since_ns, (*said, fact))
-        return None
+        limit_ns = self.patience.hang_ms * _NS_PER_MS
+        if stuck is None or stuck.for_ns < limit_ns or found.loop_stale(self.patience.late_ms):
+            return None
+        if facts.writer is Sleep.NOT or facts.writer_ns < limit_ns:
+            return None
+        gone = facts.writer is Sleep.GONE
+        why = "the writer's thread is gone" if gone else "the writer's thread sleeps without processor time"
+        fact = Testimony("process", Colour.RED, why)
+        grade = Grade.CERTAIN if gone else Grade.LIKELY
+        return Verdict(Colour.RED, Diagnosis.NO_PROGRESS, grade, stuck.since_ns, (*said, fact))
 
 
 def _mildest(said: tuple[Testimony, ...], facts: ProcessFacts) -> Verdict:

@@ -3,6 +3,10 @@
 The pair is the diagnosis: both stale, the process or its GIL stands still; only the loop's stale, the loop
 is blocked. A beat carries the time it was made at, and both clocks are the same machine's, so its age is
 a difference, not an arrival. A late beat alone is never a verdict.
+
+Which of the two comes first after a held GIL is chance. A look that falls in between sees a fresh thread and
+a loop that has been silent for long, and nothing is wrong any more: so the thread must have gone on alone in
+two looks before that counts.
 """
 
 from dataclasses import dataclass
@@ -28,6 +32,22 @@ class BeatAges:
     def thread_stale(self, limit_ms: int) -> bool:
         """Return whether the thread's beat is older than `limit_ms`."""
         return self.thread_ns > limit_ms * _NS_PER_MS
+
+
+@dataclass(slots=True)
+class LoneThread:
+    """Counts the looks in a row in which the thread's beat went on and the loop's did not."""
+
+    looks: int = 0
+    _loop_ns: int = 0
+    _thread_ns: int = 0
+
+    def look(self, beats: Beats) -> bool:
+        """Take in one look; return whether two in a row agree that the loop alone stands still."""
+        alone = beats.loop_ns == self._loop_ns and beats.thread_ns != self._thread_ns
+        self._loop_ns, self._thread_ns = beats.loop_ns, beats.thread_ns
+        self.looks = self.looks + 1 if alone else 0
+        return self.looks >= 2
 
 
 def ages(beats: Beats, at_ns: int, forgiven_ns: int) -> BeatAges:

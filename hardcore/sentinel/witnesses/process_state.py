@@ -3,6 +3,8 @@
 Independent of everything the core writes about itself. Two looks in a row must agree before it says that
 a thread sleeps: without any processor time between them, in the same kernel function. Stopped is the letter
 T; a thread that is runnable and not scheduled (R) is the machine's fault and is never called asleep.
+It also says for how long: a stop of a moment at the end of a long computation is still one of a moment, and
+must not be held against the core as if it had lasted as long as the silence of its beats.
 """
 
 from dataclasses import dataclass
@@ -26,31 +28,49 @@ class Sleep(Enum):
 
 @dataclass(slots=True)
 class ProcessState:
-    """Remembers the last look at one life."""
+    """Remembers the last look at one life, and since when each thing has been as it is."""
 
     _last: ProcessSample | None = None
-    _stopped_looks: int = 0
+    _last_ns: int = 0
+    _stopped_ns: int = 0
+    _loop_ns: int = 0
+    _writer_ns: int = 0
 
-    def look(self, sample: ProcessSample) -> "ProcessFacts":
-        """Take in one look and return what it and the one before agree on."""
+    def look(self, sample: ProcessSample, at_ns: int, forgiven_ns: int) -> "ProcessFacts":
+        """Take in one look and return what it and the one before agree on.
+
+        What was before `forgiven_ns` does not count: we were not there to see whether it lasted.
+        """
         last, self._last = self._last, sample
-        self._stopped_looks = self._stopped_looks + 1 if sample.state == "T" else 0
+        before_ns, self._last_ns = self._last_ns, at_ns
+        stopped = last is not None and last.state == sample.state == "T"
+        loop = _sleep(last.loop if last else None, sample.loop)
+        writer = _sleep(last.writer if last else None, sample.writer)
+        self._stopped_ns = (self._stopped_ns or before_ns) if stopped else 0
+        self._loop_ns = (self._loop_ns or before_ns) if loop is not Sleep.NOT else 0
+        self._writer_ns = (self._writer_ns or before_ns) if writer is not Sleep.NOT else 0
         return ProcessFacts(
-            stopped=self._stopped_looks >= 2,
-            loop=_sleep(last.loop if last else None, sample.loop),
+            stopped=stopped,
+            stopped_ns=at_ns - max(self._stopped_ns, forgiven_ns) if stopped else 0,
+            loop=loop,
+            loop_ns=at_ns - max(self._loop_ns, forgiven_ns) if self._loop_ns else 0,
             loop_waits_in=sample.loop.waits_in if sample.loop else "",
-            writer=_sleep(last.writer if last else None, sample.writer),
+            writer=writer,
+            writer_ns=at_ns - max(self._writer_ns, forgiven_ns) if self._writer_ns else 0,
         )
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessFacts:
-    """What two looks in a row agree on."""
+    """What two looks in a row agree on, and for how long (ns) all looks have."""
 
     stopped: bool
+    stopped_ns: int
     loop: Sleep
+    loop_ns: int
     loop_waits_in: str
     writer: Sleep
+    writer_ns: int
 
 
 def _sleep(before: ThreadSample | None, now: ThreadSample | None) -> Sleep:

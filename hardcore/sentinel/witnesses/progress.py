@@ -3,7 +3,8 @@
 Beats prove that the loop turns, not that anything comes of it. This witness looks at the commands that the
 writer has not taken up: one that has been QUEUED for long while the writer neither decides nor is in the
 store, and its thread is asleep or gone, will wait for ever. A command that is being decided or written is
-somebody else's matter (a slow transaction, a slow store): never a reason to call the core stuck.
+somebody else's matter (a slow transaction, a slow store): never a reason to call the core stuck. Nor is a
+read that waits behind slow reads: the writer sleeps then because nobody wants anything of it.
 """
 
 from dataclasses import dataclass
@@ -31,9 +32,10 @@ class Progress:
             return None
         if not in_flight or beats.in_store_since_ns:
             return None
-        if any(note.stage in _TAKEN and not note.kind.startswith("read") for note in in_flight):
+        writes = [note for note in in_flight if not note.kind.startswith("read")]
+        if any(note.stage in _TAKEN for note in writes):
             return None
-        queued = [note for note in in_flight if note.stage is SlotStage.QUEUED and not note.torn]
+        queued = [note for note in writes if note.stage is SlotStage.QUEUED and not note.torn]
         if not queued:
             return None
         began = max(self._since_ns, forgiven_ns, min(note.stage_ns for note in queued))
