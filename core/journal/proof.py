@@ -104,7 +104,9 @@ def check_sums(balances: Mapping[str, int]) -> Broken | None:
 def _check_witness(row: EventRow, witness: Witness | None) -> Broken | None:
     if witness is None or row.seq != witness.seq:
         return None
-    if (row.hash, row.epoch) == (witness.hash, witness.epoch):
+    # The hash covers the event's epoch. The witness's own may be a later core's, which proved this event and
+    # died without committing another: to compare it called a whole ledger damaged.
+    if row.hash == witness.hash:
         return None
     return Broken(row.seq, f"event {row.seq} is not the one that was committed under this number")
 

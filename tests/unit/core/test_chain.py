@@ -104,6 +104,12 @@ def test_another_hash_under_the_witnessed_number_is_found() -> None:
     assert place(prove(tail(rows, 3), witness))[0] == 3
 
 
+def test_a_witness_told_by_a_later_core_that_committed_nothing_names_the_same_event() -> None:
+    rows = chain(5)
+    witness = replace(seen(rows[4]), epoch=rows[4].epoch + 1)
+    assert isinstance(prove(tail(rows, 5), witness), Proven)
+
+
 def test_a_flipped_bit_is_found_where_it_is() -> None:
     rows = chain(5)
     rows[3] = replace(rows[3], body=b'{"id":"b"}')
