@@ -71,6 +71,8 @@ def prove(tail: Tail, witness: Witness | None) -> Proven | Broken:
     if witness is not None and tail.head_seq < witness.seq:
         sentence = f"the ledger ends at event {tail.head_seq}, but event {witness.seq} had been committed"
         return Broken(tail.head_seq + 1, sentence)
+    if tail.before is None and tail.first_seq > 1:
+        return Broken(tail.first_seq - 1, f"event {tail.first_seq - 1} is missing")
     checked = 0
     last = tail.before
     keys = dict(tail.keys)

@@ -19,6 +19,7 @@ from core.web.problems import Problem, ProblemError
 B = TypeVar("B", bound=msgspec.Struct)
 
 WORDS_CHARACTERS_MAX: Final = 200
+DISCARDED_BYTES_MAX: Final = 8 << 20
 LIMIT_DEFAULT: Final = 50
 LIMIT_MAX: Final = 500
 SEQ_DIGITS_MAX: Final = 18
@@ -31,16 +32,25 @@ _CURSOR: Final = re.compile(r"s([0-9]{1,18})")
 
 
 async def read_body(request: Request, bytes_max: int) -> bytes:
-    """Return the body, or end the request once it is larger than it may be."""
+    """Return the body, or end the request once it is larger than it may be.
+
+    Some of what is too much is read and thrown away, because a client that is still sending when its
+    connection closes never sees the answer.
+    """
     announced = request.headers.get("content-length", "0")
-    too_large = Problem("body-too-large", values={"limit_bytes": bytes_max}, headers={"Connection": "close"})
-    if announced.isdigit() and (len(announced) > SEQ_DIGITS_MAX or int(announced) > bytes_max):
-        raise ProblemError(too_large)
+    most = bytes_max + DISCARDED_BYTES_MAX
+    if announced.isdigit() and (len(announced) > SEQ_DIGITS_MAX or int(announced) > most):
+        raise _too_large(bytes_max, closing=True)
     body = bytearray()
+    seen = 0
     async for chunk in request.stream():
-        body += chunk
-        if len(body) > bytes_max:
-            raise ProblemError(too_large)
+        seen += len(chunk)
+        if seen <= bytes_max:
+            body += chunk
+        elif seen > most:
+            raise _too_large(bytes_max, closing=True)
+    if seen > bytes_max:
+        raise _too_large(bytes_max, closing=False)
     return bytes(body)
 
 
@@ -143,6 +153,11 @@ class Parameters:
 def make_cursor(seq: int) -> str:
     """Return the cursor that goes on after this sequence."""
     return f"s{seq}"
+
+
+def _too_large(bytes_max: int, *, closing: bool) -> ProblemError:
+    headers = {"Connection": "close"} if closing else {}
+    return ProblemError(Problem("body-too-large", values={"limit_bytes": bytes_max}, headers=headers))
 
 
 def _malformed(position: int) -> ProblemError:

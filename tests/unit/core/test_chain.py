@@ -121,6 +121,10 @@ def test_a_missing_event_is_found_where_it_was() -> None:
     assert place(prove(tail(rows, rows=[*rows[:2], *rows[3:]]), None))[0] == 3
 
 
+def test_an_event_missing_just_before_the_tail_is_found() -> None:
+    assert place(prove(tail(chain(5), 4, before=None), None))[0] == 3
+
+
 def test_a_cut_off_end_is_found() -> None:
     rows = chain(5)
     assert place(prove(tail(rows, rows=rows[:4]), None))[0] == 5
