@@ -10,6 +10,7 @@ import asyncio
 import faulthandler
 import logging
 import os
+import resource
 import signal
 import socket
 import sys
@@ -30,6 +31,9 @@ _LOG = logging.getLogger(__name__)
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 #: Connections that may wait to be accepted.
 BACKLOG = 512
+
+#: Descriptors for `connections_max` clients and the core's side, with room to spare.
+FILES_WANTED = 16_384
 
 EXIT_FINE = 0
 EXIT_CONFIG = 78
@@ -82,7 +86,7 @@ class Gateway:
         self._desk.moves.give_up()
         for connection in list(self._census.connections):
             connection.depart()
-        await self._wait_until_gone(self._limits.linger_ms)
+        await self._wait_until_gone(self._limits.flush_ms)
 
     async def _wait_until_gone(self, wait_ms: int) -> None:
         if not self._census.connections:
@@ -119,9 +123,17 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(arguments)
 
 
+def _allow_files() -> None:
+    """Use as many descriptors as we may: the usual soft limit is below the connections we take."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = FILES_WANTED if hard == resource.RLIM_INFINITY else min(FILES_WANTED, hard)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
 def main(arguments: Sequence[str]) -> int:
     """Run the gateway; returns the exit code."""
     faulthandler.enable()
+    _allow_files()
     for deaf in (signal.SIGINT, signal.SIGHUP):
         signal.signal(deaf, signal.SIG_IGN)
     logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="gateway: %(message)s")

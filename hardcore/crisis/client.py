@@ -288,6 +288,7 @@ class ClientConnection(asyncio.BufferedProtocol):
             self._call_for_body(item)
             return False
         item.started = True
+        self._mode = Mode.DESK
         if item.fault is not None:
             self._desk.faulty(item, item.fault)
         else:

@@ -112,7 +112,8 @@ class Desk:
     def heard(self, message: Heard) -> None:
         """A line of the feed."""
         match message:
-            case PhaseHeard(face=face, incident=incident) if face is not Face.FORWARD:
+            case PhaseHeard(face=face, incident=str(incident)) if face is not Face.FORWARD:
+                self.moves.book.begin()
                 self.moves.book.name(incident)
             case ReleaseHeard(incident=incident):
                 self.moves.book.name(incident)

@@ -24,6 +24,7 @@ class GatewayLimits(Limits):
     feed_retry_ms: int = setting(100, "a lost feed is dialled again after this", low=5, high=60_000)
     stats_ms: int = setting(200, "numbers are told at most this often", low=5, high=60_000)
     client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
+    flush_ms: int = setting(500, "at the end: how long the last answers may leave", low=0, high=60_000)
     linger_ms: int = setting(2_000, "reads on after an early answer, so that it arrives", low=10, high=60_000)
     answer_buffer_bytes_max: int = setting(1 << 20, "a longer safe answer is streamed", low=0, high=1 << 30)
     unsafe_answer_bytes_max: int = setting(4 << 20, "a longer unsafe answer is broken", low=1, high=1 << 30)

@@ -89,7 +89,7 @@ class Moves:
         """The time to finish is over: answer whoever is still at the core with what is true."""
         for exchange in list(self._at_core):
             if exchange.life not in OVER:
-                self._contained(exchange, Trigger.TURN_AWAY)
+                self.step(exchange, Trigger.TURN_AWAY)
         self._flush_book(over=True)
         self.outlook.close()
 
@@ -107,13 +107,13 @@ class Moves:
                 self._turn_all_away(Problem.SHUTTING_DOWN)
                 self._flush_book(over=True)
             case Face.HOLD:
-                pass
+                self.book.begin()
 
     def _turn_all_away(self, problem: Problem) -> None:
         for exchange in [*self._lost, *self._held]:
             if exchange.life in WAITING:
                 exchange.fault = problem
-                self._contained(exchange, Trigger.TURN_AWAY)
+                self.step(exchange, Trigger.TURN_AWAY)
 
     def _pump_soon(self) -> None:
         if not self._pump_due and (self._held or self._lost):
@@ -131,12 +131,12 @@ class Moves:
                 if not self.core_has_room():
                     return
                 plea = exchange.plea()
-                self._contained(exchange, after_release(plea, suspected=plea.key_hash in suspects))
+                self.step(exchange, after_release(plea, suspected=plea.key_hash in suspects))
         for exchange in list(self._held):
             if not self.core_has_room():
                 return
             if exchange.life is Life.HELD:
-                self._contained(exchange, Trigger.PASS)
+                self.step(exchange, Trigger.PASS)
 
     def _may_resume(self, exchange: Exchange) -> bool:
         """An unsafe request waits for a newer core: in the one that had it, it may still be running."""
@@ -147,10 +147,10 @@ class Moves:
         pool = self.outlook.pool
         return self.outlook.posture is Face.FORWARD and pool is not None and pool.room
 
-    def _contained(self, exchange: Exchange, trigger: Trigger) -> None:
-        """Move one of many: a bug of ours with one request must not reach the next."""
+    def step(self, exchange: Exchange, trigger: Trigger, answer: pages.Answer | None = None) -> None:
+        """Move a request; a bug of ours with it ends its connection and reaches nobody else."""
         try:
-            self.move(exchange, trigger)
+            self.move(exchange, trigger, answer)
         except Exception as error:  # noqa: BLE001 - whatever it was, it belongs to this request alone
             _LOG.error("a request could not be moved by %s: %s", trigger, describe(error))
             self._abandon(exchange)

@@ -16,21 +16,27 @@ SETTLED_MAX = 4096
 
 @dataclass(slots=True)
 class OutageBook:
-    """`unsettled` counts requests that met the outage and have no answer yet."""
+    """`unsettled` counts requests that met the outage and have no answer yet; `open`: there is an outage."""
 
+    open: bool = False
     incident: str | None = None
     unsettled: int = 0
     left_out: int = 0
     due: bool = False
     _settled: list[Settled] = field(default_factory=list)
 
+    def begin(self) -> None:
+        """An outage begins, or goes on."""
+        self.open = True
+
     def name(self, incident: str | None) -> None:
-        """Learn which incident the outage belongs to."""
-        if incident is not None:
+        """Learn which incident the outage belongs to. In peace a name is that of an earlier one."""
+        if incident is not None and self.open:
             self.incident = incident
 
     def meet(self) -> None:
         """One more request has met the outage."""
+        self.open = True
         self.unsettled += 1
 
     def settle(self, one: Settled) -> None:
@@ -44,12 +50,12 @@ class OutageBook:
 
     def close(self) -> None:
         """The outage is over (a core was released, or none will come): tell, once all are settled."""
-        self.due = True
+        self.due = self.open
 
     def take(self) -> Iterator[bytes]:
         """The lines to tell the sentinel, if it is time; the book is empty afterwards."""
         if not self.due or self.unsettled:
             return iter(())
         incident, settled = self.incident, self._settled
-        self.incident, self._settled, self.left_out, self.due = None, [], 0, False
+        self.incident, self._settled, self.left_out, self.due, self.open = None, [], 0, False, False
         return outcomes_lines(incident, settled) if incident or settled else iter(())

@@ -222,7 +222,7 @@ class Outlook:
     # -- upkeep ----------------------------------------------------------------------------------------
 
     def upkeep(self) -> None:
-        """Once a second: close connections that nobody used, and say again what could not be said."""
+        """Now and then: close connections that nobody used, and say again what could not be said."""
         if self.pool is not None:
             self.pool.prune()
         if self.posture is not Face.FORWARD:

@@ -19,7 +19,7 @@ from hardcore.crisis.upstream import Pool
 class Mover(Protocol):
     """Who moves requests along their table."""
 
-    def move(self, exchange: Exchange, trigger: Trigger, answer: pages.Answer | None = None) -> None:
+    def step(self, exchange: Exchange, trigger: Trigger, answer: pages.Answer | None = None) -> None:
         """Take one step; `answer` comes with those triggers that bring one."""
 
 
@@ -39,13 +39,13 @@ class Returns:
             self._outlook.answered(self._outlook.pool)
         exchange.upstream = None
         if exchange.life is Life.ANSWERING:
-            self._mover.move(exchange, Trigger.ANSWER)
+            self._mover.step(exchange, Trigger.ANSWER)
         else:
-            self._mover.move(exchange, Trigger.ANSWER, pages.Answer(head, body))
+            self._mover.step(exchange, Trigger.ANSWER, pages.Answer(head, body))
 
     def begun(self, exchange: Exchange, head: AnswerHead, first: bytes) -> None:
         """The answer is too long to keep."""
-        self._mover.move(exchange, Trigger.BEGUN, pages.Answer(head, first))
+        self._mover.step(exchange, Trigger.BEGUN, pages.Answer(head, first))
 
     def continued(self, exchange: Exchange, data: bytes) -> None:
         """A piece of the answer that was begun."""
@@ -67,19 +67,19 @@ class Returns:
     def _unsent(self, exchange: Exchange) -> None:
         """Back to where it came from. What an earlier core may have seen stays lost, whatever this one says."""
         if exchange.life is Life.ASKED:
-            self._mover.move(exchange, Trigger.CORE_LOST)
+            self._mover.step(exchange, Trigger.CORE_LOST)
         elif exchange.life is Life.FORWARDED:
             if exchange.sends:
-                self._mover.move(exchange, after_death(exchange.plea()))
+                self._mover.step(exchange, after_death(exchange.plea()))
             elif exchange.spent:
-                self._mover.move(exchange, Trigger.NOT_RUN_SPENT)
+                self._mover.step(exchange, Trigger.NOT_RUN_SPENT)
             else:
-                self._mover.move(exchange, Trigger.NOT_RUN)
+                self._mover.step(exchange, Trigger.NOT_RUN)
 
     def looked_up(self, exchange: Exchange, *, found: pages.Answer | None) -> None:
         """The ledger has it, or does not."""
         if exchange.life is Life.ASKED:
-            self._mover.move(exchange, Trigger.ABSENT if found is None else Trigger.FOUND, found)
+            self._mover.step(exchange, Trigger.ABSENT if found is None else Trigger.FOUND, found)
 
     def core_lost(self, exchange: Exchange, pool: Pool) -> None:
         """The core is gone (or not the one we serve): no answer will come."""
@@ -88,10 +88,10 @@ class Returns:
         if exchange.life in OVER:
             return
         exchange.lost_epoch = pool.epoch
-        self._mover.move(exchange, after_death(exchange.plea()))
+        self._mover.step(exchange, after_death(exchange.plea()))
 
     def answer_garbled(self, exchange: Exchange) -> None:
         """What came is no answer."""
         exchange.upstream = None
         if exchange.life not in OVER:
-            self._mover.move(exchange, Trigger.GARBLED)
+            self._mover.step(exchange, Trigger.GARBLED)

@@ -14,6 +14,9 @@ import httptools
 
 from hardcore.crisis.heads import AnswerHead, Header, read_answer
 
+#: Bytes of an answer's head; the core says less, and something that is no core must not fill our memory.
+HEAD_BYTES_MAX = 256 << 10
+
 
 class Asker(Protocol):
     """Who asks the core something. Exactly one of `ended`, `lost` and `garbled` comes last, and once."""
@@ -50,6 +53,7 @@ class UpstreamConnection(asyncio.Protocol):
         self._reason = b""
         self._lines: list[Header] = []
         self._headed = False
+        self._head_bytes = 0
         self.idle_since = 0.0
 
     # -- what the pool and the asker call --------------------------------------------------------------
@@ -59,6 +63,7 @@ class UpstreamConnection(asyncio.Protocol):
         assert self._asker is None, "a connection carries one request at a time"
         assert self._transport is not None
         self._asker, self._no_body, self._request_sent = asker, no_body, whole
+        self._head_bytes, self._headed = 0, False
         self._transport.write(data)
 
     def send(self, data: bytes) -> None:
@@ -123,10 +128,17 @@ class UpstreamConnection(asyncio.Protocol):
         except httptools.HttpParserCallbackError as error:
             raise (error.__context__ or error) from None  # our own bug: the parser only wraps it
         except (httptools.HttpParserError, httptools.HttpParserUpgrade):
-            asker, self._asker = self._asker, None
-            self._end()
-            if asker is not None:
-                asker.garbled()
+            self._garbled()
+        if not self._headed:
+            self._head_bytes += len(data)
+            if self._head_bytes > HEAD_BYTES_MAX:
+                self._garbled()
+
+    def _garbled(self) -> None:
+        asker, self._asker = self._asker, None
+        self._end()
+        if asker is not None:
+            asker.garbled()
 
     def pause_writing(self) -> None:
         """The core reads slowly."""
@@ -162,9 +174,7 @@ class UpstreamConnection(asyncio.Protocol):
         head = read_answer(status, self._reason, self._lines)
         if not head.framed and not self._no_body:
             # An answer that ends with its connection cannot be told from one that was cut by a death.
-            asker, self._asker = self._asker, None
-            self._end()
-            asker.garbled()
+            self._garbled()
             return
         self._asker.headed(head)
         if self._no_body and not head.bodiless:

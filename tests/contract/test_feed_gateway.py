@@ -169,3 +169,16 @@ def test_a_sentinel_that_falls_silent_makes_the_guard_not_alive(tmp_path: Path) 
         until(lambda: w.ask("GET", "/livez").status == 503, "the silence to be noticed")
         w.feed.phase("FORWARD")
         until(lambda: w.ask("GET", "/livez").status == 200, "the sentinel to be heard again")
+
+
+def test_a_gateway_that_met_no_outage_tells_of_none(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        core = w.core(1)
+        w.feed.open()
+        w.start()
+        w.feed.wait_subscribed()
+        w.feed.serve(core, incident="an earlier one")
+        w.feed.wait("served")
+        w.feed.hold("i2")
+        w.feed.serve(w.core(2), incident="i2")
+        assert [line["incident"] for line in w.feed.wait("outcomes")] == ["i2"]

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.contract.gateway_world import Call, World, echo, silent, world
+from tests.waiting import until
 
 
 def test_a_request_is_passed_to_the_serving_core(tmp_path: Path) -> None:
@@ -370,3 +371,31 @@ def test_a_connection_over_the_limit_is_told_so(tmp_path: Path) -> None:
     with world(tmp_path, connections_max=2) as w:
         w.serving()
         assert _flooded(w, 3) == [200, 200, 503]
+
+
+def test_a_large_body_is_called_for_when_there_is_a_core_to_take_it(tmp_path: Path) -> None:
+    with world(tmp_path, replay_body_bytes_max=2) as w:
+        w.holding()
+        client = w.client().ask("POST", "/e", "Expect: 100-continue", "Content-Length: 5")
+        w.wait_held(1)
+        core = w.core(2)
+        w.feed.serve(core)
+        assert client.read().status == 100
+        assert client.send(b"abcde").read().status == 200
+        assert core.wait("/e")[0].request.body == b"abcde"
+
+
+def test_a_body_that_would_be_turned_away_is_not_called_for(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        w.holding()
+        w.feed.phase("REFUSE", phase="FATAL", state="MANUAL_INTERVENTION")
+        w.feed.phase("REFUSE", phase="FATAL", state="DEGRADED")
+        until(lambda: w.ask("GET", "/readyz").json()["state"] == "DEGRADED", "the gateway to have heard it")
+        client = w.client().ask("POST", "/e", "Expect: 100-continue", "Content-Length: 5")
+        assert client.read().json()["type"] == "/problems/not-serving"
+
+
+def test_a_core_that_says_a_head_without_end_is_not_listened_to(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        w.serving(lambda call: call.raw(b"HTTP/1.1 200 OK\r\nX: " + b"a" * (1 << 20)))
+        assert w.ask("GET", "/").status == 502

@@ -92,6 +92,7 @@ def _settled(path: str) -> Settled:
 
 def test_an_outage_is_told_once_when_it_is_over_and_everybody_is_settled() -> None:
     book = OutageBook()
+    book.begin()
     book.name("i1")
     book.meet()
     book.meet()
@@ -109,8 +110,10 @@ def test_an_outage_is_told_once_when_it_is_over_and_everybody_is_settled() -> No
 
 def test_an_outage_with_a_name_is_told_also_when_nobody_met_it() -> None:
     book = OutageBook()
+    book.name("of an earlier one")
     book.close()
     assert list(book.take()) == []
+    book.begin()
     book.name("i1")
     book.close()
     (line,) = book.take()
