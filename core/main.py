@@ -23,7 +23,7 @@ import uvloop
 
 from core import departure
 from core.departure import Departure, ExitCode
-from core.guarded.control import Standing
+from core.guarded.control import ControlUnboundError, Standing
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
@@ -142,7 +142,7 @@ class Life:
                 on_term=lambda _: self._end(None),
             ):
                 return await self._live(loop)
-        except OSError as error:
+        except ControlUnboundError as error:
             sentence = (
                 f"The control socket can't be bound ({error.strerror}): name another in HARDCORE_CONTROL."
             )
