@@ -437,6 +437,8 @@ class FailoverManager:
             drill=drill,
             reason=old.reason if old else (death.evidence[0].why if planned else ""),
             evidence=old.evidence if old else [],
+            in_flight=old.in_flight if old else (),
+            suspects=old.suspects if old else (),
             requests=old.requests if old else (),
         )
         self._story.mark("fault", old.steps["fault"] if old else fault_ns)

@@ -1,0 +1,307 @@
+"""The invariants: what must be true of every order, every move and every end.
+
+The checkers know the truth of the world, which the guard does not: whether a process lives, whether a hang
+was one, whether a command was being decided when its core died. They never ask the guard's own books.
+"""
+
+from typing import TYPE_CHECKING
+
+from hardcore.model import actions as orders
+from hardcore.model import observations as seen
+from hardcore.model.phases import SERVING, Phase, Wanted
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery import transitions
+from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
+from hardcore.recovery.policy import Word
+from hardcore.recovery.reading import Reading, Transition
+from hardcore.recovery.transitions import Step, Trigger
+from tests.simulation.conditions import WELL, Judged
+from tests.simulation.machine import BEAT_NS, Life, Stage
+
+if TYPE_CHECKING:  # the world owns its checkers
+    from tests.simulation.guard import Guard
+    from tests.simulation.workload import Request
+    from tests.simulation.world import World
+
+OUTCOMES = frozenset({"recovered", "manual"})
+#: A death is counted when it is judged and checked when it is heard of: this much may lie between.
+SLACK_NS = 3 * NS_PER_S
+#: A fact is told so long after it became true.
+HEARING_NS = 10 * NS_PER_MS
+_BY_ITSELF = frozenset({Trigger.NO_DELAY, Trigger.DEADLINE})
+DRILL_NS = 15 * NS_PER_S
+
+
+class Broken(AssertionError):  # noqa: N818  # "the law is broken" is what it says
+    """An invariant does not hold."""
+
+
+def _hold(truth: object, law: str) -> None:
+    if not truth:
+        raise Broken(law)
+
+
+class Checkers:
+    """Looks at everything; raises `Broken` with the law in words."""
+
+    def __init__(self, world: "World") -> None:
+        self.world = world
+        self.rows: set[tuple[Phase, Trigger]] = set()
+        self.closed: dict[str, str] = {}
+        self.given_up: set[str] = set()
+        self._deaths_ns: list[int] = []
+        self._drill_ns = -DRILL_NS
+        self._forget_guard()
+
+    def _forget_guard(self) -> None:
+        self._phase = Phase.STOPPED
+        self._spawned_ns = 0
+        self._newest = 0
+        self._ready: set[int] = set()
+        self._exited: set[int] = set()
+        self._evidence: dict[int, int] = {}
+        self._taken: set[int] = set()
+        self._judged: dict[int, Diagnosis] = {}
+        self._sent_away: set[int] = set()
+        self._counts = False  # whether the last end was an accident
+        self._asked_by_operator = False
+        self._way_in: Transition | None = None
+
+    # ---- guards come and go ----
+
+    def began(self, guard: "Guard") -> None:
+        """A sentinel begins: nothing of its predecessor's is held against it but what is on disk."""
+        del guard
+        self._forget_guard()
+
+    def guard_died(self) -> None:
+        """A sentinel died: its open incidents died with it, and perhaps the last line of its budget."""
+        for guard in self.world.guards:
+            self.given_up |= {name for name in guard.ids if name not in self.closed}
+        kept = len(self.world.disk_deaths_ns)
+        self._deaths_ns = self._deaths_ns[-kept:] if kept else []
+
+    # ---- what the guard hears ----
+
+    def heard(self, guard: "Guard", fact: seen.Observation) -> None:
+        """Remember what the guard has been told."""
+        match fact:
+            case seen.CoreReady():
+                self._ready.add(fact.life)
+            case seen.CoreExited():
+                self._heard_exit(guard, fact)
+            case seen.SpawnFailed():
+                self._counts = fact.life not in self._sent_away
+                if self._counts:
+                    self._deaths_ns.append(fact.at_ns)
+            case seen.EvidenceTaken():
+                self._taken.add(fact.life)
+            case seen.DrillStarted():
+                self._drill_ns = fact.at_ns
+            case seen.OperatorAsked():
+                self._asked_by_operator = True
+            case _:
+                pass
+
+    def _heard_exit(self, guard: "Guard", fact: seen.CoreExited) -> None:
+        _hold(fact.life not in self._exited, "a core ends once")
+        self._exited.add(fact.life)
+        life = guard.life
+        if life is None or life.number != fact.life:
+            return
+        drilled = fact.at_ns - self._drill_ns < DRILL_NS
+        self._counts = not drilled and (fact.life not in self._sent_away or fact.life in self._judged)
+        if self._counts and fact.life not in self._judged:  # a judged one was counted by its verdict
+            self._deaths_ns.append(fact.at_ns)
+
+    # ---- where the guard goes ----
+
+    def moved(self, guard: "Guard", moves: tuple[Transition, ...]) -> None:
+        """Each change of phase is in the table, follows from the one before, and has a reason."""
+        for move in moves:
+            row = transitions.TABLE[move.before].get(move.trigger)
+            _hold(row is not None and row[0] is move.after, f"{move} is not in the table")
+            _hold(move.before is self._phase, f"{move} does not follow from {self._phase}")
+            _hold(move.reason, f"{move} has no reason")
+            self.rows.add((move.before, move.trigger))
+            self._phase = move.after
+            if move.after is not move.before:
+                self._way_in = move
+            if row is not None and Step.FORGET in row[1]:
+                self._deaths_ns.clear()
+            if move.trigger is Trigger.LOST:
+                self._lost(guard, move)
+            elif move.trigger is Trigger.DEADLINE and move.before in {Phase.STARTING, Phase.PROVING}:
+                self._too_slow(guard)
+
+    def _lost(self, guard: "Guard", move: Transition) -> None:
+        """No core is judged that only was late: the truth must be a hang, and have lasted."""
+        life = guard.life
+        _hold(life is not None and life.alive, "a verdict needs a living core")
+        assert life is not None, "held just now"
+        needed_ms = {
+            Judged.NEVER: None,
+            Judged.CONCLUSIVE: guard.policy.confirm_deadlock_ms,
+            Judged.HANG: guard.policy.confirm_hang_ms,
+        }[life.condition.judged]
+        lasted_ns = move.at_ns - life.since_ns + BEAT_NS
+        _hold(
+            needed_ms is not None and lasted_ns >= needed_ms * NS_PER_MS,
+            f"a core that was {life.condition.name} for {lasted_ns // NS_PER_MS} ms was judged: {move.reason}",
+        )
+        diagnosis = Diagnosis(move.reason.split(":")[0])
+        self._judged[life.number] = diagnosis
+        self._count_verdict(move.at_ns)
+        life.asked, life.blamed = True, diagnosis is Diagnosis.LOOP_BLOCKED
+
+    def _too_slow(self, guard: "Guard") -> None:
+        waited_ns = self.world.clock.now_ns - self._spawned_ns
+        needed_ns = guard.policy.startup_timeout_ms * NS_PER_MS - HEARING_NS
+        _hold(waited_ns >= needed_ns, "a boot has its whole time")
+        self._judged[self._newest] = Diagnosis.STARTUP_FAILED
+        self._count_verdict(self.world.clock.now_ns)
+        if guard.life is not None and guard.life.number == self._newest:
+            guard.life.asked = True
+
+    def _count_verdict(self, at_ns: int) -> None:
+        if at_ns - self._drill_ns >= DRILL_NS:
+            self._deaths_ns.append(at_ns)
+
+    def read(self, guard: "Guard", reading: Reading) -> None:
+        """What is shown is true as far as the guard was told."""
+        if reading.phase in SERVING:
+            _hold(reading.life in self._ready, "a phase that serves has a core that is ready")
+            _hold(reading.life not in self._exited, "a phase that serves has a living core")
+            assert guard.life is not None, "held just now"
+            _hold(reading.epoch == guard.life.epoch, "the epoch shown is the serving core's")
+        if reading.phase in {Phase.STOPPED, Phase.BACKOFF, Phase.FATAL}:
+            _hold(not self._living(), f"{reading.phase} is shown while a core lives")
+
+    # ---- what the guard orders ----
+
+    def ordered(self, guard: "Guard", action: orders.Action) -> None:
+        """Each order is right at the moment it is given."""
+        match action:
+            case orders.Spawn():
+                self._spawn(guard, action)
+            case orders.Kill():
+                self._kill(guard, action)
+            case orders.Terminate():
+                self._sent_away.add(action.life)
+            case orders.TakeEvidence(living=True):
+                self._evidence[action.life] = self.world.clock.now_ns
+            case orders.Release():
+                self._release(guard, action)
+            case orders.CloseIncident():
+                self._close(guard, action.incident)
+            case orders.Halt():
+                _hold(self.world.disk_wanted is Wanted.DOWN, "the guard ends only when nothing is wanted")
+                _hold(self._phase is Phase.UNKILLABLE or not self._living(), "it ends after its core")
+            case _:
+                pass
+
+    def _living(self) -> list[Life]:
+        return [life for life in self.world.lives if life.alive]
+
+    def _spawn(self, guard: "Guard", order: orders.Spawn) -> None:
+        _hold(not self._living(), "no core is started while another may live")
+        _hold(guard.life is None or order.life > guard.life.number, "each life has a number of its own")
+        _hold(guard.manager.wanted is Wanted.UP, "no core is started against the operator's will")
+        known = order.expected_epoch in {None, self.world.store.epoch} or self.world.stranger_raised
+        _hold(known, f"a core is told to expect epoch {order.expected_epoch}")
+        way = self._way_in
+        by_itself = way is not None and way.before is Phase.BACKOFF and way.trigger in _BY_ITSELF
+        if by_itself and self._counts:
+            since_ns = self.world.clock.now_ns - guard.policy.restart_window_sec * NS_PER_S + SLACK_NS
+            recent = [at_ns for at_ns in self._deaths_ns if at_ns > since_ns]
+            _hold(len(recent) <= guard.policy.max_restart_count, "restarts stay within the budget")
+        self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
+
+    def _kill(self, guard: "Guard", order: orders.Kill) -> None:
+        life = guard.life
+        self._sent_away.add(order.life)
+        if life is None or life.number != order.life or not life.alive:
+            return
+        diagnosis = self._judged.get(order.life)
+        if diagnosis is None:
+            _hold(self._asked_by_operator, "a living core is killed for a verdict or by the operator's word")
+            return
+        if not guard.policy.asks(diagnosis, Word.SNAPSHOT):
+            return
+        at_ns = self._evidence.get(order.life)
+        _hold(at_ns is not None, "evidence comes before the kill")
+        waited_ns = self.world.clock.now_ns - (at_ns or 0)
+        spent = waited_ns >= guard.policy.snapshot_budget_ms * NS_PER_MS
+        _hold(order.life in self._taken or spent, "evidence has its whole budget")
+
+    def _release(self, guard: "Guard", order: orders.Release) -> None:
+        life = guard.life
+        _hold(life is not None and life.number == order.life, "the newest core is released")
+        assert life is not None, "held just now"
+        _hold(order.life in self._ready and life.completed_boot, "a core is released after its proof")
+        _hold(order.life not in self._exited, "no dead core is released")
+        _hold(order.epoch == life.epoch, "a core is released with the epoch it raised")
+        _hold([x for x in self._living() if x is not life] == [], "one core at a time")
+
+    def _close(self, guard: "Guard", told: orders.Incident) -> None:
+        _hold(told.id in guard.ids, f"{told.id} was never opened")
+        _hold(told.id not in self.closed, f"{told.id} is closed twice")
+        _hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
+        steps = dict(told.timeline)
+        _hold({"fault", "detected", "closed"} <= set(steps), "each incident says when it began and ended")
+        _hold(steps["fault"] <= steps["detected"] <= steps["closed"], "nothing is found before it is there")
+        if told.outcome == "recovered":
+            _hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
+            _hold(max(self._ready, default=-1) > told.life, "recovered means that a successor served")
+        _hold(told.planned or told.deaths, "an incident nobody planned has a death")
+        self.closed[told.id] = told.outcome
+
+    # ---- the ledger and its clients ----
+
+    def replayed(self, request: "Request") -> None:
+        """The gateway runs a lost request again."""
+        _hold(not request.suspect or request.excused, f"suspect {request.command_id} is run again")
+
+    def at_end(self) -> None:
+        """In the quiet at the end everything is as wanted, told and true."""
+        world, guard = self.world, self.world.guard
+        living = self._living()
+        if world.disk_wanted is Wanted.DOWN:
+            _hold(guard.halted, "a guard that is not wanted ends")
+            _hold(not living or world.stuck_for_ever, "a core that is not wanted ends")
+        elif guard.phase is Phase.RUNNING:
+            well = guard.life is not None and guard.life.alive and guard.life.condition is WELL
+            _hold(well and guard.life is not None and guard.life.stage is Stage.READY, "what runs, serves")
+        elif guard.phase is Phase.UNKILLABLE:
+            _hold(world.stuck_for_ever and living, "UNKILLABLE lasts only while a core does not die")
+        else:
+            _hold(guard.phase is Phase.FATAL, f"the guard came to rest in {guard.phase}")
+            _hold(self._way_in is not None and self._way_in.reason, "FATAL has a reason")
+        self._incidents_at_end()
+        self._ledger_at_end()
+
+    def _incidents_at_end(self) -> None:
+        for guard in self.world.guards:
+            for name in guard.ids:
+                done = name in self.closed or name in self.given_up
+                still = guard is self.world.guard and guard.phase is Phase.UNKILLABLE
+                _hold(done or still, f"incident {name} is open in the quiet")
+
+    def _ledger_at_end(self) -> None:
+        world = self.world
+        keys = [key for _, _, key in world.store.commits]
+        _hold(len(keys) == len(set(keys)), "no command is in the ledger twice")
+        writers: dict[int, int] = {}
+        last = 0
+        for epoch, life, _ in world.store.commits:
+            _hold(writers.setdefault(epoch, life) == life, "one core commits in one epoch")
+            _hold(epoch >= last, "never back to a lower epoch")
+            last = epoch
+        _hold(not world.gateway.open, "every request has an answer")
+        said: dict[str, set[str]] = {}
+        for request in world.gateway.requests:
+            said.setdefault(request.key, set()).add(request.outcome)
+            _hold(request.keyed or len(request.decided_in) <= 1, "what has no key runs once")
+        for key, outcomes in said.items():
+            _hold("done" not in outcomes or key in world.store.keys, f"{key} was acknowledged and is lost")
+            _hold(outcomes != {"not_done"} or key not in world.store.keys, f"{key} was denied and is there")

@@ -1,0 +1,281 @@
+"""The guard's shell in the simulation: one sentinel process with the real pure middle in it.
+
+It does what the runtime and the executor do: feeds facts, rings the deadline, carries out orders with
+delays, and can be stalled or killed at any moment, also between two orders. Everything it was told is kept,
+so that a second manager can be asked the same questions. Facts that waited are heard before the deadline.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hardcore.model import actions as orders
+from hardcore.model import observations as seen
+from hardcore.model.phases import SERVING, Phase, Wanted
+from hardcore.recovery.failover import FailoverManager
+from hardcore.recovery.policy import Policy
+from tests.simulation.clock import NS_PER_MS
+from tests.simulation.conditions import FROZEN, WELL
+from tests.simulation.machine import THREADS, Life
+
+if TYPE_CHECKING:  # the world starts guards
+    from tests.simulation.world import World
+
+#: As the watch of the real guard: threads and commands are looked at only when something waits.
+STALE_NS = 80 * NS_PER_MS
+LOOK_CLOSER_NS = 200 * NS_PER_MS
+TICKS_AT_LEAST = 3
+HANDS_NS = 20 * NS_PER_MS
+#: The real guard stamps a fact when it notices it: one that waited longer than this gets a new stamp.
+NOTICED_NS = 5 * NS_PER_MS
+
+
+class Guard:
+    """One sentinel process."""
+
+    def __init__(
+        self, world: "World", number: int, policy: Policy, wanted: Wanted, deaths_ns: tuple[int, ...]
+    ) -> None:
+        self.world = world
+        self.number = number
+        self.policy = policy
+        self.born_with = (wanted, deaths_ns)
+        self.manager = FailoverManager(policy, wanted, self._new_id, self._jitter, deaths_ns)
+        self.alive = True
+        self.halted = False
+        self.awake_ns = 0
+        self.life: Life | None = None
+        self.phase = Phase.STOPPED
+        self.heard: list[seen.Observation | int] = []
+        self.ordered: list[orders.Action] = []
+        self.ids: list[str] = []
+        self.jitters: list[float] = []
+        self._lives: dict[int, Life] = {}
+        self._spawning: dict[int, orders.Spawn] = {}
+        self._leftovers: set[int] = set()
+        self._found: list[Life] = []
+        self._ringing_ns: int | None = None
+        self._ticking = False
+        self._ticks_left = 0
+
+    def _new_id(self) -> str:
+        self.ids.append(f"g{self.number}-{len(self.ids) + 1}")
+        return self.ids[-1]
+
+    def _jitter(self) -> float:
+        self.jitters.append(self.world.rng.random())
+        return self.jitters[-1]
+
+    @property
+    def works(self) -> bool:
+        """Whether this sentinel still decides anything."""
+        return self.alive and not self.halted
+
+    # ---- hearing ----
+
+    def tell(self, fact: seen.Observation, wait_ns: int = NS_PER_MS) -> None:
+        """Have a fact reach the manager, `wait_ns` from now."""
+        self.world.clock.after(wait_ns, lambda: self.hear(fact))
+
+    def hear(self, fact: seen.Observation) -> None:
+        """Give a fact to the manager, unless we are asleep: then when we wake up."""
+        if not self.works:
+            return
+        if self.world.clock.now_ns < self.awake_ns:
+            self.world.clock.at(self.awake_ns, lambda: self.hear(fact))
+            return
+        if self.world.clock.now_ns - fact.at_ns > NOTICED_NS:
+            fact = replace(fact, at_ns=self.world.clock.now_ns)
+        self.heard.append(fact)
+        self.world.checkers.heard(self, fact)
+        self.manager.receive(fact)
+        self._pump()
+
+    def _ring(self, due_ns: int) -> None:
+        if not self.works or self.manager.next_deadline_ns() != due_ns:
+            return
+        now_ns = self.world.clock.now_ns
+        if now_ns < self.awake_ns:
+            self.world.clock.at(self.awake_ns + 1, lambda: self._ring(due_ns))
+            return
+        self.heard.append(now_ns)
+        self.manager.handle_deadline(now_ns)
+        self._ringing_ns = None
+        self._pump()
+
+    def _pump(self) -> None:
+        """Take what the manager has to say, in order."""
+        given, moves = self.manager.take_actions(), self.manager.take_transitions()
+        self.ordered.extend(given)
+        if moves:
+            self.phase = moves[-1].after
+            self.world.checkers.moved(self, moves)
+        for action in given:
+            if self.world.guard_dies_now():
+                self.world.kill_guard()
+                return
+            self.world.checkers.ordered(self, action)
+            self._carry_out(action)
+        if moves:
+            reading = self.manager.reading()
+            self.world.checkers.read(self, reading)
+            self.world.gateway.show(reading.face)
+            if self.phase in SERVING:
+                self.watch_if_needed()
+        due_ns = self.manager.next_deadline_ns()
+        if due_ns is not None and due_ns != self._ringing_ns and self.works:
+            self._ringing_ns = due_ns
+            self.world.clock.at(due_ns, lambda: self._ring(due_ns))
+
+    # ---- the watch ----
+
+    def watch(self, ticks: int = TICKS_AT_LEAST) -> None:
+        """Look at the core every tick, at least so many times, and until it is well."""
+        self._ticks_left = max(self._ticks_left, ticks)
+        if not self._ticking and self.works:
+            self._ticking = True
+            self._tick()
+
+    def watch_if_needed(self) -> None:
+        """Begin to watch a core that is not well."""
+        if self.life is not None and self.life.alive and self.life.condition is not WELL:
+            self.watch()
+
+    def _tick(self) -> None:
+        now_ns = self.world.clock.now_ns
+        if self.works and now_ns < self.awake_ns:
+            self.world.clock.at(self.awake_ns, self._tick)
+            return
+        life = self.life
+        self._ticking = self.works and self.phase in SERVING and life is not None and life.alive
+        if not self._ticking or life is None:
+            return
+        self.hear(self._look(life, now_ns))
+        self._ticks_left -= 1
+        sick = life.condition is not WELL or life.extra_waiting
+        if sick or self._ticks_left > 0 or self.phase is Phase.SUSPECT:
+            self.world.clock.after(self._interval_ns(), self._tick)
+        else:
+            self._ticking = False
+
+    def _interval_ns(self) -> int:
+        every_ns = self.policy.health_check_interval_ms * NS_PER_MS
+        late_ns = self.world.tick_late_ns
+        return every_ns + self.world.rng.randrange(late_ns or 5 * NS_PER_MS)
+
+    def _look(self, life: Life, now_ns: int) -> seen.Sampled:
+        beats = life.beats()
+        waits = beats.waiting and now_ns - beats.completed_ns > LOOK_CLOSER_NS
+        notes = life.notes() if waits else None
+        closer = now_ns - beats.loop_ns > STALE_NS or notes is not None
+        process = life.sample(self.policy.health_check_interval_ms * NS_PER_MS, closer=closer)
+        return seen.Sampled(now_ns, life.number, beats, THREADS, process, notes)
+
+    # ---- the hands ----
+
+    def _carry_out(self, action: orders.Action) -> None:
+        soon = self.world.rng.randrange(1, 5) * NS_PER_MS
+        match action:
+            case orders.Spawn():
+                self._spawning[action.life] = action
+                self._soon(self.world.spawn_takes_ns(), lambda: self._spawn(action))
+            case orders.Terminate(life=number):
+                self._soon(soon, lambda: self._with(number, Life.terminate))
+            case orders.Kill(life=number):
+                self._soon(soon, lambda: self._with(number, _kill))
+            case orders.KillLeftovers():
+                self._soon(soon, self._kill_leftovers)
+            case orders.TakeEvidence():
+                self._soon(soon, lambda: self._stop_for_evidence(action))
+            case orders.Release():
+                life = self._lives.get(action.life)
+                assert life is not None, "released is a core that exists"
+                self.world.gateway.release(action, life)
+            case orders.KeepBudget():
+                self.world.disk_deaths_ns = action.deaths_ns
+            case orders.Halt():
+                self._end()
+            case orders.CloseIncident() | orders.Alert():
+                pass  # the checkers have looked at it
+
+    def _end(self) -> None:
+        """End as asked, but not before the hands have finished."""
+        if self._spawning:
+            self.world.clock.after(HANDS_NS, self._end)
+        elif self.works:
+            self.halted = True
+            self.world.guard_halted()
+
+    def _soon(self, wait_ns: int, deed: Callable[[], None]) -> None:
+        """Do it later, if this sentinel lives to do it."""
+
+        def do() -> None:
+            if self.alive:
+                deed()
+
+        self.world.clock.after(wait_ns, do)
+
+    def _with(self, number: int, deed: Callable[[Life], None]) -> None:
+        """Do something to a core; an order for one that was never made is lost, as in the real executor."""
+        life = self._lives.get(number)
+        if life is not None:
+            deed(life)
+
+    def _spawn(self, order: orders.Spawn) -> None:
+        del self._spawning[order.life]
+        now_ns = self.world.clock.now_ns
+        if self.world.spawn_fails():
+            self.tell(seen.SpawnFailed(now_ns, order.life, "no more processes"))
+            return
+        life = self.world.make_life(order.life, order.expected_epoch)
+        self.life = self._lives[order.life] = life
+        self.tell(seen.CoreSpawned(now_ns, order.life, 1000 + life.serial))
+
+    def lose_spawns(self) -> int:
+        """This sentinel died; return how many of its spawns were under way."""
+        under_way, self._spawning = len(self._spawning), {}
+        return under_way
+
+    def _kill_leftovers(self) -> None:
+        living = [life for life in self.world.lives if life.alive]
+        self._leftovers, self._found = {life.serial for life in living}, living
+        for life in living:
+            _kill(life)
+        if not living:
+            self._leftovers_gone()
+
+    def _leftovers_gone(self) -> None:
+        pages = [page for life in self._found if (page := life.page()) is not None]
+        last = max(pages, key=lambda page: page.beats.epoch, default=None)
+        self.tell(seen.CoreExited(self.world.clock.now_ns, 0, seen.Exit(signal=9), last))
+
+    def died(self, life: Life) -> None:
+        """A core's pidfd became readable."""
+        if life.serial in self._leftovers:
+            self._leftovers.discard(life.serial)
+            if not self._leftovers:
+                self._leftovers_gone()
+        elif life.guard == self.number:
+            assert life.exit is not None, "a dead core has an end"
+            how = seen.Exit() if life.status_lost else life.exit
+            self.tell(seen.CoreExited(self.world.clock.now_ns, life.number, how, life.page()))
+
+    def _stop_for_evidence(self, order: orders.TakeEvidence) -> None:
+        life = self._lives.get(order.life)
+        if life is None:
+            self.tell(seen.EvidenceTaken(self.world.clock.now_ns, order.life, complete=False, page=None))
+            return
+        if order.living and life.alive and not life.in_kernel:
+            life.befall(FROZEN)
+        took_ns = self.world.evidence_takes_ns(life, order)
+        if took_ns is not None:
+            self._soon(took_ns, lambda: self._evidence_taken(life))
+
+    def _evidence_taken(self, life: Life) -> None:
+        now_ns = self.world.clock.now_ns
+        self.tell(seen.EvidenceTaken(now_ns, life.number, complete=True, page=life.page()))
+
+
+def _kill(life: Life) -> None:
+    life.asked = True
+    life.signal(9)

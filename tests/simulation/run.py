@@ -1,0 +1,168 @@
+"""One run: a world from a seed, a chaos, a quiet, an audit. The same seed is the same run, always."""
+
+from collections import Counter
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import count
+from random import Random
+
+from hardcore.model.actions import Action
+from hardcore.model.phases import Phase
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.failover import FailoverManager
+from hardcore.recovery.policy import Policy, Word
+from hardcore.recovery.transitions import Trigger
+from tests.simulation.checkers import Broken
+from tests.simulation.clock import NS_PER_MS, NS_PER_S
+from tests.simulation.faults import FAULTS, LOAD
+from tests.simulation.guard import Guard
+from tests.simulation.world import World
+
+DEEDS_MAX = 30_000
+
+_TELL = frozenset({Word.SEND_ALERT, Word.REBOOT_PROCESS})
+
+#: Half of all runs use the shipped policy; the others make rare ways common.
+POLICIES = (
+    Policy(),
+    Policy(
+        probation_ms=300,
+        max_restart_count=2,
+        restart_window_sec=15,
+        slow_retry_sec=5,
+        startup_timeout_ms=2000,
+    ),
+    Policy(actions=dict.fromkeys((Diagnosis.FROZEN, Diagnosis.LOOP_BLOCKED), _TELL), slow_retry_sec=0),
+    Policy(restart_delay_ms=200, max_restart_count=1, stop_timeout_ms=100, kill_timeout_ms=100),
+    Policy(
+        probation_ms=0,
+        actions={
+            Diagnosis.CRASHED: frozenset({Word.SEND_ALERT, Word.AWAIT_OPERATOR}),
+            Diagnosis.NO_PROGRESS: frozenset({Word.SEND_ALERT}),
+        },
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """What will happen to a world: its kind, its policy, and each fault by name with its moment."""
+
+    kind: str
+    policy: int
+    faults: tuple[tuple[int, str], ...] = ()
+
+
+@dataclass(slots=True)
+class Result:
+    """What one run has shown. `broken`: the law that did not hold, or None."""
+
+    seed: int
+    script: Script
+    broken: str | None = None
+    faults: Counter[tuple[str, Phase]] = field(default_factory=Counter)
+    rows: set[tuple[Phase, Trigger]] = field(default_factory=set)
+    story: list[str] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        return f"seed {self.seed} ({self.script.kind}): {self.broken}. Again: make simulate SEED={self.seed}"
+
+
+def write_script(seed: int) -> Script:
+    """Return the script of a seed."""
+    rng = Random(f"script {seed}")
+    dice = rng.random()
+    kind = "fault-free" if dice < 0.04 else "load only" if dice < 0.2 else "crisis"
+    policy = max(0, rng.randrange(8) - 3)
+    if kind == "fault-free":
+        return Script(kind, policy)
+    names = list(FAULTS if kind == "crisis" else LOAD)
+    faults, at_ms = [], rng.randrange(1500)
+    for _ in range(rng.randrange(1, 8)):
+        faults.append((at_ms, rng.choice(names)))
+        # Often one fault in the middle of another's recovery, sometimes after it.
+        at_ms += rng.choice([5, 60, 400, 1500, 8000]) * rng.randrange(1, 100) // 50
+    return Script(kind, policy, tuple(faults))
+
+
+def run(seed: int, script: Script | None = None, *, tell: bool = False) -> Result:
+    """Run one seed, or a script with the chances of this seed; with `tell` the result carries the story."""
+    script = script or write_script(seed)
+    policy = POLICIES[script.policy]
+    if script.kind != "crisis":  # a boot under load has the shipped time, whatever else is made common
+        policy = replace(policy, startup_timeout_ms=Policy().startup_timeout_ms)
+    world, result = World(seed, policy), Result(seed, script)
+    for at_ms, name in script.faults:
+        world.clock.after(at_ms * NS_PER_MS, partial(_strike, world, result, name, tell))
+    try:
+        _play(world, Random(f"play {seed}"))
+        world.checkers.at_end()
+        if script.kind != "crisis":
+            _nobody_was_hurt(world)
+        for guard in world.guards:
+            _same_answers(guard)
+    except AssertionError as broken:
+        result.broken = f"{type(broken).__name__}: {broken}"
+    result.rows = world.checkers.rows
+    if tell:
+        result.story.extend(_story(world))
+    return result
+
+
+def _strike(world: World, result: Result, name: str, tell: bool) -> None:
+    if world.quiet:
+        return
+    result.faults[name, world.guard.phase] += 1
+    if tell:
+        result.story.append(f"{_ms(world):>9} ms  ! {name} in {world.guard.phase}")
+    FAULTS[name](world)
+
+
+def _ms(world: World) -> int:
+    return (world.clock.now_ns - 1_000 * NS_PER_S) // NS_PER_MS
+
+
+def _play(world: World, rng: Random) -> None:
+    world.begin_guard()
+    for number in range(rng.randrange(4, 14)):
+        keyed = rng.random() < 0.9
+        at_ns = rng.randrange(12_000) * NS_PER_MS
+        world.clock.after(at_ns, partial(world.gateway.submit, f"key-{number}", keyed=keyed))
+    world.clock.after(rng.randrange(4, 25) * NS_PER_S, world.calm_down)
+    for deeds in count():
+        if not world.clock.step():
+            return
+        if deeds > DEEDS_MAX:
+            raise Broken(f"no rest after {deeds} deeds, in {world.guard.phase}")
+
+
+def _nobody_was_hurt(world: World) -> None:
+    """Without a fault that hurts, nothing is killed, and nothing is told as an incident."""
+    if len(world.lives) != 1 or world.checkers.closed:
+        raise Broken("a core was replaced in a world without a crisis")
+
+
+def _same_answers(guard: Guard) -> None:
+    """The same facts give the same orders."""
+    wanted, deaths_ns = guard.born_with
+    ids, jitters = iter(guard.ids), iter(guard.jitters)
+    twin = FailoverManager(guard.policy, wanted, lambda: next(ids), lambda: next(jitters), deaths_ns)
+    given: list[Action] = []
+    for fact in guard.heard:
+        if isinstance(fact, int):
+            twin.handle_deadline(fact)
+        else:
+            twin.receive(fact)
+        given.extend(twin.take_actions())
+    if given != guard.ordered:
+        raise Broken("the same facts gave other orders")
+
+
+def _story(world: World) -> list[str]:
+    lines = []
+    for guard in world.guards:
+        lines.append(f"guard {guard.number}: heard")
+        lines += [f"    {fact}" for fact in guard.heard]
+        lines.append(f"guard {guard.number}: ordered")
+        lines += [f"    {action}" for action in guard.ordered]
+    return lines

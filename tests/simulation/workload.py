@@ -1,0 +1,205 @@
+"""Clients that go on working, and the gateway between them and the core.
+
+The gateway here keeps the promises of the real one: it holds what it can't forward, after a death it
+replays nothing before a release, replays only what has a key and is no suspect, looks suspects up, and
+gives every request one answer. So what is wrong in the ledger at the end was caused by the guard's orders.
+"""
+
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import partial
+from typing import TYPE_CHECKING
+
+from hardcore.model import observations as seen
+from hardcore.model.actions import Release
+from hardcore.model.phases import Face
+from hardcore.model.recorder import SlotStage
+from tests.simulation.clock import NS_PER_MS, NS_PER_S
+from tests.simulation.conditions import BLOCKED_TIMER
+from tests.simulation.machine import Harm, Life
+
+if TYPE_CHECKING:  # the world owns the gateway
+    from tests.simulation.world import World
+
+HOLD_NS = 10 * NS_PER_S
+UPSTREAM_NS = 30 * NS_PER_S
+REQUESTS_MAX = 64
+_TOUCHED = frozenset({SlotStage.DECIDING, SlotStage.WRITING})
+
+
+class At(Enum):
+    """Where a request is."""
+
+    HELD = "held"
+    FORWARDED = "forwarded"
+    LOST = "lost"
+    SETTLED = "settled"
+
+
+@dataclass(slots=True, eq=False)
+class Request:
+    """One request of one client. `outcome`: done, not_done, unknown, gone."""
+
+    number: int
+    key: str
+    keyed: bool
+    harm: Harm = Harm.NONE
+    at: At = At.HELD
+    outcome: str = ""
+    life: Life | None = None
+    suspect: bool = False
+    excused: bool = False  # nobody could know that it is a suspect
+    decided_in: list[int] = field(default_factory=list)
+
+    @property
+    def command_id(self) -> str:
+        """Each try is a command of its own."""
+        return f"c{self.number}"
+
+    @property
+    def key_hash(self) -> str:
+        """What the recorder shows of the key."""
+        return f"hash of {self.key}" if self.keyed else ""
+
+    @property
+    def kind(self) -> str:
+        """Its kind of command."""
+        return "transaction"
+
+    def decided(self, life: Life) -> None:
+        """A core takes it up; a poisonous one does its harm."""
+        self.decided_in.append(life.serial)
+        match self.harm:
+            case Harm.CRASH:
+                life.die(seen.Exit(signal=11))
+            case Harm.EXIT:
+                life.die(seen.Exit(code=1))
+            case Harm.BLOCK:
+                life.befall(BLOCKED_TIMER)
+                life.world.worry()
+            case Harm.NONE:
+                pass
+
+
+class Gateway:
+    """Owns every client's connection."""
+
+    def __init__(self, world: "World") -> None:
+        self.world = world
+        self.face = Face.HOLD
+        self.serving: Life | None = None
+        self.requests: list[Request] = []
+        self.open: list[Request] = []
+
+    # ---- clients ----
+
+    def submit(self, key: str, *, keyed: bool = True, harm: Harm = Harm.NONE) -> None:
+        """A client sends a request."""
+        if len(self.requests) >= REQUESTS_MAX:
+            return
+        request = Request(len(self.requests), key, keyed, harm)
+        self.requests.append(request)
+        self.open.append(request)
+        self._route(request)
+
+    def _route(self, request: Request) -> None:
+        if self.face in {Face.REFUSE, Face.CLOSED}:
+            self.settle(request, "not_done")
+        elif self.face is Face.FORWARD and self.serving is not None and self.serving.alive:
+            self._forward(request)
+        else:
+            request.at = At.HELD
+            self.world.clock.after(HOLD_NS, lambda: self._hold_is_over(request))
+
+    def _forward(self, request: Request) -> None:
+        assert self.serving is not None, "nothing is forwarded to nobody"
+        life = self.serving
+        request.at, request.life = At.FORWARDED, life
+        life.on_loop(lambda: self._arrives(request, life))
+        self.world.clock.after(UPSTREAM_NS, lambda: self._upstream_is_over(request, life))
+
+    def _arrives(self, request: Request, life: Life) -> None:
+        if request.at is At.FORWARDED and request.life is life:
+            life.accept(request)
+
+    def _hold_is_over(self, request: Request) -> None:
+        if request.at is At.HELD:
+            self.settle(request, "not_done")
+        elif request.at is At.LOST:
+            self.settle(request, "unknown")
+
+    def _upstream_is_over(self, request: Request, life: Life) -> None:
+        if request.at is At.FORWARDED and request.life is life:
+            self.settle(request, "unknown")
+
+    def settle(self, request: Request, outcome: str) -> None:
+        """Give a request its answer; some clients try again."""
+        request.at, request.outcome = At.SETTLED, outcome
+        self.open.remove(request)
+        rng = self.world.rng
+        again = outcome in {"not_done", "unknown"} and request.keyed and request.harm is Harm.NONE
+        if again and not self.world.quiet and rng.random() < 0.3:
+            self.world.clock.after(rng.randrange(2 * NS_PER_S), lambda: self.submit(request.key))
+
+    # ---- the core's side ----
+
+    def answered(self, life: Life, request: Request) -> None:
+        """A core has answered; only the serving one is believed."""
+        if life is self.serving and request.at is At.FORWARDED and request.life is life:
+            self.settle(request, "done")
+
+    def died(self, life: Life) -> None:
+        """A core's connections broke."""
+        inside = life.inside
+        for slot in life.slots.values():
+            if inside and slot.stage in _TOUCHED and slot.request.keyed:
+                slot.request.suspect = True
+                slot.request.excused = life.page_lost or life.status_lost
+        for request in [r for r in self.open if r.at is At.FORWARDED and r.life is life]:
+            if request.keyed:
+                request.at = At.LOST
+                self.world.clock.after(HOLD_NS, partial(self._hold_is_over, request))
+            else:
+                self.settle(request, "unknown")
+
+    # ---- the feed ----
+
+    def show(self, face: Face) -> None:
+        """The guard says what is to be done with requests."""
+        if face is self.face:
+            return
+        self.face = face
+        if face is Face.HOLD:
+            self.world.to_guard(seen.GatewayHolding(self.world.clock.now_ns + NS_PER_MS))
+        elif face is not Face.FORWARD:
+            for request in list(self.open):
+                if request.at is not At.FORWARDED:
+                    self.settle(request, "unknown" if request.at is At.LOST else "not_done")
+
+    def release(self, order: Release, life: Life) -> None:
+        """The guard says that this core serves: what was held and lost goes on."""
+        self.serving, self.face = life, Face.FORWARD
+        for request in list(self.open):
+            if request.at is At.LOST:
+                self._after_death(request, order)
+            elif request.at is At.HELD:
+                self._route(request)
+        at_ns = self.world.clock.now_ns + 3 * NS_PER_MS
+        if life.alive:
+            self.world.to_guard(seen.FirstServed(at_ns, order.epoch))
+        if order.incident is not None:
+            told = tuple(seen.RequestOutcome("POST", "/", r.key_hash, r.outcome, 0, 0) for r in self.requests)
+            self.world.to_guard(seen.RequestsSettled(at_ns, order.incident, told))
+
+    def _after_death(self, request: Request, order: Release) -> None:
+        if request.key_hash in order.suspects:
+            self.settle(request, "done" if request.key in self.world.store.keys else "not_done")
+            return
+        self.world.checkers.replayed(request)
+        self._route(request)
+
+    def renewed(self) -> None:
+        """A new guard has ended this gateway and started another: its clients lost their connections."""
+        for request in list(self.open):
+            self.settle(request, "gone")
+        self.face, self.serving = Face.HOLD, None
