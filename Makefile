@@ -19,7 +19,7 @@ help:
 	@echo '  make run        start everything; the URL is printed (PORT=3000 DATA=./var)'
 	@echo '  make test       all tests, in at most 15 minutes on two cores (ARGS="-k restart" for some)'
 	@echo '  make check      format, lint, types, import laws, fast tests; under a minute'
-	@echo '  make bench      the numbers, measured on this machine beside their baselines (BENCH=gateway for one)'
+	@echo '  make bench      the numbers, measured on this machine beside their baselines (BENCH=deaths for one part)'
 	@echo '  make simulate   many simulated crises (SEEDS=5000), or one again (SEED=1234)'
 	@echo '  make lock       write the two locks anew from pyproject.toml (needs uv)'
 	@echo
@@ -56,7 +56,7 @@ fast: venv-dev
 	@exec .venv/bin/python -m pytest --quiet tests/unit tests/architecture tests/contract
 
 bench: venv-dev
-	@set -e; for script in bench/bench_$(or $(BENCH),*).py; do echo "== $$script"; .venv/bin/python "$$script" $(ARGS); done
+	@exec .venv/bin/python -m bench $(BENCH) $(ARGS)
 
 simulate: venv-dev
 	@exec .venv/bin/python -m tests.simulation $(if $(SEED),--seed $(SEED)) $(if $(SEEDS),--seeds $(SEEDS)) $(ARGS)

@@ -1,0 +1,154 @@
+"""The numbers of this machine, beside their baselines: `make bench`, or `python -m bench [PART ...]`.
+
+Each part starts instances of its own in a temporary folder and leaves nothing behind. A missed target is said
+and is no failure: what a shared machine can do is not for a build to decide. Two parts are scripts of their
+own, which measure a piece by itself and print what they found.
+"""
+
+import argparse
+import json
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench import crowd, deaths, rates, weight
+from bench.figures import Figure
+from bench.machine import described, machine
+from examples.guarded import GuardError
+from examples.reading import UnreadableError
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part: what it is about, and how it is measured in full and as a smoke test."""
+
+    about: str
+    full: Callable[[Path], list[Figure]]
+    quick: Callable[[Path], list[Figure]]
+
+
+@dataclass(frozen=True, slots=True)
+class Script:
+    """A part that prints by itself."""
+
+    about: str
+    quick: tuple[str, ...]
+
+
+def note(words: str) -> None:
+    """Say something beside the figures, out of a program's way."""
+    print(words, file=sys.stderr, flush=True)
+
+
+PARTS: dict[str, Part] = {
+    "weight": Part(
+        "what the guard weighs",
+        lambda folder: weight.measure(folder, quiet_s=20, busy_s=8),
+        lambda folder: weight.measure(folder, quiet_s=2, busy_s=2),
+    ),
+    "deaths": Part(
+        "a death, from the blow to the next good answer",
+        lambda folder: deaths.measure(folder, kills=9, freezes=5),
+        lambda folder: deaths.measure(folder, kills=1, freezes=1),
+    ),
+    "crowd": Part(
+        "clients that wait while the core is killed",
+        lambda folder: crowd.measure(folder, paced_kills=5, kills=30, say=note),
+        lambda folder: crowd.measure(folder, paced_kills=1, kills=2, say=note),
+    ),
+    "rates": Part(
+        "how much goes through",
+        lambda folder: rates.measure(folder, rounds=5, seconds=2),
+        lambda folder: rates.measure(folder, rounds=1, seconds=1),
+    ),
+}
+SCRIPTS: dict[str, Script] = {
+    "gateway": Script("what the gateway costs by itself", ("--rounds", "1", "--seconds", "0.5")),
+    "recorder": Script("what the flight recorder costs", ()),
+}
+ABOUT = {
+    **{name: part.about for name, part in PARTS.items()},
+    **{name: script.about for name, script in SCRIPTS.items()},
+}
+
+
+def parse() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m bench",
+        description="Measure this machine. Without a name: everything, in about four minutes.",
+        epilog="\n".join(f"  {name:<10}{about}" for name, about in ABOUT.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("parts", nargs="*", metavar="PART", help="only these parts, of the ones below")
+    parser.add_argument("--quick", action="store_true", help="a round of each, to see that it works")
+    parser.add_argument(
+        "--json", action="store_true", help="one JSON object; without the parts that are scripts"
+    )
+    asked = parser.parse_args()
+    strange = [name for name in asked.parts if name not in ABOUT]
+    if strange:
+        parser.error(f"there is no part {strange[0]!r}: choose from {', '.join(ABOUT)}")
+    return asked
+
+
+def run_part(name: str, *, quick: bool) -> list[Figure]:
+    """Measure one part in a folder of its own."""
+    part = PARTS[name]
+    with tempfile.TemporaryDirectory(prefix="bench-") as folder:
+        return (part.quick if quick else part.full)(Path(folder))
+
+
+def run_script(name: str, *, quick: bool) -> None:
+    """Let a script measure and print. Raises CalledProcessError."""
+    script = Path(__file__).with_name(f"bench_{name}.py")
+    subprocess.run([sys.executable, script, *(SCRIPTS[name].quick if quick else ())], check=True)
+
+
+def run(asked: argparse.Namespace) -> None:
+    """Measure what was asked for and print it."""
+    found: dict[str, list[Figure]] = {}
+    before, began = machine(), time.monotonic()
+    if not asked.json:
+        print(described(), "medians [min - max]", sep="\n")
+    for name in asked.parts or ABOUT:
+        if asked.json and name in SCRIPTS:
+            continue
+        if not asked.json:
+            print(f"\n{ABOUT[name]}", flush=True)
+        if name in SCRIPTS:
+            run_script(name, quick=asked.quick)
+            continue
+        found[name] = run_part(name, quick=asked.quick)
+        if not asked.json:
+            print("\n".join(figure.line() for figure in found[name]), flush=True)
+    took_s = time.monotonic() - began
+    if asked.json:
+        figures = {name: [figure.as_json() for figure in part] for name, part in found.items()}
+        print(json.dumps({"machine": before, "took_s": round(took_s, 1), "figures": figures}, indent=1))
+    else:
+        print(f"\n{took_s:.0f} s, load now {machine()['load']}")
+
+
+def main() -> int:
+    """Measure; return the exit code."""
+    asked = parse()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        run(asked)
+    except KeyboardInterrupt:
+        note("Stopped. Nothing is left running.")
+        return 130
+    except (GuardError, UnreadableError, OSError, subprocess.SubprocessError) as error:
+        note(f"This could not be measured: {error}")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
