@@ -36,6 +36,14 @@ def start_of(pid: int) -> int | None:
         return None
 
 
+def keep_descriptors() -> None:
+    """Keep what we inherited to ourselves: a sentinel that held our lock would outlive us as a launcher."""
+    for name in os.listdir("/proc/self/fd"):  # noqa: PTH208  # pathlib costs memory here
+        if int(name) > 2:
+            with contextlib.suppress(OSError):  # the listing's own is closed by now
+                os.set_inheritable(int(name), False)
+
+
 class Launcher:
     """Holds the listener, a sentinel's pidfd, and whether we were told to stop."""
 
@@ -51,6 +59,7 @@ class Launcher:
             signal.signal(number, self.stop)
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
         signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})  # kept back until now
 
     def stop(self, _number: int, _frame: object) -> None:
         """Pass a stop on, once; the next one says that it is under way."""
@@ -192,6 +201,7 @@ class Launcher:
 def main() -> int:
     """Run the launcher."""
     data, run, listen_fd, url = sys.argv[1:5]
+    keep_descriptors()
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     return Launcher(data, run, int(listen_fd), url).keep()
 

@@ -7,6 +7,7 @@ the listener and the lock and loses the weight of the command line.
 
 import ipaddress
 import os
+import signal
 import socket
 import sys
 from dataclasses import dataclass
@@ -73,6 +74,8 @@ def prepare_start(data: Path, host: str, port: int, policy: Path | None, lang: s
 def become_launcher(ready: Ready) -> None:
     """Become the launcher. Does not return."""
     os.set_inheritable(ready.listen_fd, True)
+    # Kept back over the exec: a Ctrl-C that meets a starting interpreter is answered with a traceback.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     launcher = Path(__file__).with_name("launcher.py")
     argv = [sys.executable, "-I", "-S", str(launcher), str(ready.folders.data), str(ready.folders.run)]
     os.execv(sys.executable, [*argv, str(ready.listen_fd), ready.url])  # noqa: S606  # to become it is the point
