@@ -25,6 +25,7 @@ from hardcore import __version__, standing, status
 from hardcore import up as starting
 from hardcore.control import client
 from hardcore.control.protocol import DRILLS
+from hardcore.host import lives
 from hardcore.host.files import take_lock
 from hardcore.host.folders import Folders, locate
 from hardcore.model.phases import Wanted
@@ -173,10 +174,9 @@ def down(asked: Asked) -> None:
     """Stop everything and keep it stopped until the next `up`."""
     folders = asked.folders
     if not _held(folders):
-        if folders.state.is_dir():
-            standing.store_wanted(folders, Wanted.DOWN)
-        asked.say("nothing_running")
-        asked.tell({"ok": True, "was_running": False})
+        ended = _down_without_a_sentinel(folders)
+        asked.say("stopped" if ended else "nothing_running")
+        asked.tell({"ok": True, "was_running": ended > 0})
         return
     asked.ask(verb="down")
     asked.say("stopping")
@@ -184,6 +184,22 @@ def down(asked: Asked) -> None:
         asked.fail(text("still_stopping", asked.lang, seconds=int(WAIT_S)))
     asked.say("stopped")
     asked.tell({"ok": True, "was_running": True})
+
+
+def _down_without_a_sentinel(folders: Folders) -> int:
+    """Store DOWN and end what a guard that was killed has left; return how many processes that were."""
+    if not folders.state.is_dir():
+        return 0
+    standing.store_wanted(folders, Wanted.DOWN)
+    if not folders.run.is_dir():
+        return 0
+    lock = take_lock(folders.run / "sentinel.lock")
+    if lock is None:
+        return 0  # a sentinel has just begun: it reads what is wanted and ends them itself
+    try:
+        return lives.end_leftovers(folders, standing.policy_in_force(folders).policy.stop_timeout_ms / 1000)
+    finally:
+        os.close(lock)
 
 
 @main.command("status")

@@ -7,7 +7,10 @@ the moment before its guard died may not have written its page yet, but it can't
 
 import os
 import secrets
+import select
+import signal
 import sys
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,6 +29,8 @@ LOOK_CLOSER_NS = 200_000_000
 STALE_NS = 80_000_000
 FDS_EVERY_TICKS = 10
 ENVIRONMENT_BYTES_MAX = 1 << 20
+#: A killed process that is not gone after this hangs in the kernel; waiting longer would not help.
+KILL_S = 2.0
 
 _PASSED_ON = ("PATH", "HOME", "LANG", "LC_ALL", "TZ", "TMPDIR")
 
@@ -153,6 +158,29 @@ def find_leftovers(folders: Folders) -> Leftovers:
             reader = PageReader(folders.recorder(nonce), nonce)
             cores.append(Life(0, nonce, folders, reader, handle))
     return Leftovers(tuple(cores), tuple(gateways), _last_page(folders))
+
+
+def end_leftovers(folders: Folders, grace_s: float) -> int:
+    """End what a guard that is gone has left behind, asked first, killed after `grace_s`; return how many.
+
+    The caller holds the sentinel's lock: nobody else may be adopting them meanwhile.
+    """
+    found = find_leftovers(folders)
+    left = [*(life.handle for life in found.cores if life.handle is not None), *found.gateways]
+    for handle in left:
+        handle.signal(signal.SIGTERM)
+        handle.signal(signal.SIGCONT)  # a stopped one could not obey
+    give_up_at = time.monotonic() + grace_s
+    for handle in left:
+        if not _ends(handle, max(0.0, give_up_at - time.monotonic())):
+            handle.kill_tree()
+            _ends(handle, KILL_S)
+        handle.close()
+    return len(left)
+
+
+def _ends(handle: Handle, within_s: float) -> bool:
+    return bool(select.select([handle.pidfd], [], [], within_s)[0])
 
 
 def _read_environment(pid: int) -> list[str]:
