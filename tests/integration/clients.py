@@ -51,8 +51,8 @@ class Clients:
         while True:
             tries += 1
             answer = self._ask(key)
-            done = answer is not None and answer.status == 201
-            if done or not self.patient or time.monotonic() > give_up_at:
+            settled = answer is not None and answer.status < 500
+            if settled or not self.patient or time.monotonic() > give_up_at:
                 return Told(key, answer.status if answer else 0, answer.outcome if answer else None, tries)
             self.stop.wait(PAUSE_S)
 

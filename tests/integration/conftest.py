@@ -12,6 +12,8 @@ from tests.integration.house import House
 # As everywhere: processes that were told to end are given this long to be gone.
 LEAVING_S = 2.0
 
+MakeHouse = Callable[..., House]
+
 
 @pytest.fixture(autouse=True)
 def nothing_is_left_behind(request: pytest.FixtureRequest) -> Iterator[None]:
@@ -54,7 +56,7 @@ def house(shared_house: House) -> House:
 
 
 @pytest.fixture
-def new_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., House]]:
+def new_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MakeHouse]:
     """Make houses of the test's own; policy settings are named arguments. They are not started yet."""
     made: list[House] = []
 

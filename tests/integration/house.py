@@ -134,6 +134,8 @@ class House:
 
     def begin(self, *options: str) -> "subprocess.Popen[bytes]":
         """Start `hardcore up` as a person would, in a session of its own, and wait for nothing."""
+        if self.launcher is not None:
+            self.launcher.wait(START_S)  # the one before is gone, or nothing new may be started
         self._ups += 1
         self._runs.add(self.folders.run)
         argv = [sys.executable, "-m", "hardcore.cli", "--data", str(self.data), "up", "--port", "0", *options]
@@ -149,13 +151,19 @@ class House:
         return self.launcher
 
     def up(self, *options: str) -> "House":
-        """Start it and wait until it serves."""
+        """Start it and wait until it runs."""
+        self.up_unproven(*options)
+        self.running()
+        return self
+
+    def up_unproven(self, *options: str) -> "House":
+        """Start it and wait until a core serves, which need not have outlived its probation."""
         if "--policy" not in options and not self.folders.policy.exists():
             options = (*options, "--policy", str(self.settle_policy()))
         launcher = self.begin(*options)
         until(lambda: "http://" in self.said or launcher.poll() is not None, "`up` to say something", START_S)
         assert launcher.poll() is None, f"`up` ended with {launcher.returncode}: {self.said}"
-        self.running()
+        self.url = self.until(lambda s: s["core"]["ready"] and s["gateway"]["pid"], "a core to serve")["url"]
         return self
 
     def environment(self, **more: str) -> dict[str, str]:

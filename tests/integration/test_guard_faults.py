@@ -1,0 +1,179 @@
+"""The guard itself dies: gateway, sentinel, launcher, one alone or all together. The ledger loses nothing."""
+
+import os
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.integration.clients import assert_exactly_once, at_work
+from tests.integration.conftest import MakeHouse
+from tests.integration.house import START_S, House
+from tests.waiting import until
+
+
+def one_of_each(house: House) -> None:
+    """There is one sentinel, one gateway and one core, and no more."""
+    lines = list(house.processes().values())
+    for mark in ("hardcore.runtime", "hardcore.crisis", "-m core serve"):
+        assert sum(mark in line for line in lines) == 1, (mark, lines)
+
+
+def generation(house: House) -> int:
+    return int((house.folders.run / "generation").read_text().split(":")[1].strip(" }\n"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV])
+def test_a_gateway_that_dies_comes_back_on_its_port_and_the_core_stays(
+    house: House, number: signal.Signals
+) -> None:
+    before, count = house.status(), len(house.incidents())
+    with at_work(house, 3, f"gateway-{number}") as clients:
+        until(lambda: len(clients.told) > 20, "the load to run")
+        old = house.hit("gateway", number)
+        until(lambda: old.gone, "the gateway to be gone")
+        after = house.until(lambda s: s["gateway"]["pid"] not in {None, old.pid}, "another gateway")
+        told = len(clients.told)
+        until(lambda: len(clients.told) > told + 20, "answers through the new gateway")
+    assert {told.status for told in clients.told} == {201}
+    assert_exactly_once(house, clients)
+    assert after["core"]["pid"] == before["core"]["pid"]
+    assert house.running()["url"] == before["url"]
+    assert len(house.incidents()) == count
+    one_of_each(house)
+
+
+def test_a_sentinel_that_dies_is_started_again_and_ends_what_it_finds(house: House) -> None:
+    before, count, number = house.status(), len(house.incidents()), generation(house)
+    core, gateway = house.hold("core"), house.hold("gateway")
+    with at_work(house, 3, "sentinel") as clients:
+        until(lambda: len(clients.told) > 20, "the load to run")
+        house.hit("sentinel")
+        story = house.closed(count + 1)
+        house.running()
+        told = len(clients.told)
+        until(lambda: len(clients.told) > told + 20, "answers of the new core")
+    assert (story["diagnosis"], story["outcome"]) == ("SENTINEL_LOST", "recovered")
+    assert {told.status for told in clients.told} == {201}
+    assert_exactly_once(house, clients)
+    after = house.status()
+    assert core.gone
+    assert gateway.gone
+    assert generation(house) == number + 1
+    assert after["core"]["epoch"] == before["core"]["epoch"] + 1
+    assert after["launcher"]["pid"] == before["launcher"]["pid"]
+    assert after["url"] == before["url"]
+    one_of_each(house)
+
+
+@pytest.mark.parametrize("moment", ["killed", "spawned", "proving"])
+def test_a_sentinel_that_dies_in_the_middle_of_a_recovery_is_continued_to_one_core(
+    house: House, moment: str
+) -> None:
+    epoch = house.status()["core"]["epoch"]
+    sentinel = house.hold("sentinel")
+    with at_work(house, 2, f"middle-{moment}") as clients:
+        house.hit("core")
+        if moment == "spawned":
+            house.until(lambda s: s["phase"] == "STARTING", "the next core to start")
+        if moment == "proving":
+            house.until(lambda s: s["phase"] in {"PROVING", "PROBATION"}, "the next core to prove")
+        sentinel.hit(signal.SIGKILL)
+        house.until(lambda s: s["sentinel"]["pid"] != sentinel.pid, "another sentinel")
+        house.running()
+        told = len(clients.told)
+        until(lambda: len(clients.told) > told + 20, "answers")
+    assert {told.status for told in clients.told} == {201}
+    assert_exactly_once(house, clients)
+    assert house.status()["core"]["epoch"] > epoch
+    one_of_each(house)
+
+
+def test_without_a_launcher_the_rest_goes_on_and_the_next_up_attaches(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    before = house.status()
+    assert house.launcher is not None
+    house.launcher.kill()
+    house.launcher.wait(START_S)
+    assert house.book("without-a-launcher").status == 201
+
+    second = house.begin()
+    until(lambda: house.url in house.said, "the second `up` to attach")
+    assert house.status()["core"]["pid"] == before["core"]["pid"]
+    until(lambda: any("launcher.py" in line for line in house.processes().values()), "the launcher")
+    second.send_signal(signal.SIGINT)
+    assert second.wait(START_S) == 0
+    until(lambda: not house.processes(), "everything to be stopped")
+
+
+def test_a_guard_whose_launcher_is_gone_is_stopped_by_down(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    assert house.launcher is not None
+    house.launcher.kill()
+    house.launcher.wait(START_S)
+    assert house.cli("down").code == 0
+    until(lambda: not house.processes(), "everything to be stopped")
+
+
+def test_down_ends_a_core_and_a_gateway_that_nobody_watches(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    sentinel = house.hold("sentinel")
+    assert house.launcher is not None
+    house.launcher.kill()
+    sentinel.hit(signal.SIGKILL)
+    house.launcher.wait(START_S)
+    until(lambda: sentinel.gone, "the sentinel to be gone")
+    assert house.cli("down").code == 0
+    until(lambda: not house.processes(), "everything to be stopped")
+
+
+def test_up_after_launcher_and_sentinel_are_gone_ends_the_rest_and_starts_anew(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("before").status == 201
+    old = [house.hold(who) for who in ("core", "gateway", "sentinel")]
+    assert house.launcher is not None
+    house.launcher.kill()
+    old[2].hit(signal.SIGKILL)
+    house.launcher.wait(START_S)
+    house.up()
+    assert all(process.gone for process in old)
+    assert house.closed(1)["diagnosis"] == "SENTINEL_LOST"
+    assert house.booked() == ["before"]
+    one_of_each(house)
+
+
+def test_up_after_all_were_killed_at_once_has_lost_nothing(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    with at_work(house, 2, "all-killed", patient=False) as clients:
+        until(lambda: len(clients.told) > 20, "the load to run")
+        for pid in house.processes():
+            os.kill(pid, signal.SIGKILL)
+        clients.stop.set()
+    until(lambda: not house.processes(), "all of them to be gone")
+    house.up()
+    assert_exactly_once(house, clients)
+    assert house.ask("GET", "/api/ledger/verify").body["ok"]
+    one_of_each(house)
+
+
+def test_up_after_a_reboot_has_lost_nothing(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("before-the-reboot").status == 201
+    for pid in house.processes():
+        os.kill(pid, signal.SIGKILL)
+    until(lambda: not house.processes(), "all of them to be gone")
+    shutil.rmtree(house.folders.run)  # what a reboot does to a tmpfs
+    house.up()
+    assert house.booked() == ["before-the-reboot"]
+    assert house.status()["budget"]["used"] == 0
+
+
+def test_an_orphans_exit_status_is_kept_by_the_launcher(house: House) -> None:
+    core = house.hold("core")
+    house.hit("sentinel")
+    until(lambda: Path(house.folders.exits / str(core.pid)).exists(), "the exit status of the old core")

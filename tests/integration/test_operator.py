@@ -1,0 +1,163 @@
+"""What the operator asks for holds, at any moment, and costs nobody a request."""
+
+import signal
+import subprocess
+
+import pytest
+
+from tests.integration.clients import assert_exactly_once, at_work
+from tests.integration.conftest import MakeHouse
+from tests.integration.house import START_S, House
+from tests.waiting import until
+
+
+def wanted(house: House) -> str:
+    return str(house.cli("--json", "status").told["wanted"])
+
+
+def ended(house: House) -> int:
+    """Wait for `up` to end; nothing of the house may live after it."""
+    assert house.launcher is not None
+    code = house.launcher.wait(START_S)
+    until(lambda: not house.processes(), "everything to be stopped")
+    return code
+
+
+@pytest.mark.parametrize("words", [(), ("--hard",)])
+def test_a_restart_loses_no_request_and_is_not_counted(house: House, words: tuple[str, ...]) -> None:
+    count, before = len(house.incidents()), house.status()
+    with at_work(house, 3, f"restart{len(words)}", patient=False) as clients:
+        until(lambda: len(clients.told) > 20, "the load to run")
+        done = house.cli("--json", "restart", "--reason", "새 버전을 켜려고", *words)
+        told = len(clients.told)
+        until(lambda: len(clients.told) > told + 20, "answers of the new core")
+    assert done.code == 0, done
+    story = house.closed(count + 1)
+    assert story["id"] == done.told["incident"]
+    assert (story["diagnosis"], story["outcome"], story["planned"]) == ("OPERATOR", "recovered", True)
+    assert story["reason"] == "새 버전을 켜려고"
+    after = house.running()
+    assert after["core"]["pid"] != before["core"]["pid"]
+    assert after["core"]["epoch"] == before["core"]["epoch"] + 1
+    assert after["budget"]["used"] <= before["budget"]["used"]
+    assert_exactly_once(house, clients)
+    if not words:
+        assert {told.status for told in clients.told} == {201}, clients.told
+
+
+def test_a_restart_of_a_frozen_core_comes_back(house: House) -> None:
+    count = len(house.incidents())
+    old = house.hit("core", signal.SIGSTOP)
+    assert house.cli("restart").code == 0
+    assert old.gone
+    assert house.closed(count + 1)["outcome"] == "recovered"
+    assert house.book("after-the-frozen-restart").status == 201
+
+
+def test_a_hard_restart_while_the_next_core_starts_still_ends_with_one_core(house: House) -> None:
+    count = len(house.incidents())
+    house.hit("core")
+    house.until(lambda s: s["phase"] in {"STARTING", "PROVING"}, "the next core to start")
+    house.order("restart", hard=True)
+    house.closed(count + 1)
+    cores = [line for line in house.processes().values() if "-m core serve" in line]
+    assert len(cores) == 1, cores
+    assert house.book("after-two-restarts").status == 201
+
+
+def test_resume_changes_nothing_where_nothing_has_failed(house: House) -> None:
+    before = house.status()
+    assert house.cli("resume").code == 0
+    assert house.status()["core"]["pid"] == before["core"]["pid"]
+
+
+def test_down_stops_everything_and_stays_down_until_up(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("before-down").status == 201
+    assert house.cli("down").code == 0
+    assert ended(house) == 0
+    stopped = house.cli("--json", "status")
+    assert (stopped.code, stopped.told["state"], stopped.told["wanted"]) == (4, "UNKNOWN", "DOWN")
+    assert house.cli("down").code == 0
+    house.up()
+    assert wanted(house) == "UP"
+    assert house.booked() == ["before-down"]
+    assert house.status()["core"]["epoch"] == 2
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_up_stops_everything_and_leaves_it_wanted(
+    new_house: MakeHouse, number: signal.Signals
+) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.launcher is not None
+    house.launcher.send_signal(number)
+    assert ended(house) == 0
+    assert wanted(house) == "UP"
+    assert not house.incidents()
+
+
+def test_a_second_ctrl_c_changes_nothing(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    assert house.launcher is not None
+    house.launcher.send_signal(signal.SIGINT)
+    house.launcher.send_signal(signal.SIGINT)
+    assert ended(house) == 0
+
+
+def test_ctrl_c_at_once_stops_what_has_hardly_begun(new_house: MakeHouse) -> None:
+    house = new_house()
+    launcher = house.begin("--policy", str(house.settle_policy()))
+    until(lambda: "http://" in house.said, "the URL to be printed")
+    until(lambda: any("launcher.py" in line for line in house.processes().values()), "the launcher")
+    launcher.send_signal(signal.SIGINT)
+    assert ended(house) == 0
+    assert "Traceback" not in house.said
+
+
+def test_down_in_the_middle_of_a_recovery_is_not_forgotten(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.hit("core")
+    house.until(lambda s: s["phase"] in {"STARTING", "PROVING"}, "the next core to start")
+    assert house.cli("down").code == 0
+    assert ended(house) == 0
+    assert wanted(house) == "DOWN"
+
+
+def test_down_while_the_core_is_frozen_stops_it(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.hit("core", signal.SIGSTOP)
+    assert house.cli("down").code == 0
+    assert ended(house) == 0
+
+
+def test_a_request_that_waits_when_everything_is_stopped_is_told_that_it_was_not_done(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house(backoff_initial_ms=20_000, backoff_max_ms=20_000, probation_ms=30_000).up_unproven()
+    house.open_accounts()
+    house.hit("core")
+    house.until(lambda s: s["phase"] == "BACKOFF", "the long pause")
+    with at_work(house, 1, "waiting", patient=False) as clients:
+        house.until(lambda s: s["gateway"]["held_requests"] == 1, "the request to be held")
+        clients.stop.set()
+        down = house.cli("down")
+    assert down.code == 0
+    assert [(told.status, told.outcome) for told in clients.told] == [(503, "not_done")]
+    ended(house)
+    house.policy = {}
+    house.settle_policy()
+    house.up("--policy", str(house.settle_policy()))
+    assert house.booked() == []
+
+
+def test_a_second_up_is_refused_and_changes_nothing(house: House) -> None:
+    before = house.status()
+    second = house.cli("up", "--port", "0")
+    assert second.code == 1
+    assert house.url in second.err
+    assert house.status()["core"]["pid"] == before["core"]["pid"]
+    assert isinstance(house.launcher, subprocess.Popen)
+    assert house.launcher.poll() is None
