@@ -198,6 +198,7 @@ class UpstreamConnection(asyncio.Protocol):
             self._end()
         asker.ended()
         if reusable and self.usable:
+            self.resume()  # the last piece of an answer may have found its reader slow
             self._pool.give_back(self)
 
 

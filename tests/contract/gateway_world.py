@@ -71,6 +71,11 @@ class Call:
     connection: socket.socket
     request: Request
     epoch: int
+    ended: threading.Event
+
+    def wait_closed(self) -> None:
+        """Until the gateway has closed this connection."""
+        assert self.ended.wait(DEADLINE_S), "the gateway keeps a connection that is of no use"
 
     def answer(
         self, status: int = 200, body: bytes = b"", *, epoch: int | None = -1, headers: tuple[str, ...] = ()
@@ -141,9 +146,10 @@ class Core:
 
     def _serve(self, connection: socket.socket) -> None:
         stream = connection.makefile("rb")
+        ended = threading.Event()
         try:
             while (request := read_request(stream, lambda: self.at_head is not None)) is not None:
-                call = Call(connection, request, self.epoch)
+                call = Call(connection, request, self.epoch, ended)
                 if request.target == "/healthz":
                     self.health(call)
                     continue
@@ -160,6 +166,7 @@ class Core:
                 self._open.discard(connection)
             stream.close()
             connection.close()
+            ended.set()
 
     def wait(self, target: str, count: int = 1) -> list[Call]:
         return self.calls.wait(lambda call: call.request.target == target, count)

@@ -160,7 +160,7 @@ def test_connections_to_an_older_core_are_closed_before_a_newer_one_serves(tmp_p
         (call,) = first.wait("/t")
         second = w.core(2)
         w.feed.serve(second)
-        assert call.connection.recv(1) == b""
+        call.wait_closed()
         call.answer(200, b"too late")
         assert client.read().json()["epoch"] == 2
 
