@@ -7,7 +7,6 @@ own, which measure a piece by itself and print what they found.
 
 import argparse
 import json
-import signal
 import subprocess
 import sys
 import tempfile
@@ -19,7 +18,7 @@ from pathlib import Path
 from bench import crowd, deaths, rates, weight
 from bench.figures import Figure
 from bench.machine import described, machine
-from examples.guarded import GuardError
+from examples.guarded import GuardError, stop_cleanly
 from examples.reading import UnreadableError
 
 
@@ -138,7 +137,7 @@ def run(asked: argparse.Namespace) -> None:
 def main() -> int:
     """Measure; return the exit code."""
     asked = parse()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    stop_cleanly()
     try:
         run(asked)
     except KeyboardInterrupt:

@@ -72,7 +72,7 @@ def bare_start_ms(data: Path, folder: Path, question: str) -> float:
     ]
     environment = {"PATH": os.environ["PATH"], "HARDCORE_DATA": str(data)}
     began_ns = time.monotonic_ns()
-    with subprocess.Popen(argv, env=environment, pass_fds=(fd,)) as server:
+    with subprocess.Popen(argv, env=environment, pass_fds=(fd,), start_new_session=True) as server:
         try:
             listener.close()  # ours: who waits must hear when the server's is gone
             assert _asked(path, question) == 200, "the bare start answered something else"

@@ -24,6 +24,8 @@ TRANSACTIONS = 500
 SEEN_MS_MAX = 5
 DEATH_MS_MAX = 10_000
 COLD_RATIO_MAX = 1.3
+#: Where the time of a cold start goes: process made, older cores fenced off, book proven, first answer.
+STEPS = ("spawned", "fenced", "ready", "serving")
 
 
 def measure(folder: Path, *, kills: int, freezes: int) -> list[Figure]:
@@ -33,7 +35,7 @@ def measure(folder: Path, *, kills: int, freezes: int) -> list[Figure]:
         fill(instance, TRANSACTIONS)
     copy.mkdir()
     shutil.copy(data / LEDGER_FILE, copy)  # at rest: a ledger that nobody has open is one file
-    seen, told, cold, bare = [], [], [], []
+    seen, told, cold, bare, steps = [], [], [], [], []
     with Watched(data) as instance:
         for _round in range(kills):
             hit_ns, told_ns, seen_ns = noticed(instance)
@@ -42,6 +44,8 @@ def measure(folder: Path, *, kills: int, freezes: int) -> list[Figure]:
         for _round in range(kills):
             bare.append(bare_start_ms(copy, folder, ONE_ACCOUNT))
             cold.append(out_of_service_ms(instance, signal.SIGKILL))
+            instance.quiet()
+            steps.append(instance.last_timeline())
         frozen = [out_of_service_ms(instance, signal.SIGSTOP) for _round in range(freezes)]
     kernel = Baseline("the kernel's word to the killer", tuple(told))
     bare_start = Baseline("a bare uvicorn start", tuple(bare))
@@ -50,6 +54,7 @@ def measure(folder: Path, *, kills: int, freezes: int) -> list[Figure]:
         Figure(
             "kill -9 -> serving again", "ms", tuple(cold), bare_start, Target(COLD_RATIO_MAX, of_ratio=True)
         ),
+        *(Figure(f"  noticed -> {step}", "ms", tuple(each[step] for each in steps)) for step in STEPS),
         Figure("kill -STOP -> serving again", "ms", tuple(frozen)),
     ]
 

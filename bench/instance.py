@@ -59,6 +59,12 @@ class Watched(Guarded):
         notes = [json.loads(line) for line in lines]
         return [note["at_ns"] for note in notes if note["kind"] == "phase" and note["trigger"] == "EXITED"]
 
+    def last_timeline(self) -> dict[str, float]:
+        """Return how long after the fault each step of the last incident came, in ms."""
+        last = self._folders.incidents / str(self.status()["last_incident"]) / "incident.json"
+        steps = json.loads(last.read_text("utf-8"))["timeline"]
+        return {step["step"]: step["offset_ms"] for step in steps}
+
 
 def transaction(words: str) -> dict[str, Any]:
     """Return the body of an ordinary small transaction."""

@@ -40,7 +40,8 @@ def measure(folder: Path, *, rounds: int, seconds: float) -> list[Figure]:
 def _rate(kind: str, address: str, seconds: float, name: str) -> float:
     argv = [sys.executable, "-m", "bench.pusher", kind, address, str(CONNECTIONS), str(seconds)]
     pushers = [
-        subprocess.Popen([*argv, f"{name}-{number}"], stdout=subprocess.PIPE) for number in range(PUSHERS)
+        subprocess.Popen([*argv, f"{name}-{number}"], stdout=subprocess.PIPE, start_new_session=True)
+        for number in range(PUSHERS)
     ]
     try:
         counted = [json.loads(pusher.communicate(timeout=seconds + MARGIN_S)[0]) for pusher in pushers]

@@ -187,3 +187,16 @@ class Guarded:
             if told[part]["pid"] is not None:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(told[part]["pid"], signal.SIGKILL)
+
+
+def stop_cleanly() -> None:
+    """Make the first Ctrl-C or TERM a KeyboardInterrupt, and later ones nothing: what is running gets stopped."""
+
+    def stop(_number: int, _frame: object) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        sys.stderr.write("\nStopping.\n")
+        raise KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)

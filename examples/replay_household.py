@@ -24,7 +24,7 @@ from typing import Any
 
 try:
     from examples import audit, household
-    from examples.guarded import Guarded, GuardError
+    from examples.guarded import Guarded, GuardError, stop_cleanly
     from examples.lanes import Lanes
     from examples.line import Answer, Line
     from examples.reading import UnreadableError, read_ledger
@@ -271,14 +271,6 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def stop_once(_number: int, _frame: object) -> None:
-    """Stop cleanly at the first Ctrl-C; a second one must not leave anything running."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    print("\nStopping.", flush=True)
-    raise KeyboardInterrupt
-
-
 @contextmanager
 def folder(kept: Path | None) -> Iterator[Path]:
     """Give the folder for everything: the one to be kept, or one that is removed in the end."""
@@ -295,8 +287,7 @@ def folder(kept: Path | None) -> Iterator[Path]:
 def main() -> int:
     """Run the example; return the exit code."""
     asked = parse()
-    signal.signal(signal.SIGINT, stop_once)
-    signal.signal(signal.SIGTERM, stop_once)
+    stop_cleanly()
     try:
         with folder(asked.data) as data:
             return 0 if run(data, quick=asked.quick, seed=asked.seed) else 1
