@@ -23,7 +23,21 @@ _CHUNK = 50
 _SHORT = dict(
     zip(
         Phase,
-        "stopd adopt start prove proba runng suspt evid stopg kill unkil back fatal".split(),
+        [
+            "stopd",
+            "adopt",
+            "start",
+            "prove",
+            "proba",
+            "runng",
+            "suspt",
+            "evid",
+            "stopg",
+            "kill",
+            "unkil",
+            "back",
+            "fatal",
+        ],
         strict=True,
     )
 )

@@ -247,6 +247,9 @@ class Checkers:
         _hold(told.id in guard.ids, f"{told.id} was never opened")
         _hold(told.id not in self.closed, f"{told.id} is closed twice")
         _hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
+        over = self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
+        _hold(told.outcome == "recovered" or over, "nothing is given up while somebody still tries")
+        _hold(over or self._phase is Phase.RUNNING, "an incident is over when a core has lasted")
         steps = dict(told.timeline)
         _hold({"fault", "detected", "closed"} <= set(steps), "each incident says when it began and ended")
         _hold(steps["fault"] <= steps["detected"] <= steps["closed"], "nothing is found before it is there")

@@ -188,6 +188,8 @@ class World:
         """The whole machine sleeps: nobody can do anything, the clock goes on."""
         self.clock.leap(gap_ns)
         life = self.core
+        if life is not None:
+            life.since_ns += gap_ns  # what befell it did not go on in its sleep
         if life is not None and life.condition is WELL:
             life.befall(STARVED, self.rng.randrange(150) * NS_PER_MS)
             self.worry()

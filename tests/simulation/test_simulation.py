@@ -1,0 +1,181 @@
+import dataclasses
+import itertools
+import json
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hardcore.model.observations import Sampled
+from hardcore.model.phases import Phase
+from hardcore.model.verdicts import Colour, Diagnosis, Verdict
+from hardcore.recovery import failover, plan, transitions, trial
+from hardcore.recovery.budget import Budget
+from hardcore.recovery.policy import Policy
+from hardcore.recovery.store import StoreKnowledge
+from hardcore.recovery.transitions import Row, Step, Trigger
+from hardcore.sentinel.verdict import Bench, Patience
+from hardcore.sentinel.witnesses.beats import LoneThread
+from hardcore.sentinel.witnesses.own_stall import OwnStall
+from tests.simulation.run import POLICIES, Script, run
+
+P, T, S = Phase, Trigger, Step
+
+SEEDS = 200
+FRESH_SEEDS = 40
+#: A mutant must be found within so many seeds.
+MUTANT_SEEDS = 3000
+
+REGRESSIONS = sorted((Path(__file__).parent / "regressions").glob("*.json"))
+
+
+def _fresh_seed() -> int:
+    """Of the commit that is tested, so that each change also meets seeds nobody has seen; else 1."""
+    here = Path(__file__).parent
+    try:
+        said = subprocess.run(
+            ["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True, check=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return 1
+    return int(said.stdout[:8], 16)
+
+
+def _broken(seeds: range) -> list[str]:
+    return [str(result) for seed in seeds if (result := run(seed)).broken]
+
+
+def test_every_law_holds_in_the_worlds_of_the_fixed_seeds() -> None:
+    assert _broken(range(SEEDS)) == []
+
+
+def test_every_law_holds_in_worlds_that_nobody_has_seen() -> None:
+    first = _fresh_seed()
+    assert _broken(range(first, first + FRESH_SEEDS)) == []
+
+
+@pytest.mark.parametrize("path", REGRESSIONS, ids=lambda path: path.stem)
+def test_what_once_broke_holds(path: Path) -> None:
+    told = json.loads(path.read_text())
+    script = Script(told["kind"], told["policy"], tuple((at_ms, name) for at_ms, name in told["faults"]))
+    assert run(told["seed"], script).broken is None, told["story"]
+
+
+def test_the_same_seed_is_the_same_run() -> None:
+    assert run(7, tell=True).story == run(7, tell=True).story
+
+
+# A world that is too kind finds nothing. Each mutant below is a guard with one thing wrong, and some world
+# among the first seeds must say so.
+
+Mutation = Callable[[pytest.MonkeyPatch], None]
+
+
+def _table(phase: Phase, trigger: Trigger, row: Row | None) -> Mutation:
+    """One cell of the table is another, or STAY."""
+
+    def mutate(patch: pytest.MonkeyPatch) -> None:
+        rows = {**transitions.TABLE[phase]}
+        if row is None:
+            del rows[trigger]
+        else:
+            rows[trigger] = row
+        patch.setattr(transitions, "TABLE", {**transitions.TABLE, phase: rows})
+
+    return mutate
+
+
+def _without(question: Trigger) -> Mutation:
+    """A question is never asked on entering a phase."""
+    asked = {p: tuple(t for t in all_of if t is not question) for p, all_of in transitions.ON_ENTRY.items()}
+    return lambda patch: patch.setattr(failover, "ON_ENTRY", asked)
+
+
+def _no_evidence(patch: pytest.MonkeyPatch) -> None:
+    judged = (P.KILLING, (S.OPEN, S.KILL))
+    table = {p: {t: judged if S.EVIDENCE_LIVE in r[1] else r for t, r in rows.items()} for p, rows in _rows()}
+    patch.setattr(transitions, "TABLE", table)
+
+
+def _rows() -> list[tuple[Phase, dict[Trigger, Row]]]:
+    return [(phase, dict(rows)) for phase, rows in transitions.TABLE.items()]
+
+
+def _instead(room: object, name: str, answer: Callable[..., object]) -> Mutation:
+    """A function of a room gives another answer."""
+    return lambda patch: patch.setattr(room, name, answer)
+
+
+def _always(value: object) -> Callable[..., object]:
+    """A function that answers the same whatever it is asked."""
+    return lambda *asked, **named: (value, asked, named)[0]
+
+
+def _kill_what_is_only_late(patch: pytest.MonkeyPatch) -> None:
+    judge = Bench.judge
+
+    def harsh(self: Bench, tick: Sampled) -> Verdict:
+        verdict = judge(self, tick)
+        if verdict.testimonies and verdict.diagnosis is None:
+            return dataclasses.replace(verdict, colour=Colour.RED, diagnosis=Diagnosis.LOOP_BLOCKED)
+        return verdict
+
+    patch.setattr(Bench, "judge", harsh)
+
+
+def _trust_an_old_epoch(store: StoreKnowledge, page: object) -> None:
+    del page
+    store.epoch = 3
+
+
+def _dice_of_its_own(patch: pytest.MonkeyPatch) -> None:
+    dice = itertools.count()
+    pause_ns = plan.pause_ns
+    patch.setattr(plan, "pause_ns", lambda policy, tries, _: pause_ns(policy, tries, next(dice) % 97 / 97))
+
+
+def _end_it_while_it_lives(patch: pytest.MonkeyPatch) -> None:
+    _table(P.KILLING, T.DEADLINE, (P.BACKOFF, ()))(patch)
+
+
+MUTANTS: dict[str, Mutation] = {
+    "START from UNKILLABLE": _table(P.UNKILLABLE, T.RESTART_HARD, (P.STARTING, (S.FORGET, S.SPAWN))),
+    "START while the old one is being killed": _end_it_while_it_lives,
+    "START beside a leftover": _table(P.ADOPTING, T.DEADLINE, (P.STARTING, (S.SPAWN,))),
+    "STOP forgotten in BACKOFF": _table(P.BACKOFF, T.STOP, None),
+    "STOP forgotten in RUNNING": _table(P.RUNNING, T.STOP, None),
+    "STOP forgotten on the way": _without(T.UNWANTED),
+    "RELEASE before READY": _table(P.STARTING, T.EPOCH_RAISED, (P.PROBATION, (S.RELEASE,))),
+    "death in PROBATION not noticed": _table(P.PROBATION, T.EXITED, None),
+    "death while asked to leave not noticed": _table(P.STOPPING, T.EXITED, None),
+    "no KILL after TERM": _table(P.STOPPING, T.DEADLINE, None),
+    "no CLOSE after PROBATION": _table(P.PROBATION, T.DEADLINE, (P.RUNNING, (S.SETTLED,))),
+    "CLOSE before PROBATION": _table(P.PROVING, T.READY, (P.PROBATION, (S.RELEASE, S.CLOSE))),
+    "verdict without effect": _table(P.SUSPECT, T.LOST, None),
+    "no deadline for the evidence": _table(P.SNAPSHOT_LIVE, T.DEADLINE, None),
+    "late birth not noticed": _table(P.KILLING, T.SPAWNED, None),
+    "failed birth not noticed": _table(P.STARTING, T.SPAWN_FAILED, None),
+    "HALT without a stop": _table(P.FATAL, T.RESUME, (P.STOPPED, (S.HALT,))),
+    "no evidence": _no_evidence,
+    "budget forgotten": _instead(Budget, "after_death", Budget.at),
+    "never gives up": _instead(plan, "hopeless", _always(None)),
+    "suspects replayed": _instead(trial, "suspects", _always(())),
+    "own stall held against the core": _instead(OwnStall, "look", _always(value=False)),
+    "one look is enough": _instead(LoneThread, "look", _always(value=True)),
+    "no patience": _instead(plan, "patience", _always(Patience(100, 100, 110, 120))),
+    "lateness alone is a verdict": _kill_what_is_only_late,
+    "an old epoch trusted": _instead(StoreKnowledge, "saw", _trust_an_old_epoch),
+    "dice of its own": _dice_of_its_own,
+}
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("name", MUTANTS)
+def test_a_guard_with_one_thing_wrong_is_found_out(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    MUTANTS[name](monkeypatch)
+    assert any(run(seed).broken for seed in range(MUTANT_SEEDS)), f"{MUTANT_SEEDS} worlds were too kind"
+
+
+def test_the_shipped_policy_is_among_those_simulated() -> None:
+    assert POLICIES[0] == Policy()
