@@ -47,6 +47,7 @@ class Executor:
         self.halted = asyncio.Event()
         self.switch: dict[str, object] = {"generation": generation}
         self._switch_lock = threading.Lock()
+        self._keeping = asyncio.Lock()
         self.pool = ThreadPoolExecutor(THREADS_MAX, thread_name_prefix="hand")
         self._folders = folders
         self._generation = generation
@@ -124,7 +125,8 @@ class Executor:
 
     async def _spawn(self, order: orders.Spawn) -> None:
         try:
-            life = await self.in_hand(self._make, order)
+            living = {life.nonce for life in self.lives.values()}  # here: the loop changes them meanwhile
+            life = await self.in_hand(self._make, order, living)
         except OSError as error:
             self._tell(seen.SpawnFailed(clock.now_ns(), order.life, error.strerror or str(error)))
             return
@@ -133,9 +135,9 @@ class Executor:
         loop.add_reader(life.handle.pidfd, self._ended, life)
         self._tell(seen.CoreSpawned(clock.now_ns(), order.life, life.handle.pid))
 
-    def _make(self, order: orders.Spawn) -> Life:
+    def _make(self, order: orders.Spawn, living: set[str]) -> Life:
         self.mark("spawn", life=order.life, expected_epoch=order.expected_epoch)
-        lives.sweep(self._folders, {life.nonce for life in self.lives.values()})
+        lives.sweep(self._folders, living)
         logs.rotate(self._folders.logs / "core.log")
         life = lives.conceive(self._folders, order.life)
         try:
@@ -272,7 +274,8 @@ class Executor:
         handle.close()
 
     async def _keep(self, order: orders.KeepBudget) -> None:
-        await self.in_hand(deaths.write_deaths, self._folders, order.deaths_ns)
+        async with self._keeping:  # in their order: an older count must not be written over a newer one
+            await self.in_hand(deaths.write_deaths, self._folders, order.deaths_ns)
 
 
 async def _gone(handle: processes.Handle) -> None:
@@ -286,4 +289,3 @@ async def _gone(handle: processes.Handle) -> None:
     finally:
         loop.remove_reader(fd)
         os.close(fd)
-

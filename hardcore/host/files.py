@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import threading
 from pathlib import Path
 
 SMALL_FILE_BYTES_MAX = 1 << 20
@@ -13,7 +14,8 @@ def write_whole(path: Path, data: bytes, *, durable: bool = True) -> None:
 
     Raises OSError as the file system gives it.
     """
-    temp = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    # Threads are numbered like processes, over the whole machine: no two writers share a draft.
+    temp = path.with_name(f".{path.name}.{threading.get_native_id()}.tmp")
     fd = os.open(temp, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
     try:
         with os.fdopen(fd, "wb") as file:

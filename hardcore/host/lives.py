@@ -219,11 +219,19 @@ def _last_page(folders: Folders) -> Page | None:
 
 def sweep(folders: Folders, living: set[str], keep: int = DEAD_LIVES_KEPT) -> None:
     """Remove the files of dead lives that nobody needs any more, but for the `keep` youngest."""
-    pages = sorted(folders.run.glob("recorder-*"), key=lambda p: p.stat().st_mtime_ns, reverse=True)
+    pages = sorted(folders.run.glob("recorder-*"), key=_written_ns, reverse=True)
     nonces = [p.name.removeprefix("recorder-") for p in pages if not p.suffix]
     for nonce in [n for n in nonces if n not in living][keep:]:
         for path in _files(folders, nonce):
             path.unlink(missing_ok=True)
+
+
+def _written_ns(path: Path) -> int:
+    """Return when a file was written last; 0 if it has gone meanwhile: a dead life is buried on another thread."""
+    try:
+        return path.stat().st_mtime_ns
+    except FileNotFoundError:
+        return 0
 
 
 def environment_of_gateway(folders: Folders) -> dict[str, str]:

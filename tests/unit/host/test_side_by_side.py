@@ -1,0 +1,46 @@
+"""The guard's hands work side by side: what one of them writes or removes must not trip another."""
+
+import json
+import threading
+from pathlib import Path
+
+from hardcore.host import files, lives
+from hardcore.host.folders import Folders
+
+WRITERS = 4
+ROUNDS = 50
+
+
+def test_a_page_that_vanishes_while_old_lives_are_swept_keeps_no_core_from_being_started(
+    tmp_path: Path,
+) -> None:
+    folders = Folders(tmp_path, tmp_path)
+    (tmp_path / "recorder-gone").symlink_to(
+        tmp_path / "nowhere"
+    )  # listed, and not there when it is looked at
+    for nonce in ("a", "b", "living"):
+        (tmp_path / f"recorder-{nonce}").touch()
+    lives.sweep(folders, {"living"}, keep=1)
+    assert (tmp_path / "recorder-living").exists()
+    assert sum((tmp_path / f"recorder-{nonce}").exists() for nonce in ("a", "b")) == 1
+
+
+def test_writers_of_one_file_do_not_take_each_others_draft(tmp_path: Path) -> None:
+    path = tmp_path / "budget.json"
+    faults: list[Exception] = []
+
+    def write(number: int) -> None:
+        try:
+            for _ in range(ROUNDS):
+                files.write_json(path, {"number": number}, durable=False)
+        except OSError as error:
+            faults.append(error)
+
+    threads = [threading.Thread(target=write, args=(number,)) for number in range(WRITERS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not faults
+    assert json.loads(path.read_text())["number"] in range(WRITERS)
+    assert list(tmp_path.iterdir()) == [path]
