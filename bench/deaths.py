@@ -70,7 +70,7 @@ def noticed(instance: Watched) -> tuple[int, int, int]:
     told_ns = time.monotonic_ns()
     core.let_go()
     instance.quiet()
-    return hit_ns, told_ns, instance.seen_exits_ns()[-1]
+    return hit_ns, told_ns, instance.last_exit_ns()
 
 
 def out_of_service_ms(instance: Watched, number: signal.Signals) -> float:

@@ -53,11 +53,11 @@ class Watched(Guarded):
         """Return the socket of the serving core: the youngest."""
         return max(self._folders.run.glob("core-*.sock"), key=lambda path: path.stat().st_ctime_ns)
 
-    def seen_exits_ns(self) -> list[int]:
-        """Return when the guard saw a core end, each time, by its own log."""
+    def last_exit_ns(self) -> int:
+        """Return when the guard last saw a core end, by its own log."""
         lines = (self._folders.logs / "sentinel.log").read_text("utf-8").splitlines()
         notes = [json.loads(line) for line in lines]
-        return [note["at_ns"] for note in notes if note["kind"] == "phase" and note["trigger"] == "EXITED"]
+        return max(note["at_ns"] for note in notes if note["kind"] == "phase" and note["trigger"] == "EXITED")
 
     def last_timeline(self) -> dict[str, float]:
         """Return how long after the fault each step of the last incident came, in ms."""
