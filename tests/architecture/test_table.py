@@ -1,0 +1,169 @@
+"""The table of transitions is total, has no dead end, and its picture is in step.
+
+That no row is dead is shown where the worlds are: `tests/simulation/test_rows.py`.
+"""
+
+from itertools import product
+
+import pytest
+
+from hardcore.model import observations as seen
+from hardcore.model.phases import (
+    LIVING,
+    SERVING,
+    Face,
+    HAState,
+    Phase,
+    StartCause,
+    Wanted,
+    face,
+    ha_state,
+    stage,
+)
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.failover import FailoverManager
+from hardcore.recovery.plan import limit_ns
+from hardcore.recovery.policy import DEFAULT_ACTIONS, Policy
+from hardcore.recovery.transitions import ON_ENTRY, TABLE, Step, Trigger, step
+from tests.architecture.draw_table import PAGE, draw
+
+#: Phases that may last for ever: what people want, or what only people can end.
+MAY_LAST = frozenset({Phase.STOPPED, Phase.RUNNING, Phase.SUSPECT, Phase.UNKILLABLE, Phase.FATAL})
+
+
+@pytest.mark.parametrize(("phase", "trigger"), list(product(Phase, Trigger)))
+def test_every_cell_of_the_table_is_a_row_or_stay(phase: Phase, trigger: Trigger) -> None:
+    row = step(phase, trigger)
+    if row is not None:
+        after, steps = row
+        assert isinstance(after, Phase)
+        assert all(isinstance(one, Step) for one in steps)
+
+
+def test_every_phase_has_rows() -> None:
+    assert set(TABLE) == set(Phase)
+
+
+def test_every_phase_is_reached_from_stopped() -> None:
+    reached, new = {Phase.STOPPED}, {Phase.STOPPED}
+    while new:
+        new = {after for before in new for after, _ in TABLE[before].values()} - reached
+        reached |= new
+    assert reached == set(Phase)
+
+
+@pytest.mark.parametrize("phase", Phase)
+def test_every_phase_can_be_left(phase: Phase) -> None:
+    assert any(after is not phase for after, _ in TABLE[phase].values())
+
+
+@pytest.mark.parametrize("phase", Phase)
+def test_a_phase_ends_by_itself_or_is_meant_to_last(phase: Phase) -> None:
+    timed = limit_ns(Policy(), phase, 1, Diagnosis.CRASHED) is not None
+    assert timed != (phase in MAY_LAST)
+    if timed:
+        assert Trigger.DEADLINE in TABLE[phase]
+
+
+def test_only_a_spent_budget_ends_fatal_by_itself() -> None:
+    assert limit_ns(Policy(), Phase.FATAL, 0, Diagnosis.CRASH_LOOP) == Policy().slow_retry_sec * 1_000_000_000
+    assert limit_ns(Policy(slow_retry_sec=0), Phase.FATAL, 0, Diagnosis.CRASH_LOOP) is None
+    assert limit_ns(Policy(), Phase.FATAL, 0, Diagnosis.STORE_CORRUPT) is None
+
+
+def test_a_core_is_started_only_from_a_phase_without_a_process() -> None:
+    starts = {before for before, rows in TABLE.items() for _, steps in rows.values() if Step.SPAWN in steps}
+    assert starts.isdisjoint(LIVING)
+
+
+def test_a_phase_with_a_process_hears_of_its_end() -> None:
+    assert all(Trigger.EXITED in TABLE[phase] for phase in LIVING)
+
+
+def test_a_phase_in_which_a_process_may_be_in_the_making_hears_of_its_failure() -> None:
+    possible = {Phase.STARTING, Phase.STOPPING, Phase.SNAPSHOT_LIVE, Phase.KILLING, Phase.UNKILLABLE}
+    assert all(Trigger.SPAWN_FAILED in TABLE[phase] for phase in possible)
+
+
+def test_only_a_core_that_is_ready_is_released() -> None:
+    releases = {t for rows in TABLE.values() for t, (_, steps) in rows.items() if Step.RELEASE in steps}
+    assert releases == {Trigger.READY}
+
+
+def test_a_living_core_is_killed_only_after_evidence_or_by_the_operators_word() -> None:
+    kills = {(p, t) for p, rows in TABLE.items() for t, (_, steps) in rows.items() if Step.KILL in steps}
+    for phase, trigger in kills:
+        asked = trigger is Trigger.RESTART_HARD or phase is Phase.STOPPING
+        told_before = phase in {Phase.SNAPSHOT_LIVE, Phase.KILLING, Phase.UNKILLABLE}
+        assert asked or told_before, f"{phase} x {trigger}"
+
+
+def test_a_stop_is_obeyed_at_once_or_asked_about_before_the_next_start() -> None:
+    for phase in Phase:
+        obeyed = Trigger.STOP in TABLE[phase]
+        leads_on = {after for after, _ in TABLE[phase].values()} - {phase}
+        asked = all(
+            Trigger.UNWANTED in ON_ENTRY.get(after, ()) or after is Phase.KILLING for after in leads_on
+        )
+        assert obeyed or asked, phase
+
+
+def test_every_question_on_entering_a_phase_has_its_row() -> None:
+    assert all(question in TABLE[phase] for phase, asked in ON_ENTRY.items() for question in asked)
+
+
+def test_every_diagnosis_has_a_default_answer() -> None:
+    assert set(DEFAULT_ACTIONS) == set(Diagnosis)
+    assert all(DEFAULT_ACTIONS.values())
+
+
+@pytest.mark.parametrize(("phase", "wanted"), list(product(Phase, Wanted)))
+def test_every_reading_of_every_phase_has_an_answer(phase: Phase, wanted: Wanted) -> None:
+    assert isinstance(face(phase, wanted), Face)
+    assert stage(phase) in {None, 1, 2, 3, 4}
+    for cause, yellow in product(StartCause, (False, True)):
+        assert isinstance(ha_state(phase, wanted, cause, yellow=yellow), HAState)
+
+
+def test_requests_are_forwarded_in_the_phases_that_serve_and_in_no_other() -> None:
+    assert {phase for phase in Phase if face(phase, Wanted.UP) is Face.FORWARD} == SERVING
+
+
+def test_what_nobody_wants_is_a_shutdown_in_every_phase() -> None:
+    assert {ha_state(p, Wanted.DOWN, c, yellow=False) for p in Phase for c in StartCause} == {
+        HAState.SHUTDOWN
+    }
+
+
+_NS = 1_000_000_000
+_FACTS: tuple[seen.Observation, ...] = (
+    seen.SentinelBegan(_NS),
+    seen.SentinelBegan(_NS, leftovers=True),
+    *(seen.OperatorAsked(_NS, verb) for verb in seen.Verb),
+    seen.DrillStarted(_NS, "crash"),
+    seen.GatewayHolding(_NS),
+    seen.FirstServed(_NS, 1),
+    seen.RequestsSettled(_NS, "i", ()),
+    *(seen.CoreSpawned(_NS, life, 1) for life in (0, 1)),
+    *(seen.SpawnFailed(_NS, life, "none") for life in (0, 1)),
+    *(seen.CoreExited(_NS, life, seen.Exit(code=1), None) for life in (0, 1)),
+    *(seen.EvidenceTaken(_NS, life, complete=True, page=None) for life in (0, 1)),
+    seen.FenceBlocked(_NS, 1),
+    seen.TermReceived(_NS, 1, 1),
+    seen.StartExtended(_NS, 1, _NS),
+    seen.EpochRaised(_NS, 1, 2),
+    seen.CoreReady(_NS, 1, 2, seen.Proof("chain", 0, 0, "")),
+)
+
+
+@pytest.mark.parametrize("first", _FACTS, ids=lambda fact: type(fact).__name__)
+def test_no_two_facts_in_any_order_surprise_a_guard_that_is_up(first: seen.Observation) -> None:
+    for second, third in product(_FACTS, _FACTS):
+        manager = FailoverManager(Policy(), Wanted.UP, lambda: "i", lambda: 0.5)
+        for fact in (seen.SentinelBegan(_NS), first, second, third):
+            if not isinstance(fact, seen.SentinelBegan) or manager.reading().phase is Phase.STOPPED:
+                manager.receive(fact)
+
+
+def test_the_page_about_the_table_is_drawn_from_it() -> None:
+    assert PAGE.read_text(encoding="utf-8") == draw(), "python -m tests.architecture.draw_table"
