@@ -57,7 +57,9 @@ class Watched(Guarded):
         """Return when the guard last saw a core end, by its own log."""
         lines = (self._folders.logs / "sentinel.log").read_text("utf-8").splitlines()
         notes = [json.loads(line) for line in lines]
-        return max(note["at_ns"] for note in notes if note["kind"] == "phase" and note["trigger"] == "EXITED")
+        return max(
+            int(note["at_ns"]) for note in notes if note["kind"] == "phase" and note["trigger"] == "EXITED"
+        )
 
     def last_timeline(self) -> dict[str, float]:
         """Return how long after the fault each step of the last incident came, in ms."""

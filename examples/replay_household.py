@@ -10,6 +10,7 @@ but what a blow meets in flight is the machine's own doing, and differs each tim
 
 import argparse
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -24,7 +25,7 @@ from typing import Any
 
 try:
     from examples import audit, household
-    from examples.guarded import Guarded, GuardError, stop_cleanly
+    from examples.guarded import HARDCORE, Guarded, GuardError, stop_cleanly
     from examples.lanes import Lanes
     from examples.line import Answer, Line
     from examples.reading import UnreadableError, read_ledger
@@ -266,22 +267,39 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help=f"one year and {BLOWS_QUICK} blows")
     parser.add_argument("--seed", type=int, default=7, help="of the blows and their moments (default 7)")
     parser.add_argument(
-        "--data", type=Path, help="keep everything in this new folder (default: nothing is kept)"
+        "--data",
+        type=Path,
+        help="keep everything in this new folder (default: kept only if something is wrong)",
     )
     return parser.parse_args()
 
 
-@contextmanager
-def folder(kept: Path | None) -> Iterator[Path]:
-    """Give the folder for everything: the one to be kept, or one that is removed in the end."""
+def new_folder(kept: Path | None) -> Path:
+    """Make the folder for everything. Raises GuardError if the one to be kept is in use."""
     if kept is None:
-        with tempfile.TemporaryDirectory(prefix="household-") as made:
-            yield Path(made)
-        return
+        return Path(tempfile.mkdtemp(prefix="household-"))
     if kept.exists() and any(kept.iterdir()):
         raise GuardError(f"{kept} is not empty: name a new folder with --data.")
     kept.mkdir(parents=True, exist_ok=True)
-    yield kept.absolute()
+    return kept.absolute()
+
+
+def run_in_folder(asked: argparse.Namespace) -> int:
+    """Run, and keep the folder if that was asked for or if something in it has to be looked at."""
+    data = new_folder(asked.data)
+    keep = True
+    try:
+        well = run(data, quick=asked.quick, seed=asked.seed)
+        keep = asked.data is not None or not well
+    except KeyboardInterrupt:
+        keep = asked.data is not None
+        raise
+    finally:
+        if keep:
+            print(f"The blows, told one by one: {HARDCORE} --data {data} incidents")
+        else:
+            shutil.rmtree(data)
+    return 0 if well else 1
 
 
 def main() -> int:
@@ -289,8 +307,7 @@ def main() -> int:
     asked = parse()
     stop_cleanly()
     try:
-        with folder(asked.data) as data:
-            return 0 if run(data, quick=asked.quick, seed=asked.seed) else 1
+        return run_in_folder(asked)
     except KeyboardInterrupt:
         print("Stopped. Nothing is left running.")
         return 130

@@ -14,6 +14,7 @@ import pytest
 
 from examples import audit
 from examples.household import Household, Wish
+from examples.lanes import Lanes
 from examples.reading import Books
 from tests import waiting
 
@@ -125,3 +126,19 @@ def test_a_ledger_that_has_everything_once_and_in_order_is_found_good() -> None:
 )
 def test_a_ledger_that_differs_is_refused(check: str, change: dict[str, Any]) -> None:
     assert faults(dataclasses.replace(GOOD, **change))[check] > 0
+
+
+# ---- several senders, and yet each account has its own in order ----
+
+
+def test_work_is_ready_when_it_is_first_for_every_account_it_touches() -> None:
+    lanes = Lanes([("a",), ("a", "b"), ("b",), ("c",)])
+    lanes.open_up_to(4)
+    assert [lanes.take(), lanes.take()] == [0, 3]
+    lanes.finish(0)
+    assert lanes.take() == 1
+    lanes.finish(1)
+    assert lanes.take() == 2
+    lanes.finish(2)
+    lanes.finish(3)
+    assert lanes.take() is None
