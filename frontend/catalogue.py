@@ -60,6 +60,14 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "돌고 있는 것이 없어요. 꺼진 상태로 기억해 둘게요.",
         "Nothing was running. It is noted that it should stay off.",
     ),
+    "down_not_stored": (
+        "꺼진 상태로 기억해 둘 수 없어서 끄지 않았어요 ({why}). 데이터 폴더에 쓸 수 있게 한 뒤 다시 하세요.",
+        "Not stopped: that it should stay off can't be written ({why}). Make the data folder writable and try again.",
+    ),
+    "data_not_written": (
+        "데이터 폴더에 쓸 수 없어요: {path} ({why}). 자리를 만들거나 --data로 다른 폴더를 고르세요.",
+        "The data folder can't be written: {path} ({why}). Make room, or choose another with --data DIR.",
+    ),
     "still_stopping": (
         "{seconds}초가 지났는데 아직 끄는 중이에요. `hardcore status`로 확인하세요.",
         "Still stopping after {seconds} seconds. See `hardcore status`.",

@@ -174,7 +174,10 @@ def down(asked: Asked) -> None:
     """Stop everything and keep it stopped until the next `up`."""
     folders = asked.folders
     if not _held(folders):
-        ended = _down_without_a_sentinel(folders)
+        try:
+            ended = _down_without_a_sentinel(folders)
+        except OSError as error:
+            asked.fail(text("down_not_stored", asked.lang, why=error.strerror))
         asked.say("stopped" if ended else "nothing_running")
         asked.tell({"ok": True, "was_running": ended > 0})
         return
@@ -188,7 +191,7 @@ def down(asked: Asked) -> None:
 
 def _down_without_a_sentinel(folders: Folders) -> int:
     """Store DOWN and end what a guard that was killed has left; return how many processes that were."""
-    if not folders.state.is_dir():
+    if not os.path.isdir(folders.state):  # noqa: PTH112  # pathlib's raises for a name that is too long
         return 0
     standing.store_wanted(folders, Wanted.DOWN)
     if not folders.run.is_dir():

@@ -83,8 +83,7 @@ class Door:
             case Ask.DRILL:
                 return await self._drill(request)
             case Ask.DOWN:
-                await self._house.in_hand(standing.store_wanted, self._house.folders, Wanted.DOWN)
-                return self._order(seen.Verb.STOP, request)
+                return await self._down(request)
             case Ask.RESTART:
                 return self._restart(request)
             case Ask.RESUME:
@@ -100,6 +99,18 @@ class Door:
         after = self._house.reading()
         told = {"ok": True, "incident": after.incident or before.incident, "phase": str(after.phase)}
         return {**told, "changed": after.phase is not before.phase}, []
+
+    async def _down(self, request: Request) -> Answer:
+        try:
+            await self._house.in_hand(standing.store_wanted, self._house.folders, Wanted.DOWN)
+        except OSError as error:
+            # Stopped without that on disk, the next start of the machine would bring it up again.
+            return _refuse(
+                "not-stored",
+                f"That it should stay off can't be written ({error.strerror}). Make room in the data folder "
+                "and try again, or end `hardcore up` with Ctrl-C or SIGTERM.",
+            )
+        return self._order(seen.Verb.STOP, request)
 
     def _restart(self, request: Request) -> Answer:
         reading = self._house.reading()

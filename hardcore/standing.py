@@ -1,5 +1,6 @@
 """What the guard keeps on disk between its own lives: the policy in force, what is wanted, its generation."""
 
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,7 +42,8 @@ def policy_in_force(folders: Folders) -> PolicyInForce:
     """Return the policy of the data folder; a bad file never replaces the last good one."""
     found = load_policy_file(folders.policy)
     if isinstance(found, Policy):
-        files.write_whole(folders.good_policy, folders.policy.read_bytes())
+        with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
+            files.write_whole(folders.good_policy, folders.policy.read_bytes())
         return PolicyInForce(found)
     fault = f"{folders.policy.name}: {found[0]}"
     kept = load_policy_file(folders.good_policy)
@@ -53,7 +55,8 @@ def policy_in_force(folders: Folders) -> PolicyInForce:
 def ship_policy(folders: Folders) -> None:
     """Write the defaults where there is no policy yet."""
     if not folders.policy.exists():
-        files.write_whole(folders.policy, shipped_text().encode())
+        with contextlib.suppress(OSError):  # as above: the defaults hold without their file
+            files.write_whole(folders.policy, shipped_text().encode())
 
 
 def wanted(folders: Folders) -> Wanted:

@@ -50,6 +50,13 @@ def prepare_start(data: Path, host: str, port: int, policy: Path | None, lang: s
     folders = prepare(data)
     if isinstance(folders, Unusable):
         return Refused(folders.reason)
+    try:
+        return _settle(folders, host, port, policy, lang)
+    except OSError as error:  # a full disk lets folders be made, but no files be written
+        return Refused(text("data_not_written", lang, path=folders.data, why=error.strerror))
+
+
+def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: str) -> Ready | Refused:
     lock = files.take_lock(folders.run / "launcher.lock")
     if lock is None:
         url = files.read_json(folders.sentinel).get("url") or f"--data {folders.data}"
