@@ -134,11 +134,15 @@ class House:
 
     def begin(self, *options: str) -> "subprocess.Popen[bytes]":
         """Start `hardcore up` as a person would, in a session of its own, and wait for nothing."""
+        argv = [sys.executable, "-m", "hardcore.cli", "--data", str(self.data), "up", "--port", "0", *options]
+        return self.begin_as(argv)
+
+    def begin_as(self, argv: Sequence[str]) -> "subprocess.Popen[bytes]":
+        """Start it by a command of the test's own."""
         if self.launcher is not None:
             self.launcher.wait(START_S)  # the one before is gone, or nothing new may be started
         self._ups += 1
         self._runs.add(self.folders.run)
-        argv = [sys.executable, "-m", "hardcore.cli", "--data", str(self.data), "up", "--port", "0", *options]
         with self._paper.open("wb") as paper:
             self.launcher = subprocess.Popen(
                 argv,
@@ -230,7 +234,10 @@ class House:
             status = self.status()
             return status if status and holds(status) else None
 
-        found = until(look, f"{what}; it is {self.status()}", START_S)
+        try:
+            found = until(look, what, START_S)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; it is {self.status()}; {self.incidents()[:1]}") from error
         assert found is not None, "`until` gives back what is true"
         return found
 
@@ -336,7 +343,10 @@ class House:
             story = incidents_cli.show_incident(self.folders.incidents, items[0]["id"])
             return story if isinstance(story, dict) else None
 
-        story = until(look, f"{count} closed incidents; there are {self.incidents()}", START_S)
+        try:
+            story = until(look, f"{count} closed incidents", START_S)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; there are {self.incidents()}") from error
         assert story is not None, "as above"
         assert len(self.incidents()) == count, self.incidents()
         return story

@@ -1,0 +1,75 @@
+"""A data folder without room: nothing is served that can't be kept, and room brings it back."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.integration.conftest import MakeHouse
+from tests.integration.house import House
+from tests.waiting import until
+
+UNSHARE = shutil.which("unshare")
+MOUNT = 'mount -t tmpfs -o size=4m,mode=700 none "$1" && exec "$2" -m hardcore.cli --data "$1" up --port 0'
+
+
+def own_mounts() -> bool:
+    argv = [UNSHARE or "unshare", "--mount", "mount", "-t", "tmpfs", "none", "/mnt"]
+    return UNSHARE is not None and subprocess.run(argv, capture_output=True, check=False).returncode == 0
+
+
+pytestmark = pytest.mark.skipif(not own_mounts(), reason="no mounts of one's own here: that needs root")
+
+
+def begin_on_a_small_disk(house: House) -> Path:
+    """Start it with its data on a file system of 4 MiB that only it sees; return the way in from outside."""
+    house.data.mkdir()
+    argv = [UNSHARE or "unshare", "--mount", "sh", "-c", MOUNT, "sh", str(house.data), sys.executable]
+    house.begin_as(argv)
+    status = house.running()
+    return Path(f"/proc/{status['sentinel']['pid']}/root{house.data}")
+
+
+def fill(disk: Path) -> None:
+    with (disk / "filler").open("wb", buffering=0) as file:
+        for size in (65536, 4096, 512):
+            try:
+                while True:
+                    file.write(b"x" * size)
+            except OSError:
+                continue
+
+
+def test_without_room_at_the_fence_nothing_serves_until_there_is_some(new_house: MakeHouse) -> None:
+    house = new_house()
+    disk = begin_on_a_small_disk(house)
+    house.open_accounts()
+    assert house.book("before-the-disk-was-full").status == 201
+    fill(disk)
+    house.hit("core")
+    status = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
+    assert status["state"] == "MANUAL_INTERVENTION"
+    assert house.book("no-room").status == 503
+    (disk / "filler").unlink()
+    assert house.order("resume")["changed"]
+    house.running()
+    assert house.booked() == ["before-the-disk-was-full"]
+    assert house.book("room-again").status == 201
+
+
+def test_a_guard_comes_back_on_a_full_disk(new_house: MakeHouse) -> None:
+    house = new_house()
+    disk = begin_on_a_small_disk(house)
+    fill(disk)
+    sentinel = house.hit("sentinel")
+    status = house.until(lambda s: s["sentinel"]["pid"] != sentinel.pid, "another sentinel")
+    until(lambda: house.order("status")["phase"] in {"FATAL", "RUNNING"}, "it to be settled")
+    refused = house.order("down")
+    assert (refused["ok"], refused["code"]) == (False, "not-stored")
+    disk = Path(f"/proc/{status['sentinel']['pid']}/root{house.data}")
+    (disk / "filler").unlink()
+    assert house.order("down")["ok"]
+    assert house.launcher is not None
+    assert house.launcher.wait(20) == 0

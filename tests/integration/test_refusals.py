@@ -1,0 +1,186 @@
+"""What must not be served is not served: a damaged store, a locked one, a loop of deaths. A person is asked."""
+
+import json
+import shutil
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from tests.integration.conftest import MakeHouse
+from tests.integration.house import House
+from tests.waiting import until
+
+
+def stopped_with_records(house: House) -> None:
+    """Book three transactions and stop everything."""
+    house.up()
+    house.open_accounts()
+    for number in range(3):
+        assert house.book(f"record-{number}").status == 201
+    assert house.cli("down").code == 0
+
+
+def change(store: Path, *statements: str) -> None:
+    """Change the ledger's file as no program of ours would, its guards against that taken away first."""
+    with closing(sqlite3.connect(store)) as connection:
+        names = connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall()
+        for (name,) in names:
+            connection.execute(f'DROP TRIGGER "{name}"')
+        for statement in statements:
+            assert connection.execute(statement).rowcount > 0, statement
+        connection.commit()
+
+
+def flipped(seq: int) -> str:
+    return f"UPDATE event SET body = CAST(body || ' ' AS BLOB) WHERE seq = {seq}"
+
+
+@contextmanager
+def locked(store: Path) -> Iterator[None]:
+    """Hold the store's write lock, as another program would that opened it for writing."""
+    with closing(sqlite3.connect(store, isolation_level=None)) as connection:
+        connection.execute("BEGIN IMMEDIATE")
+        yield
+        connection.execute("ROLLBACK")
+
+
+def refused_at_once(house: House) -> None:
+    """Nothing is served, and nobody waits for it: the hold would be 25 s."""
+    status = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
+    assert (status["state"], status["core"]["pid"]) == ("MANUAL_INTERVENTION", None)
+    house.url = status["url"]
+    house.until(lambda s: s["gateway"]["pid"], "a gateway")
+    answer = until(lambda: house.book("refused", timeout_s=10), "an answer")
+    assert (answer.status, answer.outcome) == (503, "not_done")
+    assert house.ask("GET", "/readyz").status == 503
+    assert house.cli("status").code == 4
+    assert not any("-m core serve" in line for line in house.processes().values())
+
+
+def test_a_flipped_byte_is_never_served_and_the_place_is_named(new_house: MakeHouse) -> None:
+    house = new_house()
+    stopped_with_records(house)
+    change(house.folders.data / "ledger.db", flipped(5))
+    house.begin()
+    refused_at_once(house)
+    story = house.closed(1)
+    assert (story["diagnosis"], story["outcome"]) == ("STORE_CORRUPT", "manual")
+    assert any("event 5" in fact["text"] for fact in story["evidence"]), story["evidence"]
+    assert "5" in house.cli("verify").err
+
+
+def test_a_flipped_byte_before_the_last_witness_is_found_after_a_reboot(new_house: MakeHouse) -> None:
+    house = new_house()
+    stopped_with_records(house)
+    change(house.folders.data / "ledger.db", flipped(4))
+    shown = house.cli("verify")
+    assert shown.code == 1
+    assert "4" in shown.err
+    shutil.rmtree(house.folders.run)
+    house.begin()
+    refused_at_once(house)
+    assert house.closed(1)["diagnosis"] == "STORE_CORRUPT"
+
+
+def test_a_ledger_that_lost_its_last_commit_is_never_served(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("soon-lost").status == 201
+    core, sentinel = house.hold("core"), house.hold("sentinel")
+    assert house.launcher is not None
+    house.launcher.kill()
+    house.launcher.wait(10)
+    sentinel.hit(9)
+    core.hit(9)
+    until(lambda: core.gone and sentinel.gone, "both to be gone")
+    change(
+        house.folders.data / "ledger.db",
+        "DELETE FROM idempotency WHERE seq = 3",
+        "DELETE FROM posting WHERE seq = 3",
+        "DELETE FROM booking WHERE seq = 3",
+        "DELETE FROM event WHERE seq = 3",
+        "UPDATE account SET posted = 0",
+        "UPDATE meta SET head_seq = 2, head_hash = (SELECT hash FROM event WHERE seq = 2)",
+    )
+    house.begin()
+    refused_at_once(house)
+    story = house.closed(1)
+    assert any("event 3 had been committed" in fact["text"] for fact in story["evidence"]), story["evidence"]
+
+
+def test_a_store_that_another_program_holds_is_not_fought_for_and_resume_brings_it_back(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house()
+    stopped_with_records(house)
+    with locked(house.folders.data / "ledger.db"):
+        house.begin()
+        refused_at_once(house)
+        assert house.closed(1)["diagnosis"] == "DB_LOCKED"
+        again = house.cli("resume")
+        assert again.code == 1, again
+    assert house.cli("resume").code == 0
+    house.running()
+    assert sorted(house.booked()) == ["record-0", "record-1", "record-2"]
+    assert house.book("after-the-lock").status == 201
+
+
+def test_a_file_that_is_no_ledger_is_left_alone(new_house: MakeHouse) -> None:
+    house = new_house()
+    house.data.mkdir(parents=True)
+    with closing(sqlite3.connect(house.data / "ledger.db")) as connection:
+        connection.execute("CREATE TABLE recipes (name TEXT)")
+        connection.commit()
+    house.begin("--policy", str(house.settle_policy()))
+    refused_at_once(house)
+    assert house.closed(1)["diagnosis"] == "CONFIG_INVALID"
+    with closing(sqlite3.connect(house.data / "ledger.db")) as connection:
+        assert connection.execute("SELECT name FROM sqlite_master").fetchall() == [("recipes",)]
+
+
+def test_a_core_that_dies_again_and_again_ends_in_a_word_for_a_person_not_in_a_loop(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house(max_restart_count=3, slow_retry_sec=0).up()
+    house.open_accounts()
+    enough = threading.Event()
+
+    def kill_every_core() -> None:
+        while not enough.is_set():
+            for pid, line in house.processes().items():
+                if "-m core serve" in line:
+                    victim = house.hold_pid(pid)
+                    victim.hit(9)
+                    until(lambda: victim.gone, "it to be gone")  # noqa: B023  # called at once
+
+    killer = threading.Thread(target=kill_every_core, daemon=True)
+    killer.start()
+    try:
+        refused_at_once(house)
+    finally:
+        enough.set()
+        killer.join(20)
+    assert not killer.is_alive()
+    story = house.closed(1)
+    assert story["outcome"] == "manual"
+    assert len(story["deaths"]) == 4, "three deaths were allowed"
+    assert house.status()["budget"]["used"] == 4
+    assert house.cli("resume").code == 0
+    assert house.running()["budget"]["used"] == 0
+    assert house.book("after-the-loop").status == 201
+
+
+def test_the_pause_grows_for_cores_that_prove_nothing(new_house: MakeHouse) -> None:
+    house = new_house(backoff_initial_ms=40, backoff_max_ms=10_000, probation_ms=30_000).up_unproven()
+    for _ in range(3):
+        core = house.hit("core")
+        house.until(lambda s: s["core"]["pid"] not in {None, core.pid}, "the next core")  # noqa: B023  # called at once
+    lines = (house.folders.logs / "sentinel.log").read_text("utf-8").splitlines()
+    phases = [line for line in map(json.loads, lines) if line["kind"] == "phase"]
+    begun = [line["at_ns"] for line in phases if line["after"] == "BACKOFF"]
+    ended = [line["at_ns"] for line in phases if line["before"] == "BACKOFF"]
+    pauses = [after - before for before, after in zip(begun, ended, strict=True)]
+    assert len(pauses) == 3
+    assert pauses[0] < pauses[1] < pauses[2], pauses
