@@ -18,6 +18,8 @@ from hardcore.settings import Fault, Limits, read, setting
 
 VERSION = 1
 POLICY_BYTES_MAX = 256 << 10
+#: A name or a reason is shown up to this many characters.
+WORDS_MAX = 200
 
 
 class Word(StrEnum):
@@ -154,16 +156,27 @@ class PolicyFault:
         return f"{where}{self.name}: {self.reason}" if self.name else f"{where}{self.reason}"
 
 
-def _line_of(text: str, name: str) -> int:
-    found = re.search(rf'"{re.escape(name)}"\s*:', text)
-    return text.count("\n", 0, found.start()) + 1 if found else 0
+def _fault(text: str, name: str, reason: str, *, last: bool = False) -> PolicyFault:
+    """Return what is wrong with the setting `name` in `text`, fit for a terminal however hostile the file."""
+    found = list(re.finditer(rf'"{re.escape(name)}"\s*:', text))
+    line = text.count("\n", 0, found[-1 if last else 0].start()) + 1 if found else 0
+    return PolicyFault(line, _shown(name), _shown(reason))
+
+
+def _shown(words: str) -> str:
+    cut = words if len(words) <= WORDS_MAX else words[: WORDS_MAX - 1] + "…"
+    return cut if cut.isprintable() else ascii(cut)[1:-1]
+
+
+class _TwinError(ValueError):
+    """A name stands twice in one object; the argument is the name."""
 
 
 def _no_twins(pairs: list[tuple[str, object]]) -> dict[str, object]:
     seen: dict[str, object] = {}
     for name, value in pairs:
         if name in seen:
-            raise ValueError(f'"{name}" stands there twice')
+            raise _TwinError(name)
         seen[name] = value
     return seen
 
@@ -173,6 +186,8 @@ def _parse(text: str) -> dict[str, object] | PolicyFault:
         values = json.loads(text, object_pairs_hook=_no_twins)
     except json.JSONDecodeError as error:
         return PolicyFault(error.lineno, "", f"not JSON: {error.msg} at column {error.colno}")
+    except _TwinError as twin:
+        return _fault(text, str(twin), "stands there twice", last=True)
     except (ValueError, RecursionError) as error:
         return PolicyFault(0, "", str(error))
     return values if isinstance(values, dict) else PolicyFault(1, "", "must be a JSON object")
@@ -258,9 +273,7 @@ def read_policy(text: str) -> Policy | list[PolicyFault]:
         faults = _contradictions(policy)
         if not faults:
             return policy
-    return sorted(
-        (PolicyFault(_line_of(text, f.name), f.name, f.reason) for f in faults), key=lambda f: f.line
-    )
+    return sorted((_fault(text, f.name, f.reason) for f in faults), key=lambda f: f.line)
 
 
 def notes(policy: Policy) -> list[str]:

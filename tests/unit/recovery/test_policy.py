@@ -1,0 +1,243 @@
+import dataclasses
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.policy import (
+    DEFAULT_ACTIONS,
+    WORDS_MAX,
+    Policy,
+    PolicyFault,
+    Word,
+    notes,
+    read_policy,
+    shipped_text,
+)
+
+
+def _faults(text: str | dict[str, Any]) -> list[PolicyFault]:
+    found = read_policy(text if isinstance(text, str) else json.dumps(text, indent=1))
+    assert isinstance(found, list), "it was taken"
+    return found
+
+
+def _policy(text: str | dict[str, Any]) -> Policy:
+    found = read_policy(text if isinstance(text, str) else json.dumps(text))
+    assert isinstance(found, Policy), found
+    return found
+
+
+def test_an_empty_file_of_settings_means_the_defaults() -> None:
+    assert _policy("{}") == Policy()
+
+
+def test_the_shipped_text_passes_its_own_check_and_says_the_defaults() -> None:
+    assert _policy(shipped_text()) == Policy()
+
+
+def test_a_file_may_name_only_what_differs() -> None:
+    assert _policy({"probation_ms": 5}) == Policy(probation_ms=5)
+
+
+# What the contract wants refused, each with its line and reason.
+
+
+def test_an_unknown_setting_is_refused_with_its_line() -> None:
+    assert _faults('{\n "version": 1,\n "restart_forever": true\n}') == [
+        PolicyFault(3, "restart_forever", "is not a setting of this version")
+    ]
+
+
+def test_an_unknown_diagnosis_is_refused() -> None:
+    (fault,) = _faults('{\n"actions": {\n"GREMLINS": ["NONE"]}}')
+    assert (fault.line, fault.name) == (3, "GREMLINS")
+
+
+def test_an_unknown_word_is_refused() -> None:
+    (fault,) = _faults('{\n"actions": {\n\n"CRASHED": ["SEND_ALERT", "PANIC"]}}')
+    assert (fault.line, fault.name) == (4, "CRASHED")
+    assert "'PANIC'" in fault.reason
+
+
+def test_a_timeout_shorter_than_its_looks_is_refused() -> None:
+    (fault,) = _faults({"health_check_timeout_ms": 299})
+    assert fault.name == "health_check_timeout_ms"
+    assert _policy({"health_check_timeout_ms": 300})
+
+
+def test_a_deadlock_confirmed_before_a_beat_is_late_is_refused() -> None:
+    (fault,) = _faults({"confirm_deadlock_ms": 300})
+    assert fault.name == "confirm_deadlock_ms"
+    assert _policy({"confirm_deadlock_ms": 301})
+
+
+def test_a_hang_confirmed_before_a_deadlock_is_refused() -> None:
+    (fault,) = _faults({"confirm_hang_ms": 399})
+    assert fault.name == "confirm_hang_ms"
+    assert _policy({"confirm_hang_ms": 400})
+
+
+def test_leader_election_is_refused() -> None:
+    (fault,) = _faults({"enable_leader_election": True})
+    assert "not in this version" in fault.reason
+    assert _policy({"enable_leader_election": False})
+
+
+@pytest.mark.parametrize("mode", ["assist", "observe"])
+def test_a_mode_that_is_not_built_is_refused(mode: str) -> None:
+    (fault,) = _faults({"mode": mode})
+    assert "not in this version" in fault.reason
+
+
+def test_alert_channels_are_refused_while_there_are_none() -> None:
+    (fault,) = _faults({"alerts": [{"kind": "ntfy"}]})
+    assert fault.name == "alerts"
+    assert _policy({"alerts": []})
+
+
+def test_a_longest_pause_shorter_than_the_first_is_refused() -> None:
+    (fault,) = _faults({"backoff_max_ms": 10, "backoff_initial_ms": 20})
+    assert fault.name == "backoff_max_ms"
+
+
+def test_another_version_is_refused() -> None:
+    assert [fault.name for fault in _faults({"version": 2})] == ["version"]
+
+
+def test_a_ledger_that_may_be_damaged_is_never_restarted_by_a_policy() -> None:
+    for word in (Word.REBOOT_PROCESS, Word.RESTART_COMPONENT, Word.PLANNED_SWITCH):
+        (fault,) = _faults({"actions": {"STORE_CORRUPT": [word]}})
+        assert fault.name == "STORE_CORRUPT"
+
+
+def test_none_stands_alone() -> None:
+    (fault,) = _faults({"actions": {"CRASHED": ["NONE", "SEND_ALERT"]}})
+    assert "NONE" in fault.reason
+
+
+def test_restarting_and_waiting_exclude_each_other() -> None:
+    (fault,) = _faults({"actions": {"CRASHED": ["REBOOT_PROCESS", "SAFE_MODE_ENTER"]}})
+    assert "only one of the two" in fault.reason
+
+
+def test_the_words_are_a_set() -> None:
+    twice = _policy({"actions": {"CRASHED": ["SNAPSHOT", "SEND_ALERT", "SNAPSHOT"]}})
+    assert twice.words(Diagnosis.CRASHED) == {Word.SNAPSHOT, Word.SEND_ALERT}
+
+
+@pytest.mark.parametrize("words", [[], None, "REBOOT_PROCESS", {}, [1], [["NONE"]], [None]])
+def test_a_list_of_words_is_a_list_of_words(words: object) -> None:
+    assert [fault.name for fault in _faults({"actions": {"CRASHED": words}})] == ["CRASHED"]
+
+
+def test_a_name_that_stands_twice_is_refused_at_its_second_line() -> None:
+    assert _faults('{"probation_ms": 1,\n"mode": "act",\n"probation_ms": 2}') == [
+        PolicyFault(3, "probation_ms", "stands there twice")
+    ]
+
+
+def test_a_diagnosis_that_stands_twice_is_refused() -> None:
+    (fault,) = _faults('{"actions": {"CRASHED": ["NONE"],\n"CRASHED": ["SEND_ALERT"]}}')
+    assert (fault.line, fault.name) == (2, "CRASHED")
+
+
+def test_everything_that_is_wrong_is_told_at_once_in_the_order_of_its_lines() -> None:
+    text = '{"version": 1,\n"probation_ms": -1,\n"actions": {"X": []},\n"gateway": {"hold_ms": "x"},\n"spare": 1}'
+    assert [(fault.line, fault.name) for fault in _faults(text)] == [
+        (2, "probation_ms"),
+        (3, "X"),
+        (4, "hold_ms"),
+        (5, "spare"),
+    ]
+
+
+@pytest.mark.parametrize("text", ["", "{", "nope", '{"mode": "act",}', '{"probation_ms": 08}', "\x00"])
+def test_what_is_no_json_is_refused_with_its_line(text: str) -> None:
+    (fault,) = _faults(text)
+    assert fault.line == 1
+    assert fault.reason.startswith("not JSON")
+
+
+@pytest.mark.parametrize("text", ["[]", "null", '"act"', "3", "[" * 100])
+def test_what_is_no_object_is_refused(text: str) -> None:
+    assert len(_faults(text)) == 1
+
+
+HOSTILE = [
+    "[" * 200_000,
+    '{"probation_ms": ' + "9" * 5000 + "}",
+    '{"probation_ms": NaN}',
+    '{"probation_ms": 1e400}',
+    '{"\\ud800": 1}',
+    '{"\\u001b[31m": 1}',
+    '{"' + "x" * 100_000 + '": 1}',
+    '{"mode": "' + "y" * 100_000 + '"}',
+    '{"actions": {"CRASHED": ["\\ud800\\u0007"]}}',
+    '{"gateway": []}',
+    '{"actions": []}',
+]
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_a_hostile_file_is_refused_in_words_that_a_terminal_can_show(text: str) -> None:
+    for fault in _faults(text):
+        line = str(fault)
+        assert line.isprintable()
+        assert len(line) < 2 * WORDS_MAX + 100
+        line.encode("utf-8")
+
+
+_json = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=8,
+)
+_names = st.sampled_from([f.name for f in dataclasses.fields(Policy)] + ["alerts", "gateway", "actions"])
+
+
+@given(st.dictionaries(_names, _json, max_size=4))
+def test_no_value_of_any_kind_raises(values: dict[str, object]) -> None:
+    found = read_policy(json.dumps(values))
+    assert isinstance(found, Policy) or all(isinstance(fault, PolicyFault) for fault in found)
+
+
+@given(st.text(max_size=50))
+def test_no_text_raises(text: str) -> None:
+    assert read_policy(text) is not None
+
+
+# What a policy means.
+
+
+@pytest.mark.parametrize("diagnosis", Diagnosis)
+def test_what_is_not_listed_is_answered_by_the_default_table(diagnosis: Diagnosis) -> None:
+    assert Policy().words(diagnosis) == DEFAULT_ACTIONS[diagnosis]
+
+
+def test_what_is_listed_replaces_the_default_whole() -> None:
+    policy = _policy({"actions": {"CRASHED": ["SEND_ALERT"]}})
+    assert not policy.asks(Diagnosis.CRASHED, Word.REBOOT_PROCESS)
+    assert policy.asks(Diagnosis.EXITED, Word.REBOOT_PROCESS)
+
+
+def test_a_word_that_can_not_be_carried_out_is_taken_in_its_nearest_sense_and_named() -> None:
+    policy = _policy({"actions": {"LEAK": ["PLANNED_SWITCH"], "DISK_FULL": ["SAFE_MODE_ENTER"]}})
+    assert policy.asks(Diagnosis.LEAK, Word.REBOOT_PROCESS)
+    assert policy.asks(Diagnosis.DISK_FULL, Word.AWAIT_OPERATOR)
+    assert [note.split(":")[0] for note in notes(policy)] == ["DISK_FULL", "LEAK"]
+
+
+def test_the_defaults_need_no_note() -> None:
+    assert notes(Policy()) == []
+
+
+def test_a_damaged_ledger_is_not_restarted_by_default() -> None:
+    assert not Policy().asks(Diagnosis.STORE_CORRUPT, Word.REBOOT_PROCESS)
+
+
+def test_the_limits_of_the_gateway_come_from_the_same_file() -> None:
+    assert _policy({"gateway": {"hold_ms": 5}}).gateway.hold_ms == 5

@@ -1,0 +1,45 @@
+import pytest
+
+from hardcore.model.recorder import CommandNote, SlotStage
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.trial import FROM_INSIDE, suspects
+
+
+def _note(stage: SlotStage, key: str = "k") -> CommandNote:
+    return CommandNote(stage, f"c-{key}", key, "transaction", "t", (), 1)
+
+
+@pytest.mark.parametrize("stage", SlotStage)
+def test_only_what_was_being_decided_or_written_is_suspect(stage: SlotStage) -> None:
+    touched = stage in {SlotStage.DECIDING, SlotStage.WRITING}
+    assert suspects(Diagnosis.CRASHED, [_note(stage)]) == (("k",) if touched else ())
+
+
+@pytest.mark.parametrize("diagnosis", sorted(set(Diagnosis) - FROM_INSIDE))
+def test_nobody_is_suspect_of_a_death_that_came_from_outside(diagnosis: Diagnosis) -> None:
+    assert suspects(diagnosis, [_note(SlotStage.DECIDING)]) == ()
+
+
+@pytest.mark.parametrize(
+    "diagnosis",
+    [
+        Diagnosis.KILLED_FROM_OUTSIDE,
+        Diagnosis.FROZEN,
+        Diagnosis.NO_PROGRESS,
+        Diagnosis.FENCED,
+        Diagnosis.DISK_FULL,
+        Diagnosis.OPERATOR,
+        Diagnosis.SENTINEL_LOST,
+    ],
+)
+def test_a_death_is_not_called_from_inside_without_a_cause_in_there(diagnosis: Diagnosis) -> None:
+    assert diagnosis not in FROM_INSIDE
+
+
+def test_a_command_without_a_key_can_not_be_named() -> None:
+    assert suspects(Diagnosis.CRASHED, [_note(SlotStage.DECIDING, "")]) == ()
+
+
+def test_the_whole_batch_is_suspect() -> None:
+    batch = [_note(SlotStage.WRITING, "a"), _note(SlotStage.WRITING, "b"), _note(SlotStage.QUEUED, "c")]
+    assert suspects(Diagnosis.LOOP_BLOCKED, batch) == ("a", "b")
