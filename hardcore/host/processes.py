@@ -78,9 +78,15 @@ class Handle:
         return True
 
     def kill_tree(self) -> None:
-        """SIGKILL the process and everything in its session."""
+        """SIGKILL the process and everything in its session.
+
+        A number is not given out again while a session bears it: if a stranger has it, our session is empty,
+        and the one found under it is the stranger's.
+        """
         members = _session_members(self.pid)
         self.signal(signal.SIGKILL)
+        if start_of(self.pid) not in {None, self.identity.start}:
+            return
         for pid in members:
             _kill_member(pid, self.pid)
 
