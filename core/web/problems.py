@@ -29,11 +29,16 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ProblemKind:
-    """A row of the closed list. `again`: the same request may well succeed in a moment."""
+    """A row of the closed list.
+
+    `again`: the same request may well succeed in a moment. `draining`: this core did not run it and leaves,
+    so whoever stands before it may keep it for the next one.
+    """
 
     status: int
     outcome: Outcome | None = None
     again: bool = False
+    draining: bool = False
 
 
 PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
@@ -50,7 +55,7 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "key-reused": ProblemKind(422),
     "internal": ProblemKind(500),
     "busy": ProblemKind(503, Outcome.NOT_DONE, again=True),
-    "leaving": ProblemKind(503, Outcome.NOT_DONE, again=True),
+    "leaving": ProblemKind(503, Outcome.NOT_DONE, again=True, draining=True),
     "store-busy": ProblemKind(503, Outcome.NOT_DONE, again=True),
     "store-unreadable": ProblemKind(503, again=True),
     "read-too-long": ProblemKind(503),
@@ -115,5 +120,7 @@ def respond(problem: Problem, lang: Language, retry_after_s: int) -> Response:
     headers = {"Content-Language": lang, "Vary": "Accept-Language", **problem.headers}
     if kind.again:
         headers["Retry-After"] = str(retry_after_s)
+    if kind.draining:
+        headers["X-Core-Draining"] = "1"
     body = msgspec.json.encode(problem_json(problem, lang, retry_after_s))
     return Response(body, kind.status, headers, media_type=PROBLEM_JSON)

@@ -39,6 +39,7 @@ _PLAIN = frozenset(
     {
         Problem.BAD_REQUEST,
         Problem.WRONG_HOST,
+        Problem.FOREIGN_PAGE,
         Problem.METHOD_NOT_ALLOWED,
         Problem.EXPECTATION_FAILED,
         Problem.HEAD_TOO_LARGE,

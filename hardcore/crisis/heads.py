@@ -87,6 +87,8 @@ class _Facts:
     accept_language: bytes = b""
     cookie: bytes = b""
     expect: bytes = b""
+    origin: bytes = b""
+    fetch_site: bytes = b""
     named_by_connection: frozenset[bytes] = frozenset()
 
 
@@ -120,6 +122,10 @@ def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, b
                 facts.accept_language = value
             case b"cookie":
                 facts.cookie = value
+            case b"origin":
+                facts.origin = value.strip().lower()
+            case b"sec-fetch-site":
+                facts.fetch_site = value.strip().lower()
             case _:
                 pass
         if low not in _NOT_TO_CORE and not low.startswith(_NOT_TO_CORE_PREFIXES):
@@ -164,6 +170,8 @@ def read_request(
         return Problem.BAD_REQUEST
     if host_name(facts.host) not in hosts:
         return Problem.WRONG_HOST
+    if method not in SAFE_METHODS and _from_a_foreign_page(facts):
+        return Problem.FOREIGN_PAGE
     if facts.expect not in {b"", b"100-continue"}:
         return Problem.EXPECTATION_FAILED
     named = facts.named_by_connection
@@ -182,6 +190,18 @@ def read_request(
         accept_language=facts.accept_language.decode("latin-1"),
         cookie=facts.cookie,
     )
+
+
+def _from_a_foreign_page(facts: _Facts) -> bool:
+    """Whether a browser says that a page of another origin makes this request.
+
+    Without a password, being asked from this machine is all that protects the ledger: a page anywhere on the
+    web could otherwise have the browser post to it. A program sends neither header and is let through.
+    """
+    if facts.fetch_site not in {b"", b"same-origin", b"none"}:
+        return True
+    _scheme, _, authority = facts.origin.partition(b"://")
+    return bool(facts.origin) and authority != facts.host.lower()
 
 
 def host_name(host: bytes) -> str:

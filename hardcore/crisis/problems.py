@@ -13,6 +13,7 @@ class Problem(StrEnum):
 
     BAD_REQUEST = "bad-request"
     WRONG_HOST = "wrong-host"
+    FOREIGN_PAGE = "foreign-page"
     METHOD_NOT_ALLOWED = "method-not-allowed"
     REQUEST_TIMEOUT = "request-timeout"
     BODY_TOO_LARGE = "body-too-large"
@@ -40,6 +41,7 @@ class Outcome(StrEnum):
 STATUS: dict[Problem, int] = {
     Problem.BAD_REQUEST: 400,
     Problem.WRONG_HOST: 421,
+    Problem.FOREIGN_PAGE: 403,
     Problem.METHOD_NOT_ALLOWED: 405,
     Problem.REQUEST_TIMEOUT: 408,
     Problem.BODY_TOO_LARGE: 413,

@@ -8,7 +8,7 @@ from core.ledger.reasons import Slug
 from core.settings import Settings
 from core.web.app import ROUTES
 from core.web.openapi import document
-from core.web.problems import PROBLEM_KINDS, Problem, problem_json
+from core.web.problems import PROBLEM_KINDS, Problem, problem_json, respond
 from frontend.catalogue_problems import PROBLEMS
 from frontend.render import language, problem_text
 
@@ -98,3 +98,12 @@ def test_settings_tell_all_their_faults_at_once() -> None:
 def test_settings_have_defaults_within_their_bounds() -> None:
     assert Settings.read({}) == Settings()
     assert Settings.read({"CORE_DRAIN_MS": "100"}) == Settings(drain_ms=100)
+
+
+def test_a_core_that_leaves_says_that_it_did_not_run_the_request_and_no_other_problem_does() -> None:
+    told = {
+        slug: "X-Core-Draining" in respond(Problem(slug), "en", 2).headers
+        for slug in PROBLEM_KINDS
+        if "{" not in PROBLEMS[slug]["en"][1]
+    }
+    assert [slug for slug, draining in told.items() if draining] == ["leaving"]

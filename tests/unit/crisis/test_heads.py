@@ -158,3 +158,32 @@ def test_limits_come_as_json_or_say_everything_that_is_wrong() -> None:
 def test_texts_of_different_problems_differ() -> None:
     titles = sorted(texts["en"][0] for texts in PROBLEMS.values())
     assert all(a != b for a, b in pairwise(titles))
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        [(b"Origin", b"https://evil.example")],
+        [(b"Origin", b"http://localhost:8080")],
+        [(b"Origin", b"null")],
+        [(b"Sec-Fetch-Site", b"cross-site")],
+        [(b"Sec-Fetch-Site", b"same-site")],
+        [(b"Origin", b"http://localhost"), (b"Sec-Fetch-Site", b"cross-site")],
+    ],
+)
+def test_a_page_of_another_origin_changes_nothing(lines: list[Header]) -> None:
+    assert _read(*lines) is Problem.FOREIGN_PAGE
+    assert isinstance(_read(*lines, method="GET"), RequestHead)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        [],
+        [(b"Origin", b"http://LOCALHOST")],
+        [(b"Origin", b"http://localhost"), (b"Sec-Fetch-Site", b"same-origin")],
+        [(b"Sec-Fetch-Site", b"none")],
+    ],
+)
+def test_a_program_and_a_page_of_ours_may_change_the_ledger(lines: list[Header]) -> None:
+    assert isinstance(_read(*lines), RequestHead)
