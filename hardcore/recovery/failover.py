@@ -209,6 +209,7 @@ class FailoverManager:
                 self._mark("spawned", fact.at_ns)
                 self._fire(Trigger.SPAWNED, fact.at_ns, "it was told to leave before it was there")
             case seen.SpawnFailed():
+                self._drill = None  # it was told to nobody
                 told = Testimony("spawn", Colour.RED, f"no process could be started: {fact.reason}")
                 death = Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (told,))
                 self._trouble = _Trouble(death, fact.at_ns)

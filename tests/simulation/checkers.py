@@ -91,8 +91,8 @@ class Checkers:
             case seen.CoreExited():
                 self._heard_exit(guard, fact)
             case seen.SpawnFailed():
-                self._counts = fact.life not in self._sent_away
-                if self._counts:
+                self._counts = fact.life not in self._sent_away or fact.life in self._judged
+                if self._counts and fact.life not in self._judged:
                     self._deaths_ns.append(fact.at_ns)
             case seen.EvidenceTaken():
                 self._taken.add(fact.life)

@@ -53,6 +53,7 @@ class Guard:
         self._lives: dict[int, Life] = {}
         self._spawning: dict[int, orders.Spawn] = {}
         self._leftovers: set[int] = set()
+        self._was_spawning = False
         self._found: list[Life] = []
         self._ringing_ns: int | None = None
         self._ticking = False
@@ -201,6 +202,10 @@ class Guard:
     def _end(self) -> None:
         """End as asked, but not before the hands have finished."""
         if self._spawning:
+            self._was_spawning = True
+            self.world.clock.after(HANDS_NS, self._end)
+        elif self._was_spawning:  # what was made is heard of, and what is said to that is done
+            self._was_spawning = False
             self.world.clock.after(HANDS_NS, self._end)
         elif self.works:
             self.halted = True

@@ -32,6 +32,8 @@ BEAT_NS = 50 * NS_PER_MS
 FENCED, LOCKED = 75, 69
 #: Now and then nobody can read how a process ended.
 STATUS_LOST = 0.02
+#: What a death from inside makes suspect.
+TOUCHED = frozenset({SlotStage.DECIDING, SlotStage.WRITING})
 THREADS = Threads(loop=1, writer=2, beat=3)
 
 
@@ -180,6 +182,11 @@ class Life:
         own_code = how is not None and how.code in {0, 1} and self.completed_boot
         return self.blamed or own_signal or own_code
 
+    @property
+    def taken(self) -> bool:
+        """Whether the writer is in the middle of a command."""
+        return any(slot.stage in TOUCHED for slot in self.slots.values())
+
     # ---- work, and what keeps it waiting ----
 
     def on_loop(self, work: Callable[[], None]) -> None:
@@ -213,7 +220,8 @@ class Life:
         ready = [w for on_loop, w in self._waiting if self._works(on_loop)]
         self._waiting = [(on_loop, w) for on_loop, w in self._waiting if not self._works(on_loop)]
         for work in ready:
-            work()
+            if self.alive:
+                work()
 
     def _pass(self, turn: int) -> None:
         if self._turn == turn:

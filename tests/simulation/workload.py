@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 from hardcore.model import observations as seen
 from hardcore.model.actions import Release
 from hardcore.model.phases import Face
-from hardcore.model.recorder import SlotStage
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import BLOCKED_TIMER
-from tests.simulation.machine import Harm, Life
+from tests.simulation.machine import TOUCHED, Harm, Life
 
 if TYPE_CHECKING:  # the world owns the gateway
     from tests.simulation.world import World
@@ -24,7 +23,6 @@ if TYPE_CHECKING:  # the world owns the gateway
 HOLD_NS = 10 * NS_PER_S
 UPSTREAM_NS = 30 * NS_PER_S
 REQUESTS_MAX = 64
-_TOUCHED = frozenset({SlotStage.DECIDING, SlotStage.WRITING})
 
 
 class At(Enum):
@@ -134,6 +132,8 @@ class Gateway:
 
     def settle(self, request: Request, outcome: str) -> None:
         """Give a request its answer; some clients try again."""
+        if outcome == "not_done" and request.life is not None and not request.suspect:
+            outcome = "unknown"  # it once was with a core: only a look-up could say more
         request.at, request.outcome = At.SETTLED, outcome
         self.open.remove(request)
         rng = self.world.rng
@@ -152,7 +152,7 @@ class Gateway:
         """A core's connections broke."""
         inside = life.inside
         for slot in life.slots.values():
-            if inside and slot.stage in _TOUCHED and slot.request.keyed:
+            if inside and slot.stage in TOUCHED and slot.request.keyed:
                 slot.request.suspect = True
                 slot.request.excused = life.page_lost or life.status_lost
         for request in [r for r in self.open if r.at is At.FORWARDED and r.life is life]:
@@ -193,6 +193,7 @@ class Gateway:
 
     def _after_death(self, request: Request, order: Release) -> None:
         if request.key_hash in order.suspects:
+            request.suspect = True  # looked up after the fence: the answer is true for ever
             self.settle(request, "done" if request.key in self.world.store.keys else "not_done")
             return
         self.world.checkers.replayed(request)

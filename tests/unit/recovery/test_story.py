@@ -1,6 +1,6 @@
+from hardcore.model import verdicts
 from hardcore.model.observations import Exit
 from hardcore.model.recorder import Beats, CommandNote, LastWords, Page, SlotStage, Threads, Witness
-from hardcore.model import verdicts
 from hardcore.model.verdicts import Colour, Diagnosis, Grade
 from hardcore.recovery.story import DEATHS_MAX, EVIDENCE_MAX, Story
 
