@@ -194,8 +194,7 @@ def _down_without_a_sentinel(folders: Folders) -> int:
     if not os.path.isdir(folders.state):  # noqa: PTH112  # pathlib's raises for a name that is too long
         return 0
     standing.store_wanted(folders, Wanted.DOWN)
-    if not folders.run.is_dir():
-        return 0
+    folders.run.mkdir(mode=0o700, exist_ok=True)  # somebody may have removed it under the living
     lock = take_lock(folders.run / "sentinel.lock")
     if lock is None:
         return 0  # a sentinel has just begun: it reads what is wanted and ends them itself

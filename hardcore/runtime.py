@@ -39,6 +39,7 @@ from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, MalformedNotice, Notic
 
 FEED_EVERY_S = 1.0
 EXIT_ANOTHER_WATCHES = 3
+EXIT_UNREACHABLE = 4
 EXIT_UNUSABLE = 78
 
 
@@ -47,6 +48,7 @@ class Setup:
     """What the sentinel process begins with."""
 
     folders: Folders
+    lock_fd: int
     listen_fd: int
     url: str
     generation: int
@@ -245,6 +247,11 @@ class Runtime:
     async def _feed_on(self) -> None:
         while True:
             await asyncio.sleep(FEED_EVERY_S)
+            if not files.still_locked(self.setup.lock_fd, self.folders.run / "sentinel.lock"):
+                # Nobody can reach us any more, and another could take the lock anew beside us: leave it to
+                # the next sentinel, which finds our processes by their environment and starts afresh.
+                sys.stderr.write("The run folder was removed; making it anew.\n")
+                os._exit(EXIT_UNREACHABLE)
             self.publish(self.phase_line(self.manager.reading()))
             self.door.measure()
 
@@ -262,7 +269,8 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     if isinstance(folders, Unusable):
         sys.stderr.write(f"{folders.reason}\n")
         return EXIT_UNUSABLE
-    if files.take_lock(folders.run / "sentinel.lock") is None:  # held by the open descriptor until we end
+    lock_fd = files.take_lock(folders.run / "sentinel.lock")
+    if lock_fd is None:
         sys.stderr.write("Another sentinel watches this data folder.\n")
         return EXIT_ANOTHER_WATCHES
     generation = standing.next_generation(folders)
@@ -281,7 +289,7 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     )
     standing.ship_policy(folders)
     in_force = standing.policy_in_force(folders)
-    return Setup(folders, listen_fd, url, generation, in_force, lives.find_leftovers(folders))
+    return Setup(folders, lock_fd, listen_fd, url, generation, in_force, lives.find_leftovers(folders))
 
 
 def main() -> int:

@@ -70,3 +70,11 @@ def take_lock(path: Path) -> int | None:
         pass
     os.close(fd)
     return None
+
+
+def still_locked(fd: int, path: Path) -> bool:
+    """Return whether the lock held by `fd` still is the one that others find at `path`."""
+    try:
+        return os.path.samestat(os.fstat(fd), path.stat())
+    except OSError:
+        return False
