@@ -1,0 +1,134 @@
+"""Folders moved, copied, removed and misnamed under a house: it comes back, or says what is wrong."""
+
+import shutil
+import signal
+
+from tests.integration.clients import assert_exactly_once, at_work
+from tests.integration.conftest import MakeHouse
+from tests.integration.house import House
+from tests.waiting import until
+
+
+def counted(house: House, mark: str) -> int:
+    return sum(mark in line for line in house.processes().values())
+
+
+def test_a_folder_with_spaces_and_korean_letters_is_a_folder_like_any_other(new_house: MakeHouse) -> None:
+    house = new_house()
+    house.data = house.data.with_name("우리 집 가계부 'x' $HOME \"y\"")
+    house.up()
+    house.open_accounts()
+    house.hit("core")
+    assert house.book("in-hangul").status == 201
+    assert house.closed(1)["outcome"] == "recovered"
+    assert house.cli("down").code == 0
+    assert house.cli("--json", "verify").told["ok"]
+
+
+def test_a_moved_data_folder_is_found_whole_where_it_is_now(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("before-the-move").status == 201
+    assert house.cli("down").code == 0
+    old_run = house.folders.run
+    house.data = house.data.rename(house.data.with_name("moved"))
+    house.up()
+    assert house.folders.run != old_run
+    assert house.booked() == ["before-the-move"]
+
+
+def test_a_copy_lives_beside_its_original_and_neither_touches_the_other(
+    house: House, new_house: MakeHouse
+) -> None:
+    before = house.status()
+    copy = new_house()
+    shutil.copytree(house.data, copy.data, symlinks=True)
+    copy.up()
+    assert copy.folders.run != house.folders.run
+    assert copy.cli("down").code == 0
+    after = house.status()
+    assert (after["core"]["pid"], after["sentinel"]["pid"]) == (
+        before["core"]["pid"],
+        before["sentinel"]["pid"],
+    )
+
+
+def test_a_run_folder_removed_under_the_living_is_made_anew_and_nothing_is_lost(house: House) -> None:
+    house.open_accounts()
+    sentinel = house.hold("sentinel")
+    with at_work(house, 2, "run-removed") as clients:
+        until(lambda: len(clients.told) > 20, "the load to run")
+        shutil.rmtree(house.folders.run)
+        until(lambda: sentinel.gone, "the sentinel nobody can reach to make way")
+        house.running()
+        told = len(clients.told)
+        until(lambda: len(clients.told) > told + 20, "answers again")
+    assert {told.status for told in clients.told} == {201}
+    assert_exactly_once(house, clients)
+    assert counted(house, "-m core serve") == 1
+    assert counted(house, "hardcore.runtime") == 1
+
+
+def test_down_after_the_run_folder_was_removed_stops_everything(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    shutil.rmtree(house.folders.run)
+    assert house.cli("down").code == 0
+    until(lambda: not house.processes(), "everything to be stopped")
+    assert house.cli("--json", "status").told["wanted"] == "DOWN"
+
+
+def test_a_data_folder_taken_away_under_the_living_is_never_replaced_by_an_empty_ledger(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house(max_restart_count=2).up()
+    house.open_accounts()
+    assert house.book("not-forgotten").status == 201
+    aside = house.data.rename(house.data.with_name("aside"))
+    house.hit("core")
+    status = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
+    assert status["state"] == "MANUAL_INTERVENTION"
+    assert house.book("lost-if-taken", timeout_s=20).status == 503
+    if house.data.exists():
+        shutil.rmtree(house.data)
+    aside.rename(house.data)
+    assert house.order("resume")["changed"]
+    house.running()
+    assert house.booked() == ["not-forgotten"]
+
+
+def test_a_log_that_can_not_be_written_stops_nothing(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    log = house.folders.logs / "sentinel.log"
+    log.unlink()
+    log.mkdir()
+    house.hit("core")
+    assert house.book("without-a-log").status == 201
+    assert house.closed(1)["outcome"] == "recovered"
+
+
+def test_incidents_that_can_not_be_written_keep_no_core_from_coming_back(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    shutil.rmtree(house.folders.incidents)
+    house.folders.incidents.write_text("in the way")
+    for number in (signal.SIGKILL, signal.SIGSTOP):
+        old = house.hit("core", number)
+        assert house.book(f"without-evidence-{number}").status == 201
+        assert old.gone
+        house.running()
+
+
+def test_a_core_log_that_can_not_be_opened_is_said_and_healed(new_house: MakeHouse) -> None:
+    house = new_house(max_restart_count=2).up()
+    house.open_accounts()
+    log = house.folders.logs / "core.log"
+    log.unlink()
+    log.mkdir()
+    house.hit("core")
+    house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
+    story = house.closed(1)
+    assert any("no process could be started" in fact["text"] for fact in story["evidence"]), story["evidence"]
+    log.rmdir()
+    assert house.cli("resume").code == 0
+    assert house.book("the-log-is-back").status == 201
