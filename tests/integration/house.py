@@ -18,7 +18,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from hardcore.control import client
 from hardcore.host.folders import Folders, locate
@@ -100,8 +100,8 @@ def transaction(description: str, amount: int = 1) -> dict[str, Any]:
 
 
 @dataclass
-class House:
-    """See the module. `up` starts it, `end` takes everything of it away."""
+class Premises:
+    """The folders and the processes of a house: made, started, looked for, taken away."""
 
     data: Path
     policy: Mapping[str, Any] = field(default_factory=dict)
@@ -110,8 +110,6 @@ class House:
     _pidfds: list[int] = field(default_factory=list)
     _ups: int = 0
     _runs: set[Path] = field(default_factory=set)
-
-    # ---- start and end ----
 
     @property
     def folders(self) -> Folders:
@@ -154,22 +152,6 @@ class House:
             )
         return self.launcher
 
-    def up(self, *options: str) -> "House":
-        """Start it and wait until it runs."""
-        self.up_unproven(*options)
-        self.running()
-        return self
-
-    def up_unproven(self, *options: str) -> "House":
-        """Start it and wait until a core serves, which need not have outlived its probation."""
-        if "--policy" not in options and not self.folders.policy.exists():
-            options = (*options, "--policy", str(self.settle_policy()))
-        launcher = self.begin(*options)
-        until(lambda: "http://" in self.said or launcher.poll() is not None, "`up` to say something", START_S)
-        assert launcher.poll() is None, f"`up` ended with {launcher.returncode}: {self.said}"
-        self.url = self.until(lambda s: s["core"]["ready"] and s["gateway"]["pid"], "a core to serve")["url"]
-        return self
-
     def environment(self, **more: str) -> dict[str, str]:
         """What a command of this house finds around it."""
         kept = {name: os.environ[name] for name in ("PATH", "HOME", "TMPDIR") if name in os.environ}
@@ -191,13 +173,17 @@ class House:
         for fd in self._pidfds:
             os.close(fd)
         self._pidfds.clear()
-        for run in self._runs:
+        for run in {*self._runs, self.folders.run}:
             shutil.rmtree(run, ignore_errors=True)
             assert not run.exists(), f"{run} is left"
 
+    def incidents(self) -> list[dict[str, Any]]:
+        """The incidents so far, newest first, as `hardcore incidents --json` lists them."""
+        return incidents_cli.list_incidents(self.folders.incidents)
+
     def processes(self) -> dict[int, str]:
         """Every living process that names this house's folders: pid to command line."""
-        marks = [os.fsencode(path) for path in (self.data, *self._runs)]
+        marks = [os.fsencode(path) for path in (self.data, self.folders.run, *self._runs)]
         found = {}
         for entry in Path("/proc").iterdir():
             if entry.name.isdigit() and int(entry.name) != os.getpid() and _names(entry, marks):
@@ -214,7 +200,26 @@ class House:
             finally:
                 os.close(pidfd)
 
-    # ---- asking ----
+
+@dataclass
+class Doors(Premises):
+    """What people and kernels may do to it: the control socket, the command line, signals."""
+
+    def up(self, *options: str) -> Self:
+        """Start it and wait until it runs."""
+        self.up_unproven(*options)
+        self.running()
+        return self
+
+    def up_unproven(self, *options: str) -> Self:
+        """Start it and wait until a core serves, which need not have outlived its probation."""
+        if "--policy" not in options and not self.folders.policy.exists():
+            options = (*options, "--policy", str(self.settle_policy()))
+        launcher = self.begin(*options)
+        until(lambda: "http://" in self.said or launcher.poll() is not None, "`up` to say something", START_S)
+        assert launcher.poll() is None, f"`up` ended with {launcher.returncode}: {self.said}"
+        self.url = self.until(lambda s: s["core"]["ready"] and s["gateway"]["pid"], "a core to serve")["url"]
+        return self
 
     def status(self) -> dict[str, Any]:
         """What the sentinel says at its door; empty if nobody answers."""
@@ -273,7 +278,10 @@ class House:
         """Run `hardcore` with this house's data folder to its end."""
         return run_cli("--data", str(self.data), *words, env=self.environment(**(env or {})))
 
-    # ---- HTTP ----
+
+@dataclass
+class House(Doors):
+    """See the module: with the ledger's customers and the incidents' readers."""
 
     def ask(
         self,
@@ -322,12 +330,6 @@ class House:
             if page.body["next_cursor"] is None:
                 return found
             cursor = f"&cursor={page.body['next_cursor']}"
-
-    # ---- what is told afterwards ----
-
-    def incidents(self) -> list[dict[str, Any]]:
-        """The incidents so far, newest first, as `hardcore incidents --json` lists them."""
-        return incidents_cli.list_incidents(self.folders.incidents)
 
     def closed(self, count: int) -> dict[str, Any]:
         """Wait until `count` incidents are closed and the newest has its report; return its story."""
