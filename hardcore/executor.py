@@ -241,8 +241,6 @@ class Executor:
             self._publish(line)
         self.begin(self.in_hand(self.mark, "released"))
 
-    serving: tuple[dict[str, object], ...] = ()
-
     async def _close(self, order: orders.CloseIncident) -> None:
         incident = order.incident
         evidence = self._evidence.pop(incident.id, None)

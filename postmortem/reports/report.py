@@ -81,6 +81,8 @@ def money_line(report: Report, language: str) -> str:
         return texts.MONEY["none"][language]
     if verdict.lost == 0:
         return texts.MONEY["witness"][language].format(witness_seq=proof.witness_seq)
+    if proof.seq == 0:
+        return texts.MONEY["empty"][language]
     return texts.MONEY["chain"][language].format(tail=proof.tail if proof.tail is not None else "?")
 
 
