@@ -33,7 +33,11 @@ WATCHDOG_USEC = 2_000_000
 
 
 class Executor:
-    """Carries out orders. `tell` takes the facts, `publish` the lines for the gateway."""
+    """Carries out orders.
+
+    `tell` takes the facts, `publish` the lines for the gateway; `still_ours` ends the process if another guard
+    may act by now, and is asked on a hand's thread before every deed.
+    """
 
     def __init__(
         self,
@@ -41,6 +45,7 @@ class Executor:
         generation: int,
         tell: Callable[[seen.Observation], None],
         publish: Callable[[Mapping[str, object]], None],
+        still_ours: Callable[[], None],
     ) -> None:
         self.lives: dict[int, Life] = {}
         self.leftovers: tuple[Life, ...] = ()
@@ -53,6 +58,7 @@ class Executor:
         self._generation = generation
         self._tell = tell
         self._publish = publish
+        self._still_ours = still_ours
         self._log = logs.LogFile(folders.logs / "sentinel.log")
         self._tools = find_tools()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -102,7 +108,11 @@ class Executor:
         await asyncio.to_thread(self.pool.shutdown)
 
     def mark(self, step: str, **particulars: object) -> None:
-        """Write down where we are before the next deed, for whoever has to go on in our place."""
+        """Write down where we are before the next deed, for whoever has to go on in our place.
+
+        And ask first whether the deed is still ours: a guard whose lock is gone has lost the right to act.
+        """
+        self._still_ours()
         with self._switch_lock:
             self.switch |= {"step": step, **particulars}
             files.write_json(self._folders.switch, self.switch, durable=False)

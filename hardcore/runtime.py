@@ -73,7 +73,7 @@ class Runtime:
             random.random,
             deaths.read_deaths(folders, window_ns),
         )
-        self.executor = Executor(folders, setup.generation, self.feed, self.publish)
+        self.executor = Executor(folders, setup.generation, self.feed, self.publish, self._still_ours)
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
         self.door = Door(self)
         self.control = ControlServer(folders.control, self.door.answer, self.door.listen, self._greet)
@@ -244,14 +244,20 @@ class Runtime:
             self._published = line
             self.publish(line)
 
+    def _still_ours(self) -> None:
+        """End at once if the lock that others find is not the one we hold: the run folder was removed.
+
+        Nobody can reach us any more, and another could take the lock anew beside us. The next sentinel finds
+        our processes by their environment and starts afresh.
+        """
+        if not files.still_locked(self.setup.lock_fd, self.folders.run / "sentinel.lock"):
+            sys.stderr.write("The run folder was removed; making it anew.\n")
+            os._exit(EXIT_UNREACHABLE)
+
     async def _feed_on(self) -> None:
         while True:
             await asyncio.sleep(FEED_EVERY_S)
-            if not files.still_locked(self.setup.lock_fd, self.folders.run / "sentinel.lock"):
-                # Nobody can reach us any more, and another could take the lock anew beside us: leave it to
-                # the next sentinel, which finds our processes by their environment and starts afresh.
-                sys.stderr.write("The run folder was removed; making it anew.\n")
-                os._exit(EXIT_UNREACHABLE)
+            self._still_ours()
             self.publish(self.phase_line(self.manager.reading()))
             self.door.measure()
 
