@@ -61,7 +61,7 @@ class Bench:
         stuck = self._progress.look(tick.beats, tick.in_flight, tick.at_ns, self._own_stall.forgiven_ns)
         said = (
             beat_witness.testify(found, self.patience.late_ms),
-            process_state.testify(facts),
+            process_state.testify(facts, beating=not found.loop_stale(self.patience.late_ms)),
             progress.testify(stuck, self.patience.late_ms),
         )
         if overslept:

@@ -86,11 +86,11 @@ def _sleep(before: ThreadSample | None, now: ThreadSample | None) -> Sleep:
     return Sleep.CONCLUSIVE if any(name in now.waits_in for name in _CONCLUSIVE) else Sleep.OTHER
 
 
-def testify(facts: ProcessFacts) -> Testimony:
-    """Return what the kernel says."""
+def testify(facts: ProcessFacts, *, beating: bool) -> Testimony:
+    """Return what the kernel says. `beating`: the loop's beats are fresh, so its sleep is a wait for work."""
     if facts.stopped:
         return Testimony("process", Colour.RED, "the process is stopped (state T), not by us")
-    if facts.loop in {Sleep.CONCLUSIVE, Sleep.OTHER}:
+    if facts.loop in {Sleep.CONCLUSIVE, Sleep.OTHER} and not beating:
         where = f" in {facts.loop_waits_in}" if facts.loop_waits_in else ""
         return Testimony(
             "process",

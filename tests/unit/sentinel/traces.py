@@ -1,0 +1,97 @@
+"""Small recorded traces: what the watch of a core would have read, tick by tick."""
+
+from dataclasses import dataclass, replace
+
+from hardcore.model.observations import ProcessSample, Sampled, ThreadSample
+from hardcore.model.recorder import Beats, CommandNote, LifeState, SlotStage, Threads
+from hardcore.model.verdicts import Colour, Verdict
+from hardcore.sentinel.verdict import Bench, Patience
+
+MS = 1_000_000
+#: The watch begins here: zero means "never" on a recorder page.
+BEGAN_MS = 1000
+PATIENCE = Patience(interval_ms=100, late_ms=300, conclusive_ms=400, hang_ms=1500)
+
+EPOLL = ThreadSample("S", 5, "ep_poll")
+NAPPING = ThreadSample("S", 5, "hrtimer_nanosleep")
+LOCKED = ThreadSample("S", 5, "futex_wait_queue")
+POLLING = ThreadSample("S", 5, "poll_schedule_timeout")
+ON_DISK = ThreadSample("D", 5, "io_schedule")
+STOPPED = ThreadSample("T", 5, "do_signal_stop")
+GONE = ThreadSample("", 0, "")
+UNSCHEDULED = ThreadSample("R", 5, "")
+
+
+def running(at_ms: int) -> ThreadSample:
+    """A thread that gets processor time."""
+    return ThreadSample("R", at_ms * MS, "")
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One tick. Beats are given by their age; None for `loop` means that nobody looked closer."""
+
+    at_ms: int
+    loop_age_ms: int = 20
+    thread_age_ms: int = 20
+    state: str = "S"
+    loop: ThreadSample | None = EPOLL
+    writer: ThreadSample | None = LOCKED
+    submitted: int = 0
+    completed: int = 0
+    in_store_ms: int = 0
+    notes: tuple[CommandNote, ...] | None = None
+
+    def sampled(self) -> Sampled:
+        """As the manager would be told."""
+        at_ns = (BEGAN_MS + self.at_ms) * MS
+        beats = Beats(
+            loop_ns=at_ns - self.loop_age_ms * MS,
+            thread_ns=at_ns - self.thread_age_ms * MS,
+            submitted=self.submitted,
+            completed=self.completed,
+            in_store_since_ns=self.in_store_ms and (BEGAN_MS + self.in_store_ms) * MS,
+            epoch=4,
+            state=LifeState.READY,
+        )
+        process = ProcessSample(self.state, at_ns // 2, 1, 4, None, self.loop, self.writer)
+        return Sampled(at_ns, 1, beats, Threads(1, 2, 3), process, self.notes)
+
+
+def queued(
+    *since_ms: int, stage: SlotStage = SlotStage.QUEUED, kind: str = "transaction"
+) -> tuple[CommandNote, ...]:
+    """Commands in flight, each since its moment."""
+    return tuple(
+        CommandNote(stage, f"c{n}", f"k{n}", kind, "", (), 1, stage_ns=(BEGAN_MS + at_ms) * MS)
+        for n, at_ms in enumerate(since_ms)
+    )
+
+
+def judged(looks: list[Look], patience: Patience = PATIENCE) -> list[Verdict]:
+    """What the bench says of each look."""
+    bench = Bench(patience)
+    return [bench.judge(look.sampled()) for look in looks]
+
+
+def well(until_ms: int, every_ms: int = 100) -> list[Look]:
+    """A healthy core."""
+    return [Look(at_ms) for at_ms in range(0, until_ms, every_ms)]
+
+
+def silent(from_ms: int, for_ms: int, like: Look, *, thread: bool = False, every_ms: int = 100) -> list[Look]:
+    """The loop's beats (and the thread's, if `thread`) stop at `from_ms`; each tick looks like `like`."""
+    return [
+        replace(
+            like,
+            at_ms=at_ms,
+            loop_age_ms=at_ms - from_ms,
+            thread_age_ms=at_ms - from_ms if thread else 20,
+        )
+        for at_ms in range(from_ms + every_ms - 30, from_ms + for_ms, every_ms)
+    ]
+
+
+def red(verdicts: list[Verdict]) -> Verdict | None:
+    """The first red one."""
+    return next((verdict for verdict in verdicts if verdict.colour is Colour.RED), None)
