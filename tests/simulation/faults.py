@@ -8,11 +8,13 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from hardcore.model import observations as seen
+from hardcore.model.phases import Wanted
 from hardcore.model.recorder import CommandNote, SlotStage
 from tests.simulation import conditions
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import Condition
 from tests.simulation.machine import BootPlan, Harm, Stage
+from tests.simulation.switches import Taking
 from tests.simulation.world import World
 
 Fault = Callable[[World], None]
@@ -49,7 +51,7 @@ def _boots(
         end = seen.Exit(code=code, signal=signal)
         for _ in range(world.rng.randrange(1, times + 1)):
             plan = BootPlan(world.rng.randrange(5, 150) * MS, world.rng.randrange(5, 60) * MS, at, end, words)
-            world.boot_plans.append(plan)
+            world.switches.boot_plans.append(plan)
         _end_the_present_one(world)
 
     return fault
@@ -63,7 +65,7 @@ def _end_the_present_one(world: World) -> None:
 
 def _boot_hangs(at: Stage) -> Fault:
     def fault(world: World) -> None:
-        world.boot_plans.append(BootPlan(50 * MS, 20 * MS, at, hangs=True))
+        world.switches.boot_plans.append(BootPlan(50 * MS, 20 * MS, at, hangs=True))
         _end_the_present_one(world)
 
     return fault
@@ -71,28 +73,30 @@ def _boot_hangs(at: Stage) -> Fault:
 
 def _boot_is_slow(world: World) -> None:
     slow_ns = world.rng.randrange(1, 2 * world.policy.startup_timeout_ms) * MS
-    world.boot_plans.append(BootPlan(slow_ns, 20 * MS, extends_ns=world.rng.randrange(1, 30) * NS_PER_S))
+    world.switches.boot_plans.append(
+        BootPlan(slow_ns, 20 * MS, extends_ns=world.rng.randrange(1, 30) * NS_PER_S)
+    )
     _end_the_present_one(world)
 
 
 def _epoch_is_not_told(world: World) -> None:
-    world.boot_plans.append(BootPlan(50 * MS, 20 * MS, tells_epoch=False))
+    world.switches.boot_plans.append(BootPlan(50 * MS, 20 * MS, tells_epoch=False))
     _end_the_present_one(world)
 
 
 def _spawns_fail(world: World) -> None:
-    world.failing_spawns += world.rng.randrange(1, 4)
+    world.switches.failing_spawns += world.rng.randrange(1, 4)
     _end_the_present_one(world)
 
 
 def _spawn_is_slow(world: World) -> None:
     """Making the process takes long, and in the meantime the operator often says something."""
-    world.slow_spawns_ns.append(world.rng.randrange(200, 3000) * MS)
-    world.failing_spawns += world.rng.randrange(2)
+    world.switches.slow_spawns_ns.append(world.rng.randrange(200, 3000) * MS)
+    world.switches.failing_spawns += world.rng.randrange(2)
     _end_the_present_one(world)
     if world.rng.random() < 0.6:
         verb = world.rng.choice([seen.Verb.STOP, seen.Verb.RESTART_HARD])
-        world.clock.after(world.rng.randrange(20, 400) * MS, lambda: world.ask(verb))
+        world.clock.after(world.rng.randrange(20, 400) * MS, lambda: _ask(world, verb))
 
 
 def _changes_his_mind(world: World) -> None:
@@ -101,7 +105,7 @@ def _changes_his_mind(world: World) -> None:
         world.befall(world.rng.choice([conditions.FROZEN, conditions.BLOCKED_POLL]))
     for _ in range(world.rng.randrange(2, 5)):
         verb = world.rng.choice(list(seen.Verb))
-        world.clock.after(world.rng.randrange(1, 700) * MS, partial(world.ask, verb))
+        world.clock.after(world.rng.randrange(1, 700) * MS, partial(_ask, world, verb))
 
 
 def _freezes_in_boot(world: World) -> None:
@@ -166,13 +170,14 @@ def _writer(condition: Condition) -> Fault:
 
 def _load(world: World) -> None:
     """The machine is busy: our ticks come late, and the core is not always scheduled."""
-    world.tick_late_ns = world.rng.randrange(50, 600) * MS
+    world.switches.tick_late_ns = world.rng.randrange(50, 600) * MS
     world.befall(conditions.STARVED, world.rng.randrange(50, 3000) * MS)
-    world.clock.after(5 * NS_PER_S, lambda: setattr(world, "tick_late_ns", 0))
+    world.clock.after(5 * NS_PER_S, lambda: setattr(world.switches, "tick_late_ns", 0))
 
 
 def _guard_stalls(world: World) -> None:
-    world.stall_guard(world.rng.randrange(100, 8000) * MS)
+    """The guard gets no processor time."""
+    world.guard.awake_ns = world.clock.now_ns + world.rng.randrange(100, 8000) * MS
 
 
 def _guard_dies(world: World) -> None:
@@ -180,7 +185,7 @@ def _guard_dies(world: World) -> None:
 
 
 def _guard_dies_at_an_order(world: World) -> None:
-    world.orders_until_death = world.rng.randrange(6)
+    world.switches.orders_until_death = world.rng.randrange(6)
 
 
 def _unkillable(world: World) -> None:
@@ -193,7 +198,7 @@ def _unkillable(world: World) -> None:
         core.befall(conditions.FROZEN)
         world.worry()
     else:
-        world.ask(seen.Verb.RESTART_HARD)
+        _ask(world, seen.Verb.RESTART_HARD)
     if world.rng.random() < 0.7:
         world.clock.after(world.rng.randrange(100, 9000) * MS, core.let_go)
 
@@ -201,7 +206,7 @@ def _unkillable(world: World) -> None:
 def _ignores_term(world: World) -> None:
     if (core := world.core) is not None:
         core.ignores_term = True
-        world.ask(world.rng.choice([seen.Verb.RESTART, seen.Verb.STOP]))
+        _ask(world, world.rng.choice([seen.Verb.RESTART, seen.Verb.STOP]))
 
 
 def _stranger_terms(world: World) -> None:
@@ -216,9 +221,9 @@ def _stranger_fences(world: World) -> None:
     world.gateway.submit(f"behind-the-fence-{world.clock.now_ns}")
 
 
-def _evidence(mode: str) -> Fault:
+def _evidence(taking: Taking) -> Fault:
     def fault(world: World) -> None:
-        world.evidence.append(mode)
+        world.switches.evidence.append(taking)
         world.befall(world.rng.choice([conditions.FROZEN, conditions.BLOCKED_LOCK]))
 
     return fault
@@ -238,7 +243,16 @@ def _drill(world: World) -> None:
 
 
 def _machine_sleeps(world: World) -> None:
-    world.sleep(world.rng.choice([300, 1500, 30_000, 3_600_000]) * MS)
+    """The whole machine sleeps: nobody can do anything, the clock goes on."""
+    gap_ns = world.rng.choice([300, 1500, 30_000, 3_600_000]) * MS
+    world.clock.leap(gap_ns)
+    core = world.core
+    if core is None:
+        return
+    core.since_ns += gap_ns  # what befell it did not go on in its sleep
+    if core.condition is conditions.WELL:
+        core.befall(conditions.STARVED, world.rng.randrange(150) * MS)
+        world.worry()
 
 
 def _poison(harm: Harm) -> Fault:
@@ -250,8 +264,17 @@ def _poison(harm: Harm) -> Fault:
     return fault
 
 
+def _ask(world: World, verb: seen.Verb) -> None:
+    """The operator speaks; what he wants is on disk before anybody hears it."""
+    if not world.guard.works and verb is not seen.Verb.STOP:
+        return
+    if verb is seen.Verb.STOP:
+        world.disk_wanted = Wanted.DOWN
+    world.guard.tell(seen.OperatorAsked(world.clock.now_ns, verb, "because"))
+
+
 def _asks(verb: seen.Verb) -> Fault:
-    return lambda world: world.ask(verb)
+    return lambda world: _ask(world, verb)
 
 
 def _crash_loop(world: World) -> None:
@@ -306,9 +329,9 @@ CRISIS: Mapping[str, Fault] = {
     "epoch is not told": _epoch_is_not_told,
     "spawns fail": _spawns_fail,
     "spawn is slow": _spawn_is_slow,
-    "evidence late": _evidence("late"),
-    "evidence never": _evidence("never"),
-    "dies during evidence": _evidence("dies"),
+    "evidence late": _evidence(Taking.LATE),
+    "evidence never": _evidence(Taking.NEVER),
+    "dies during evidence": _evidence(Taking.DIES),
     "page lost": _page_is_lost,
     "unkillable": _unkillable,
     "ignores TERM": _ignores_term,

@@ -17,6 +17,7 @@ from hardcore.recovery.policy import Policy
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.conditions import FROZEN, WELL
 from tests.simulation.machine import THREADS, Life
+from tests.simulation.switches import Taking
 
 if TYPE_CHECKING:  # the world starts guards
     from tests.simulation.world import World
@@ -112,7 +113,7 @@ class Guard:
             self.phase = moves[-1].after
             self.world.checkers.moved(self, moves)
         for action in given:
-            if self.world.guard_dies_now():
+            if self.world.switches.guard_dies_now():
                 self.world.kill_guard()
                 return
             self.world.checkers.ordered(self, action)
@@ -161,7 +162,7 @@ class Guard:
 
     def _interval_ns(self) -> int:
         every_ns = self.policy.health_check_interval_ms * NS_PER_MS
-        late_ns = self.world.tick_late_ns
+        late_ns = self.world.switches.tick_late_ns
         return every_ns + self.world.rng.randrange(late_ns or 5 * NS_PER_MS)
 
     def _look(self, life: Life, now_ns: int) -> seen.Sampled:
@@ -179,7 +180,7 @@ class Guard:
         match action:
             case orders.Spawn():
                 self._spawning[action.life] = action
-                self._soon(self.world.spawn_takes_ns(), lambda: self._spawn(action))
+                self._soon(self.world.switches.spawn_takes_ns(), lambda: self._spawn(action))
             case orders.Terminate(life=number):
                 self._soon(soon, lambda: self._with(number, Life.terminate))
             case orders.Kill(life=number):
@@ -229,7 +230,7 @@ class Guard:
     def _spawn(self, order: orders.Spawn) -> None:
         del self._spawning[order.life]
         now_ns = self.world.clock.now_ns
-        if self.world.spawn_fails():
+        if self.world.switches.spawn_fails():
             self.tell(seen.SpawnFailed(now_ns, order.life, "no more processes"))
             return
         life = self.world.make_life(order.life, order.expected_epoch)
@@ -272,9 +273,24 @@ class Guard:
             return
         if order.living and life.alive and not life.in_kernel:
             life.befall(FROZEN)
-        took_ns = self.world.evidence_takes_ns(life, order)
+        took_ns = self._evidence_takes_ns(life, order)
         if took_ns is not None:
             self._soon(took_ns, lambda: self._evidence_taken(life))
+
+    def _evidence_takes_ns(self, life: Life, order: orders.TakeEvidence) -> int | None:
+        """How long the evidence takes; None: it never comes."""
+        rng = self.world.rng
+        in_time = rng.randrange(20, order.budget_ms + 1) * NS_PER_MS
+        match self.world.switches.taking():
+            case Taking.IN_TIME:
+                return in_time
+            case Taking.LATE:
+                return (order.budget_ms + rng.randrange(200, 3000)) * NS_PER_MS
+            case Taking.NEVER:
+                return None
+            case Taking.DIES:
+                self.world.clock.after(rng.randrange(50) * NS_PER_MS, lambda: life.signal(9))
+                return in_time
 
     def _evidence_taken(self, life: Life) -> None:
         now_ns = self.world.clock.now_ns

@@ -16,6 +16,7 @@ from tests.simulation.checkers import Broken
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.faults import FAULTS, LOAD
 from tests.simulation.guard import Guard
+from tests.simulation.quiet import calm_down
 from tests.simulation.world import World
 
 DEEDS_MAX = 30_000
@@ -128,7 +129,7 @@ def _play(world: World, rng: Random) -> None:
         keyed = rng.random() < 0.9
         at_ns = rng.randrange(12_000) * NS_PER_MS
         world.clock.after(at_ns, partial(world.gateway.submit, f"key-{number}", keyed=keyed))
-    world.clock.after(rng.randrange(4, 25) * NS_PER_S, world.calm_down)
+    world.clock.after(rng.randrange(4, 25) * NS_PER_S, partial(calm_down, world))
     for deeds in count():
         if not world.clock.step():
             return

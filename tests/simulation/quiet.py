@@ -1,0 +1,56 @@
+"""The quiet at the end of every run: what the guard can't heal heals by itself, the rest is the guard's.
+
+No fault strikes any more, clients ask now and then, and whatever is still wrong must be found, told and
+mended by the guard alone. Only a core that the kernel never lets go may stay as it is.
+"""
+
+from functools import partial
+
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.policy import Policy, Word
+from tests.simulation.clock import NS_PER_S
+from tests.simulation.conditions import FROZEN, WELL, WRITER_ASLEEP, WRITER_GONE, Condition, Judged
+from tests.simulation.machine import Life
+from tests.simulation.world import World
+
+STUCK_FOR_EVER = 0.1
+ASKED_AT_S = (0, 0, 60, 900)
+_DIAGNOSES = {
+    FROZEN: Diagnosis.FROZEN,
+    WRITER_ASLEEP: Diagnosis.NO_PROGRESS,
+    WRITER_GONE: Diagnosis.NO_PROGRESS,
+}
+
+
+def calm_down(world: World) -> None:
+    """Begin the quiet."""
+    world.quiet = True
+    world.switches.clear()
+    for life in [life for life in world.lives if life.alive]:
+        _heal(world, life)
+    for number, wait_s in enumerate(ASKED_AT_S):
+        world.clock.after(wait_s * NS_PER_S, partial(_ask_for_service, world, number))
+
+
+def _heal(world: World, life: Life) -> None:
+    if life.in_kernel:
+        if world.rng.random() < STUCK_FOR_EVER:
+            world.stuck_for_ever = True
+        else:
+            life.let_go()
+    life.extra_notes, life.extra_waiting = (), 0
+    if _nobody_else_heals(world.policy, life.condition):
+        life.befall(WELL)
+
+
+def _nobody_else_heals(policy: Policy, condition: Condition) -> bool:
+    """Whether the guard may not call this a hang, or the policy does nothing about it."""
+    if condition.judged is Judged.NEVER:
+        return True
+    diagnosis = _DIAGNOSES.get(condition, Diagnosis.LOOP_BLOCKED)
+    return not policy.asks(diagnosis, Word.REBOOT_PROCESS)
+
+
+def _ask_for_service(world: World, number: int) -> None:
+    world.gateway.submit(f"quiet-{number}")
+    world.worry()

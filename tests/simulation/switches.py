@@ -1,0 +1,71 @@
+"""What faults have prepared for the machine's next moves: how a boot goes, whether a process can be made.
+
+A fault turns a switch and is done; the world asks it when the moment comes. Where nothing is prepared,
+everything goes well, in a time that is left to chance.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field
+from enum import Enum
+from random import Random
+
+from tests.simulation.clock import NS_PER_MS
+from tests.simulation.machine import BootPlan
+
+
+class Taking(Enum):
+    """How taking the evidence goes."""
+
+    IN_TIME = "in time"
+    LATE = "late"
+    NEVER = "never"
+    DIES = "the core dies in the middle of it"
+
+
+@dataclass(slots=True)
+class Switches:
+    """See the module. `tick_late_ns`: the guard's ticks come up to so much late."""
+
+    rng: Random
+    boot_plans: deque[BootPlan] = field(default_factory=deque)
+    slow_spawns_ns: deque[int] = field(default_factory=deque)
+    evidence: deque[Taking] = field(default_factory=deque)
+    failing_spawns: int = 0
+    tick_late_ns: int = 0
+    orders_until_death: int | None = None
+
+    def clear(self) -> None:
+        """Everything goes well from now on."""
+        for prepared in (self.boot_plans, self.slow_spawns_ns, self.evidence):
+            prepared.clear()
+        self.failing_spawns, self.tick_late_ns, self.orders_until_death = 0, 0, None
+
+    def boot_plan(self) -> BootPlan:
+        """How the next boot goes."""
+        ms = NS_PER_MS
+        plan = BootPlan(self.rng.randrange(20, 200) * ms, self.rng.randrange(1, 60) * ms)
+        return self.boot_plans.popleft() if self.boot_plans else plan
+
+    def spawn_takes_ns(self) -> int:
+        """How long it takes to make a process, or to find out that none can be made."""
+        if self.slow_spawns_ns:
+            return self.slow_spawns_ns.popleft()
+        return self.rng.randrange(1, 40) * NS_PER_MS
+
+    def spawn_fails(self) -> bool:
+        """Whether no process can be made just now."""
+        if self.failing_spawns == 0:
+            return False
+        self.failing_spawns -= 1
+        return True
+
+    def taking(self) -> Taking:
+        """How taking the next evidence goes."""
+        return self.evidence.popleft() if self.evidence else Taking.IN_TIME
+
+    def guard_dies_now(self) -> bool:
+        """Whether the next order is never carried out, because the guard dies before it."""
+        if self.orders_until_death is None:
+            return False
+        self.orders_until_death -= 1
+        return self.orders_until_death < 0
