@@ -35,17 +35,21 @@ class Gatekeeper:
         self._deaths = Budget(QUICK_RESTARTS, 60 * NS_PER_S)
         self._wanted = True
         self._ended = asyncio.Event()
+        self._starting = asyncio.Lock()
 
     async def start(self) -> None:
         """Start the gateway; what can't be started is tried again with growing pauses."""
-        try:
-            self.handle = await self._executor.in_hand(self._spawn)
-        except OSError as error:
-            self._executor.note("gateway", failed=error.strerror or str(error))
-            self._again(None)
-            return
-        self._ended.clear()
-        asyncio.get_running_loop().add_reader(self.handle.pidfd, self._on_end, self.handle)
+        async with self._starting:
+            if not self._wanted:
+                return
+            try:
+                self.handle = await self._executor.in_hand(self._spawn)
+            except OSError as error:
+                self._executor.note("gateway", failed=error.strerror or str(error))
+                self._again(None)
+                return
+            self._ended.clear()
+            asyncio.get_running_loop().add_reader(self.handle.pidfd, self._on_end, self.handle)
 
     def _spawn(self) -> Handle:
         logs.rotate(self._folders.logs / "gateway.log")
@@ -90,9 +94,10 @@ class Gatekeeper:
     async def stop(self) -> None:
         """Let the gateway answer what it holds and leave; end it if it does not."""
         self._wanted = False
-        if self.handle is None:
+        async with self._starting:  # one that is just being made would be left behind by nobody's hand
+            handle = self.handle
+        if handle is None:
             return
-        handle = self.handle
         handle.signal(signal.SIGTERM)
         handle.signal(signal.SIGCONT)
         limit_s = self._policy.gateway.drain_ms / 1000 + LEAVE_GRACE_S
