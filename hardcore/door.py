@@ -67,7 +67,7 @@ class Door:
 
     def __init__(self, house: House) -> None:
         self.proved_ns: int | None = None
-        self.last_incident: str | None = None
+        self.last_incident = status.last_incident(house.folders)
         self._house = house
         self._stats: dict[str, int] = {}
         self._own_cpu = _CpuMeter()

@@ -113,4 +113,14 @@ def from_files(folders: Folders) -> dict[str, Any]:
     status["wanted"] = wanted if wanted in {"UP", "DOWN"} else "UP"
     told = files.read_json(folders.sentinel)
     status["url"] = told.get("url")
+    status["last_incident"] = last_incident(folders)
     return status
+
+
+def last_incident(folders: Folders) -> str | None:
+    """Return the id of the newest closed incident on disk; ids sort by time."""
+    try:
+        closed = [facts.parent.name for facts in folders.incidents.glob("[!.]*/incident.json")]
+    except OSError:  # the folder's name is too long, or it is none: nothing is known
+        return None
+    return max(closed, default=None)

@@ -159,6 +159,7 @@ def test_reading_commands_answer_with_everything_stopped(new_house: MakeHouse) -
     assert house.cli("down").code == 0
     status = house.cli("--json", "status")
     assert (status.code, status.told["state"], status.told["url"]) == (4, "UNKNOWN", url)
+    assert status.told["last_incident"] == story["id"]
     assert [item["id"] for item in house.cli("--json", "incidents").told] == [story["id"]]
     assert house.cli("incidents", "show", story["id"][:18]).code == 0
     out = house.data.parent / "incident.md"

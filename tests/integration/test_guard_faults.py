@@ -143,8 +143,13 @@ def test_up_after_launcher_and_sentinel_are_gone_ends_the_rest_and_starts_anew(n
     house.launcher.wait(START_S)
     house.up()
     assert all(process.gone for process in old)
-    assert house.closed(1)["diagnosis"] == "SENTINEL_LOST"
+    story = house.closed(1)
+    assert story["diagnosis"] == "SENTINEL_LOST"
     assert house.booked() == ["before"]
+    assert house.launcher is not None
+    house.launcher.send_signal(signal.SIGINT)
+    house.up()
+    assert house.status()["last_incident"] == story["id"], "it is known after a restart of the guard too"
     one_of_each(house)
 
 

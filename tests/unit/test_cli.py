@@ -1,0 +1,55 @@
+"""The status as a person reads it: aligned in both languages, and never without an answer."""
+
+from pathlib import Path
+
+import pytest
+
+from hardcore import status
+from hardcore.cli import STATE_CODES, printed_status
+from hardcore.host.folders import Folders
+from hardcore.model.phases import HAState
+
+
+@pytest.mark.parametrize("lang", ["ko", "en"])
+def test_a_status_without_a_sentinel_can_be_printed(tmp_path: Path, lang: str) -> None:
+    told = status.from_files(Folders(tmp_path, tmp_path))
+    lines = printed_status(told, lang).splitlines()
+    assert "UNKNOWN" in lines[0]
+    assert all("  " in line for line in lines)
+
+
+@pytest.mark.parametrize("state", list(HAState))
+@pytest.mark.parametrize("lang", ["ko", "en"])
+def test_every_state_has_words(tmp_path: Path, state: HAState, lang: str) -> None:
+    told = status.from_files(Folders(tmp_path, tmp_path)) | {"state": str(state)}
+    assert str(state) in printed_status(told, lang)
+
+
+def test_only_a_working_ledger_is_a_success() -> None:
+    assert {state: STATE_CODES.get(state, 4) for state in HAState} == {
+        HAState.OPERATIONAL: 0,
+        HAState.STARTING: 3,
+        HAState.DEGRADED: 3,
+        HAState.RECOVERY: 3,
+        HAState.SAFE_MODE: 3,
+        HAState.MANUAL_INTERVENTION: 4,
+        HAState.SHUTDOWN: 4,
+    }
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"wanted": 5}', '{"wanted": "SIDEWAYS"}'])
+def test_a_damaged_note_of_what_is_wanted_means_up(tmp_path: Path, content: str) -> None:
+    folders = Folders(tmp_path, tmp_path)
+    folders.state.mkdir()
+    (folders.state / "wanted.json").write_text(content)
+    assert status.from_files(folders)["wanted"] == "UP"
+
+
+def test_columns_are_aligned_where_letters_are_wide(tmp_path: Path) -> None:
+    told = status.from_files(Folders(tmp_path, tmp_path))
+    starts = set()
+    for line in printed_status(told, "ko").splitlines():
+        label, _, value = line.partition("  ")
+        width = sum(2 if "가" <= letter <= "힣" else 1 for letter in label)
+        starts.add(width + len(line) - len(label) - len(value.lstrip()))
+    assert len(starts) == 1
