@@ -176,6 +176,9 @@ class Executor:
             life = self.lives.pop(number)
             await self.in_hand(life.discard)
 
+    # A life whose process is still being made gets no order here: the manager repeats it when it is told of
+    # the process (SPAWNED), so that an order to nobody is not lost.
+
     async def _terminate(self, order: orders.Terminate) -> None:
         life = self.lives.get(order.life)
         if life is None or life.handle is None:

@@ -120,7 +120,7 @@ class FailoverManager:
                     self._mark("serving", fact.at_ns)
             case seen.RequestsSettled():
                 if self._story is not None and fact.incident == self._story.id:
-                    self._story.requests = (*self._story.requests, *fact.requests)
+                    self._story.add_requests(fact.requests)
             case _:
                 if fact.life == self._life:
                     self._receive_of_core(fact)

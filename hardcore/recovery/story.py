@@ -15,6 +15,8 @@ from hardcore.recovery import trial
 
 DEATHS_MAX = 64
 EVIDENCE_MAX = 64
+IN_FLIGHT_MAX = 1024
+REQUESTS_MAX = 4096
 _FIRST = frozenset({"fault", "detected", "alerted", "frozen", "dumped", "killed"})
 
 
@@ -73,7 +75,12 @@ class Story:
         new = trial.suspects(blame, page.in_flight)
         self.suspects += tuple(key for key in new if key not in self.suspects)
         seen = {note.command_id for note in self.in_flight}
-        self.in_flight += tuple(note for note in page.in_flight if note.command_id not in seen)
+        new_notes = tuple(note for note in page.in_flight if note.command_id not in seen)
+        self.in_flight = (self.in_flight + new_notes)[:IN_FLIGHT_MAX]
+
+    def add_requests(self, settled: tuple[RequestOutcome, ...]) -> None:
+        """Note what became of requests that met the outage; the first ones where there are too many."""
+        self.requests = (self.requests + settled)[:REQUESTS_MAX]
 
     def told(self, outcome: str, now_ns: int) -> Incident:
         """Return the whole story as facts."""

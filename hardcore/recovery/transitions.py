@@ -176,8 +176,8 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     P.FATAL: {
         T.DEADLINE: (P.STARTING, (S.SPAWN,)),
         T.STOP: (P.STOPPED, (S.HALT,)),
-        T.RESTART: _AGAIN,
-        T.RESTART_HARD: _AGAIN,
+        T.RESTART: (P.STARTING, (S.FORGET, S.OPEN_PLANNED, S.SPAWN)),
+        T.RESTART_HARD: (P.STARTING, (S.FORGET, S.OPEN_PLANNED, S.SPAWN)),
         T.RESUME: _AGAIN,
     },
 }
