@@ -27,8 +27,14 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
         ),
     },
     "foreign-page": {
-        "ko": ("다른 사이트에서 온 요청은 받지 않아요", "이 가계부를 바꾸는 요청은 이 주소의 화면이나 프로그램에서만 보낼 수 있어요."),
-        "en": ("Requests from another site are not taken", "Only pages of this address, or a program of yours, may change this ledger."),
+        "ko": (
+            "다른 사이트에서 온 요청은 받지 않아요",
+            "이 가계부를 바꾸는 요청은 이 주소의 화면이나 프로그램에서만 보낼 수 있어요.",
+        ),
+        "en": (
+            "Requests from another site are not taken",
+            "Only pages of this address, or a program of yours, may change this ledger.",
+        ),
     },
     "method-not-allowed": {
         "ko": ("이 방식은 쓸 수 없어요", "여기서 쓸 수 있는 방식은 Allow 헤더에 있어요."),

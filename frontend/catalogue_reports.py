@@ -173,7 +173,9 @@ MONEY: Mapping[str, Text] = {
         "The last {tail} records form a whole chain. Nobody saw the last record before the outage, "
         "so nothing is said about losses.",
     ),
-    "empty": _text("장부가 비어 있었어요. 잃을 기록이 없었어요.", "The ledger was empty: there was nothing to lose."),
+    "empty": _text(
+        "장부가 비어 있었어요. 잃을 기록이 없었어요.", "The ledger was empty: there was nothing to lose."
+    ),
     "none": _text("아직 확인하지 않았어요.", "Not verified yet."),
 }
 
