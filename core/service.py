@@ -119,17 +119,20 @@ class Service:
         if self._in_flight == 0:
             self._all_answered.set()
 
-    async def carry_out(self, command: Command, key: str | None, command_id: str, slot: int) -> Answer:
+    async def carry_out(
+        self, command: Command, key: str | None, digest: bytes, command_id: str, slot: int
+    ) -> Answer:
         """Put the command in the writer's line and return its answer, which is durable if it says so."""
         # Plain strings in this frame, for whoever reads a dump of a stuck request.
         transaction_id = command.id if isinstance(command, PostTransaction) else ""
         account_ids = accounts_of(command)
-        order = Order(command, key, fingerprint_of(command), command_id, transaction_id, account_ids, slot)
+        fingerprint = fingerprint_of(command)
+        order = Order(command, key, fingerprint, digest, command_id, transaction_id, account_ids, slot)
         return await self._writer.submit(order)
 
-    async def look_up(self, key: str, slot: int) -> Answer:
-        """Return what became of a key, true at a moment after this call."""
-        return await self._writer.submit(LookUp(key, slot))
+    async def look_up(self, key: str, digest: bytes | None, slot: int) -> Answer:
+        """Return what became of a key (of one request under it), true at a moment after this call."""
+        return await self._writer.submit(LookUp(key, slot, digest))
 
     async def read(self, slot: int, question: Callable[[Connection], T]) -> T | ReadTooLong | StoreError:
         """Ask the book on a reader's thread, at one moment and in bounded time."""

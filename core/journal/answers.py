@@ -16,11 +16,16 @@ from core.ledger.reasons import Rejection, Slug
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """A command for the writer. `fingerprint` tells one wish from another under the same key."""
+    """A command for the writer.
+
+    `fingerprint` tells one wish from another under the same key; `digest` tells the very request, so that a
+    look-up, which does not bring the wish along, can still name it.
+    """
 
     command: Command
     key: str | None
     fingerprint: bytes
+    digest: bytes
     command_id: str
     transaction_id: str
     account_ids: tuple[str, ...]
@@ -29,7 +34,7 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class LookUp:
-    """The question what became of a key.
+    """The question what became of a key, or (with a `digest`) of one request under it.
 
     It stands in the same line as the commands, because "not done" must be true of every command that came
     before the question, and is checked against the epoch like a write.
@@ -37,6 +42,7 @@ class LookUp:
 
     key: str
     slot: int
+    digest: bytes | None = None
 
 
 Work = Order | LookUp
@@ -61,7 +67,7 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class KeyTaken:
-    """The key belongs to another wish."""
+    """The key belongs to another wish; to a look-up: to another request, whatever that one wished."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +110,7 @@ class KeyRow(msgspec.Struct, frozen=True):
     seq: int | None
     status: int
     reply: bytes
+    digest: bytes
 
 
 def status_of(slug: Slug) -> int:
@@ -111,13 +118,14 @@ def status_of(slug: Slug) -> int:
     return 409 if slug is Slug.ACCOUNT_EXISTS else 422
 
 
-def keep(answer: Done | Refused, fingerprint: bytes, seq: int | None) -> KeyRow:
-    """Return the row that keeps this answer under its key."""
+def keep(answer: Done | Refused, order: Order, seq: int | None) -> KeyRow:
+    """Return the row that keeps the answer to this order under its key."""
     match answer:
         case Done(status, body):
-            return KeyRow(fingerprint, seq, status, body)
+            return KeyRow(order.fingerprint, seq, status, body, order.digest)
         case Refused(rejection):
-            return KeyRow(fingerprint, seq, status_of(rejection.slug), msgspec.json.encode(rejection))
+            reply = msgspec.json.encode(rejection)
+            return KeyRow(order.fingerprint, seq, status_of(rejection.slug), reply, order.digest)
         case _:
             assert_never(answer)
 

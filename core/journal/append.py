@@ -204,7 +204,7 @@ class Journal:
         keys: dict[str, KeyRow] = {}
         for part in _parts(names):
             for row in self._connection.execute(_KNOWN_KEYS, {"names": part}):
-                keys[row.key] = KeyRow(row.fingerprint, row.seq, row.status, row.reply)
+                keys[row.key] = KeyRow(row.fingerprint, row.seq, row.status, row.reply, row.digest)
         return keys
 
 

@@ -59,9 +59,11 @@ class Batch:
     changed: set[str] = field(default_factory=set)
 
     def look_up(self, work: LookUp) -> Answer:
-        """Return what became of a key."""
+        """Return what became of a key. Another request's answer is never told for the one that is meant."""
         row = self.keys.get(work.key)
-        return replay(row) if row else KeyUnknown()
+        if row is None:
+            return KeyUnknown()
+        return replay(row) if work.digest in {None, row.digest} else KeyTaken()
 
     def decide(self, order: Order) -> Event | Done | Refused | KeyTaken:
         """Return the event that carries the command out, or the answer that needs none. Changes nothing."""
@@ -141,6 +143,6 @@ class Batch:
     def _keep(self, order: Order, answer: Done | Refused, seq: int | None) -> None:
         if order.key is None:
             return
-        row = keep(answer, order.fingerprint, seq)
+        row = keep(answer, order, seq)
         self.keys[order.key] = row
         self.key_rows.append({"key": order.key, **msgspec.structs.asdict(row)})

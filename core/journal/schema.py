@@ -22,7 +22,7 @@ from sqlalchemy import (
     Text,
 )
 
-SCHEMA_VERSION: Final = 1
+SCHEMA_VERSION: Final = 2
 
 metadata: Final = MetaData()
 
@@ -59,6 +59,7 @@ idempotency: Final = Table(
     Column("seq", ForeignKey("event.seq"), unique=True),  # NULL: the book refused the command
     Column("status", Integer, nullable=False),
     Column("reply", LargeBinary, nullable=False),
+    Column("digest", LargeBinary, nullable=False),  # of the request that was carried out or refused
     sqlite_strict=True,
 )
 

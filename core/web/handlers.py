@@ -43,7 +43,16 @@ from core.ledger.reasons import Rejection
 from core.ledger.views import view_account
 from core.service import Draining, NoSlot, ReadTooLong, Service
 from core.web.door import take_slot
-from core.web.intake import Parameters, check_key, decode_body, idempotency_key, make_cursor, read_body
+from core.web.intake import (
+    Parameters,
+    asked_digest,
+    check_key,
+    decode_body,
+    digest_of,
+    idempotency_key,
+    make_cursor,
+    read_body,
+)
 from core.web.problems import Outcome, Problem, ProblemError, problem_json, refusal
 from frontend.render import language
 
@@ -165,8 +174,11 @@ async def look_up(request: Request) -> Response:
     service = service_of(request)
     key = check_key(request.path_params["key"])
     slot = _slot(request, "command.look_up", b"", key=key)
-    answer = await service.look_up(key, slot)
+    answer = await service.look_up(key, asked_digest(request), slot)
     match answer:
+        case KeyTaken():
+            # The same wish in other words, or another wish: only the request itself, sent again, is told which.
+            return _json({"key": key, "outcome": Outcome.UNKNOWN})
         case Done(status, body):
             told: Any = msgspec.Raw(body)
         case Refused(rejection):
@@ -199,7 +211,7 @@ async def _carry_out(request: Request, kind: str, command: Command, body: bytes)
         transaction_id=transaction_id,
         account_ids=account_ids,
     )
-    return _tell(await service.carry_out(command, key, command_id, slot))
+    return _tell(await service.carry_out(command, key, digest_of(request, body), command_id, slot))
 
 
 async def _read(

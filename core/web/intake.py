@@ -5,6 +5,7 @@ decoder; its English sentence is turned into a pointer and a reason here, the on
 words them. A library of forms was not chosen: three kinds of bodies and six parameters need none.
 """
 
+import hashlib
 import re
 from typing import Final, TypeVar
 
@@ -24,6 +25,7 @@ LIMIT_DEFAULT: Final = 50
 LIMIT_MAX: Final = 500
 SEQ_DIGITS_MAX: Final = 18
 
+_DIGEST: Final = re.compile(r"[0-9a-f]{64}")
 _KEY: Final = re.compile(r"[\x21-\x7e]{1,255}")
 _BYTE: Final = re.compile(r"\(byte ([0-9]+)\)")
 _MEMBER: Final = re.compile(r"Object (missing required|contains unknown) field `(.*)`", re.DOTALL)
@@ -85,6 +87,21 @@ def check_key(text: str) -> str:
     if _KEY.fullmatch(text) is None:
         raise ProblemError(Problem("invalid-key"))
     return text
+
+
+def digest_of(request: Request, body: bytes) -> bytes:
+    """Return the digest by which a look-up can name this very request (docs/wires.md, section 5)."""
+    path: bytes = request.scope.get("raw_path") or b""
+    line = b"%b %b\n" % (request.method.encode(), path)
+    return hashlib.sha256(line + body).digest()
+
+
+def asked_digest(request: Request) -> bytes | None:
+    """Return the digest of the request that a look-up means, None if it names none."""
+    text = request.headers.get("x-request-digest")
+    if text is None:
+        return None
+    return bytes.fromhex(text) if _DIGEST.fullmatch(text) else b""  # b"": nobody's
 
 
 class Parameters:

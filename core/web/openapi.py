@@ -57,10 +57,14 @@ _PROBLEM: Final[dict[str, Any]] = {
 
 _LOOK_UP: Final[dict[str, Any]] = {
     "type": "object",
-    "required": ["key", "outcome", "status", "answer"],
+    "required": ["key", "outcome"],
     "properties": {
         "key": {"type": "string"},
-        "outcome": {"type": "string", "const": "done"},
+        "outcome": {
+            "type": "string",
+            "enum": ["done", "unknown"],
+            "description": "unknown: the key is another request's than the one that X-Request-Digest names.",
+        },
         "status": {"type": "integer", "description": "The status the command was answered with."},
         "answer": {"type": "object", "description": "The answer, or the problem it was refused with."},
     },

@@ -7,7 +7,7 @@ the desk moves it along the table in `holding`; neither keeps a second copy of w
 from typing import Protocol
 
 from hardcore.crisis.alarm import Alarm
-from hardcore.crisis.heads import AnswerHead, RequestHead
+from hardcore.crisis.heads import AnswerHead, RequestDigest, RequestHead
 from hardcore.crisis.holding import Life, Plea
 from hardcore.crisis.problems import Problem
 from hardcore.crisis.upstream import UpstreamConnection
@@ -49,6 +49,7 @@ class Exchange:
         "client",
         "closes",
         "dial",
+        "digest",
         "fault",
         "flowing",
         "head",
@@ -82,6 +83,7 @@ class Exchange:
         self.called = False  # its body was called for (Expect: 100-continue)
         self.closes = False  # the connection ends with the answer that was begun
         self.started = False  # the desk has it
+        self.digest: RequestDigest | None = None  # of a streamed body, as far as a core was given it
         self.fault: Problem | None = None
         self.life = Life.ARRIVED
         self.upstream: UpstreamConnection | None = None

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from hardcore.model.phases import Face
 
-#: The longest line either side may say. A line of suspects carries at most 256 keys (one per slot).
+#: The longest line either side may say. Suspects come in as many lines as they need, and add up.
 LINE_BYTES_MAX = 64 << 10
 #: Requests in one line of outcomes; with paths cut at PATH_CHARS_MAX a line stays under LINE_BYTES_MAX.
 OUTCOMES_PER_LINE = 64

@@ -73,6 +73,23 @@ class RequestHead:
         return None if self.key is None else hashlib.sha256(self.key).digest()[:16].hex()
 
 
+class RequestDigest:
+    """The name of one request in a look-up: SHA-256 of method, path and body, as they go to the core."""
+
+    __slots__ = ("_hash",)
+
+    def __init__(self, head: RequestHead) -> None:
+        self._hash = hashlib.sha256(b"%b %b\n" % (head.method.encode(), head.path))
+
+    def add(self, data: bytes) -> None:
+        """Take in a piece of the body."""
+        self._hash.update(data)
+
+    def hex(self) -> str:
+        """The digest of what was taken in."""
+        return self._hash.hexdigest()
+
+
 @dataclass(slots=True)
 class _Facts:
     """What one pass over the header lines has found."""

@@ -13,7 +13,7 @@ from urllib.parse import quote
 from hardcore.crisis import pages
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.forwarding import Forwarding, Reader
-from hardcore.crisis.heads import AnswerHead, request_bytes
+from hardcore.crisis.heads import AnswerHead, RequestDigest, request_bytes
 from hardcore.crisis.holding import Life
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.outlook import Errand, Outlook
@@ -86,6 +86,7 @@ class Courier:
             connection.ask(asker, b"".join((data, *exchange.body)), no_body=no_body, whole=True)
             return
         exchange.spent = True
+        exchange.digest = RequestDigest(head)
         connection.ask(asker, request_bytes(head, length=head.content_length), no_body=no_body, whole=False)
         early, exchange.body = exchange.body, []
         exchange.flowing = True
@@ -97,8 +98,10 @@ class Courier:
 
     def piece(self, exchange: Exchange, data: bytes) -> None:
         """Pass a piece of a streamed body on; the deadline starts anew, because the request moves."""
-        connection = exchange.upstream
+        connection, digest = exchange.upstream, exchange.digest
         assert connection is not None
+        assert digest is not None
+        digest.add(data)
         exchange.client.limit.set(self._limits.upstream_deadline_ms)
         if exchange.head.content_length is None:
             data = b"%x\r\n%b\r\n" % (len(data), data)
@@ -125,8 +128,13 @@ class Courier:
 
         errand = Errand(connection, answered, bytes_max=self._limits.unsafe_answer_bytes_max)
         path = quote(key, safe="")
-        question = f"GET /api/ledger/commands/{path} HTTP/1.1\r\nHost: localhost\r\n\r\n"
-        connection.ask(errand, question.encode(), no_body=False, whole=True)
+        lines = (
+            f"GET /api/ledger/commands/{path} HTTP/1.1",
+            "Host: localhost",
+            f"X-Request-Digest: {_digest_of(exchange)}",
+            "\r\n",
+        )
+        connection.ask(errand, "\r\n".join(lines).encode(), no_body=False, whole=True)
 
     def _judge(self, exchange: Exchange, pool: Pool, head: AnswerHead | None, body: bytes) -> None:
         """What a look-up says. Only the two answers of the contract are believed."""
@@ -138,6 +146,16 @@ class Courier:
             self._sender.looked_up(exchange, found=answer)
         else:
             self._sender.answer_garbled(exchange)
+
+
+def _digest_of(exchange: Exchange) -> str:
+    """The name of the request. The key alone may be another one's, whose answer is not this one's."""
+    digest = exchange.digest
+    if digest is None:
+        digest = RequestDigest(exchange.head)
+        for data in exchange.body:
+            digest.add(data)
+    return digest.hex()
 
 
 def _object(body: bytes) -> dict[str, object]:

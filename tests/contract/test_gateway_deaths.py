@@ -1,7 +1,10 @@
 """What becomes of a request whose core dies: sent again, looked up, or told that nobody knows."""
 
+import hashlib
 import json
 from pathlib import Path
+
+import pytest
 
 from tests.contract.gateway_world import Call, key_hash, silent, world
 
@@ -85,6 +88,40 @@ def test_a_suspect_is_only_looked_up_and_found(tmp_path: Path) -> None:
         assert second.targets() == ["/api/ledger/commands/k1"]
         (line,) = w.feed.wait("outcomes")
         assert [(r["outcome"], r["status"]) for r in line["requests"]] == [("done", 201)]
+
+
+def _digest(body: bytes) -> str:
+    return hashlib.sha256(b"POST /t\n" + body).hexdigest()
+
+
+@pytest.mark.parametrize("replay_body_bytes_max", [2, 1000], ids=["streamed", "kept"])
+def test_a_look_up_names_the_request_and_not_only_its_key(tmp_path: Path, replay_body_bytes_max: int) -> None:
+    with world(tmp_path, replay_body_bytes_max=replay_body_bytes_max) as w:
+        client = w.lose(KEY)
+        second = w.core(2, _stored)
+        w.feed.serve(second, suspects=(key_hash("k1"),))
+        assert client.read().status == 201
+        (call,) = second.wait("/api/ledger/commands/k1")
+        assert call.request.header("X-Request-Digest") == _digest(b"abc")
+
+
+def test_a_suspect_whose_key_is_another_requests_is_never_told_its_answer(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        client = w.lose(KEY)
+        second = w.core(2, lambda call: call.answer(200, b'{"key": "k1", "outcome": "unknown"}'))
+        w.feed.serve(second, suspects=(key_hash("k1"),))
+        answer = client.read()
+        assert (answer.status, answer.json()["outcome"]) == (503, "unknown")
+
+
+def test_suspects_add_up_over_lines(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        client = w.lose(KEY)
+        second = w.core(2, _stored)
+        w.feed.say("suspects", keys=[key_hash("k1")])
+        w.feed.serve(second, suspects=tuple(key_hash(f"other-{n}") for n in range(512)))
+        assert client.read().status == 201
+        assert second.targets() == ["/api/ledger/commands/k1"]
 
 
 def test_a_suspect_that_is_not_in_the_ledger_is_not_done(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The core as a process of its own: real HTTP, real signals, a real file."""
 
+import hashlib
 import http.client
 import json
 import os
@@ -82,6 +83,27 @@ def test_a_key_can_be_looked_up_whatever_stands_in_it(core: Core) -> None:
     assert (kept["status"], kept["answer"]) == (422, refused.body)
     absent = core.ask("GET", "/api/ledger/commands/nobody")
     assert (absent.status, absent.body["outcome"]) == (404, "not_done")
+
+
+def _sent(body: bytes) -> str:
+    return hashlib.sha256(b"POST /api/ledger/transactions\n" + body).hexdigest()
+
+
+def test_a_look_up_never_tells_a_request_the_answer_of_another(core: Core) -> None:
+    core.open("a")
+    core.open("b")
+    mine, others = (json.dumps(moving(amount, "a", "b")).encode() for amount in (5, 6))
+    booked = core.ask("POST", "/api/ledger/transactions", mine, Idempotency_Key="k")
+    refused = core.ask("POST", "/api/ledger/transactions", others, Idempotency_Key="k")
+    assert (booked.status, refused.status) == (201, 422)
+
+    def told(digest: str, key: str = "k") -> Any:
+        return core.ask("GET", f"/api/ledger/commands/{key}", X_Request_Digest=digest).body
+
+    assert told(_sent(mine)) == {"key": "k", "outcome": "done", "status": 201, "answer": booked.body}
+    assert told(_sent(others)) == {"key": "k", "outcome": "unknown"}
+    assert told("no digest") == {"key": "k", "outcome": "unknown"}
+    assert told(_sent(others), "never")["outcome"] == "not_done"
 
 
 def test_refusals_name_the_field_in_the_readers_language(core: Core) -> None:

@@ -42,12 +42,11 @@ def moving(amount: int, to: str, source: str, currency: str = "KRW") -> PostTran
     return PostTransaction(f"tx-{next(_numbers)}", "2026-11-21", "moved", (), lines)
 
 
-def order(command: Command, key: str | None = None, slot: int = 0) -> Order:
+def order(command: Command, key: str | None = None, slot: int = 0, digest: bytes = b"d") -> Order:
     transaction_id = command.id if isinstance(command, PostTransaction) else ""
     command_id = f"cmd-{next(_numbers)}"
-    return Order(
-        command, key, fingerprint_of(command), command_id, transaction_id, accounts_of(command), slot
-    )
+    fingerprint = fingerprint_of(command)
+    return Order(command, key, fingerprint, digest, command_id, transaction_id, accounts_of(command), slot)
 
 
 def opened(path: Path, busy_timeout_ms: int = 1_000) -> Connection:

@@ -51,7 +51,7 @@ def test_an_empty_book_is_whole(tmp_path: Path) -> None:
         ("UPDATE event SET hash = zeroblob(32) WHERE seq = 3", 3),
         ("UPDATE event SET key = 'other' WHERE seq = 5", 5),
         ("DELETE FROM idempotency WHERE seq = 5", 5),
-        ("INSERT INTO idempotency VALUES ('x', x'00', 99, 201, x'00')", 99),
+        ("INSERT INTO idempotency VALUES ('x', x'00', 99, 201, x'00', x'00')", 99),
         ("UPDATE posting SET amount = amount + 1 WHERE seq = 8 AND line = 0", 8),
         ("DELETE FROM posting WHERE seq = 8", 8),
         ("INSERT INTO posting VALUES (99, 0, 'a', 5)", 99),
