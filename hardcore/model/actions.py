@@ -83,6 +83,7 @@ class Incident:
     witness: Witness | None
     next_epoch: int | None
     outcome: str
+    waits_for: Diagnosis | None
     closed_ns: int
 
 

@@ -176,6 +176,9 @@ class OperatorAsked:
     at_ns: int
     verb: Verb
     reason: str = ""
+    accept_ledger: bool = (
+        False  # RESUME: whatever stands in the store is right, nobody's word counts against it
+    )
 
 
 @dataclass(frozen=True, slots=True)

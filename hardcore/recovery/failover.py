@@ -8,7 +8,6 @@ nothing: ids and jitter are given, so the same facts always lead to the same ord
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import assert_never
 
 from hardcore.model import observations as seen
@@ -27,7 +26,7 @@ from hardcore.model.actions import (
     Terminate,
 )
 from hardcore.model.phases import Phase, StartCause, Wanted
-from hardcore.model.recorder import Page, Witness
+from hardcore.model.recorder import LifeState, Witness
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony
 from hardcore.recovery import plan
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
@@ -35,7 +34,7 @@ from hardcore.recovery.deadline import Deadline
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.store import StoreKnowledge
-from hardcore.recovery.story import Story
+from hardcore.recovery.story import Story, Trouble, begin
 from hardcore.recovery.transitions import ON_ENTRY, Step, Trigger, step
 from hardcore.recovery.worry import Worry
 from hardcore.sentinel.deaths import Death, describe, judge_death, own_fault
@@ -45,19 +44,11 @@ from hardcore.sentinel.witnesses.own_stall import LATE_INTERVALS
 TRANSITIONS_MAX = 1024
 #: A drill that has shown no effect after this was no drill: a later death is a real one.
 DRILL_GRACE_NS = 15 * NS_PER_S
+#: A gateway that began to hold this shortly before the death was known held because of it.
+HELD_EARLY_NS = NS_PER_S
 _BOOTING = frozenset({Phase.STARTING, Phase.PROVING})
 #: Phases whose time is the core's: it is judged by what it did not do in it.
 _ITS_TIME = _BOOTING | {Phase.ADOPTING, Phase.STOPPING, Phase.KILLING}
-
-
-@dataclass(slots=True)
-class _Trouble:
-    """What is about to be told as an incident: set right before the table is asked."""
-
-    death: Death
-    fault_ns: int
-    exit: seen.Exit | None = None
-    page: Page | None = None
 
 
 class FailoverManager:
@@ -85,16 +76,17 @@ class FailoverManager:
         self._budget = Budget(policy.max_restart_count, policy.restart_window_sec * NS_PER_S, deaths_ns)
         self._tries = 0
         self._hopeless: Diagnosis | None = None
+        self._given: Witness | None = None
         self._blame = Diagnosis.OPERATOR  # what the end of the present life is called
         self._bench = Bench(plan.patience(policy))
         self._verdict = GREEN
         self._worry = Worry(policy.degraded_after_ms, policy.clean_after_ms)
         self._alerted: Diagnosis | None = None
         self._story: Story | None = None
-        self._trouble: _Trouble | None = None
+        self._trouble: Trouble | None = None
         self._stage_max = 0
         self._drill: tuple[str, int] | None = None
-        self._held_early = False
+        self._held_ns: int | None = None
         self._term_sent = False
         self._skip_evidence = False
         self._actions: list[Action] = []
@@ -113,7 +105,7 @@ class FailoverManager:
                 self._drill = (fact.fault, fact.at_ns) if fact.fault else None
             case seen.GatewayHolding():
                 # A dying process closes its sockets before its pidfd wakes us: the gateway may be first.
-                self._held_early = self._story is None
+                self._held_ns = fact.at_ns
                 self._mark("alerted", fact.at_ns)
             case seen.FirstServed():
                 if fact.epoch == self._store.epoch:
@@ -132,7 +124,7 @@ class FailoverManager:
         if self._phase in _BOOTING:
             limit_ms = (now_ns - self._since_ns) // NS_PER_MS
             fact = Testimony("start", Colour.RED, f"the core was not ready within {limit_ms} ms")
-            self._trouble = _Trouble(Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (fact,)), self._since_ns)
+            self._trouble = Trouble(Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (fact,)), self._since_ns)
         self._fire(Trigger.DEADLINE, now_ns, "time is over")
 
     def next_deadline_ns(self) -> int | None:
@@ -177,10 +169,13 @@ class FailoverManager:
         self._store.certain = False  # a core of the earlier guard may have raised it since
         if self.wanted is Wanted.DOWN and not fact.leftovers:
             self._fire(Trigger.STOP, fact.at_ns, "the operator wants no core")
-        elif fact.leftovers:
-            found = Testimony("run folder", Colour.RED, "the core of a guard that is gone was found")
+        elif fact.leftovers or (fact.page is not None and fact.page.beats.state is LifeState.READY):
+            why = (
+                "the core of a guard that is gone was found" if fact.leftovers else "guard and core are gone"
+            )
+            found = Testimony("run folder", Colour.RED, why)
             death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found,))
-            self._trouble = _Trouble(death, fact.at_ns)
+            self._trouble = Trouble(death, fact.at_ns)
             self._fire(Trigger.FOUND, fact.at_ns, "processes of an earlier guard were found")
         else:
             self._fire(Trigger.START, fact.at_ns, "the guard is up")
@@ -192,10 +187,12 @@ class FailoverManager:
                 self.wanted = Wanted.DOWN
                 self._fire(Trigger.STOP, fact.at_ns, why)
             case seen.Verb.RESUME:
+                if fact.accept_ledger:
+                    self._store.forget()
                 self._fire(Trigger.RESUME, fact.at_ns, why)
             case seen.Verb.RESTART | seen.Verb.RESTART_HARD:
                 asked = Testimony("operator", Colour.GREEN, fact.reason or "no reason was given")
-                self._trouble = _Trouble(Death(Diagnosis.OPERATOR, Grade.CERTAIN, (asked,)), fact.at_ns)
+                self._trouble = Trouble(Death(Diagnosis.OPERATOR, Grade.CERTAIN, (asked,)), fact.at_ns)
                 hard = fact.verb is seen.Verb.RESTART_HARD
                 self._fire(Trigger.RESTART_HARD if hard else Trigger.RESTART, fact.at_ns, why)
             case _:
@@ -212,7 +209,7 @@ class FailoverManager:
                 self._drill = None  # it was told to nobody
                 told = Testimony("spawn", Colour.RED, f"no process could be started: {fact.reason}")
                 death = Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (told,))
-                self._trouble = _Trouble(death, fact.at_ns)
+                self._trouble = Trouble(death, fact.at_ns)
                 self._fire(Trigger.SPAWN_FAILED, fact.at_ns, fact.reason)
             case seen.EpochRaised():
                 self._raised(fact.epoch, fact.at_ns)
@@ -251,6 +248,7 @@ class FailoverManager:
         self._mark("verified", fact.at_ns)
         if self._story:
             self._story.proof, self._story.next_epoch = fact.proof, fact.epoch
+            self._story.witness = self._given
         self._fire(Trigger.READY, fact.at_ns, f"proof: {fact.proof.kind}, {fact.proof.tail} events")
 
     def _watch(self, tick: seen.Sampled) -> None:
@@ -268,7 +266,7 @@ class FailoverManager:
             self._fire(Trigger.LATE, tick.at_ns, why)
         elif self.policy.asks(verdict.diagnosis, Word.REBOOT_PROCESS):
             death = Death(verdict.diagnosis, verdict.grade, verdict.testimonies)
-            self._trouble = _Trouble(death, verdict.fault_ns)
+            self._trouble = Trouble(death, verdict.fault_ns)
             self._fire(Trigger.LOST, tick.at_ns, f"{verdict.diagnosis}: {why}")
         else:
             self._fire(Trigger.LATE, tick.at_ns, why)
@@ -283,12 +281,22 @@ class FailoverManager:
             words = fact.page.last_words if fact.page else None
             ready = self._phase in phases.SERVING
             death = judge_death(fact.exit, words, was_ready=ready, term_sent=self._term_sent)
-            self._trouble = _Trouble(death, fact.at_ns, fact.exit, fact.page)
+            self._trouble = Trouble(death, self._silent_since(fact), fact.exit, fact.page)
         elif self._story:
             self._mark("killed", fact.at_ns)
             self._story.exit = self._story.exit or fact.exit
             self._story.add_page(fact.page, own_fault(fact.exit) or self._blame)
         self._fire(Trigger.EXITED, fact.at_ns, f"the core {how}")
+
+    def _silent_since(self, fact: seen.CoreExited) -> int:
+        """Return when this death began: the wake-up, or the last beat if that was long before it.
+
+        A guard that overslept, or a core that had hung before it was killed: people waited since the beat.
+        """
+        beat_ns = fact.page.beats.loop_ns if fact.page else 0
+        late_ns = self.policy.health_check_timeout_ms * NS_PER_MS
+        silent = self._phase in phases.SERVING and beat_ns and fact.at_ns - beat_ns > late_ns
+        return beat_ns if silent else fact.at_ns
 
     def _evidence(self, fact: seen.EvidenceTaken) -> None:
         if self._story:
@@ -310,6 +318,8 @@ class FailoverManager:
             self._do(name, after, now_ns)
         if after is not before:
             self._enter(after, now_ns)
+        elif trigger is Trigger.DEADLINE:
+            self._set_deadline(after, now_ns)
         self._transitions.append(Transition(now_ns, before, after, trigger, reason))
         if self._skip_evidence:
             self._skip_evidence = False
@@ -342,12 +352,15 @@ class FailoverManager:
         self._phase, self._since_ns = phase, now_ns
         if phase is Phase.BACKOFF:
             self._delay_ns = plan.pause_ns(self.policy, self._tries, self._jitter())
-        wait_ns = plan.limit_ns(self.policy, phase, self._delay_ns, self._hopeless)
-        self._deadline.set(now_ns, wait_ns, forgiving=phase in _ITS_TIME)
+        self._set_deadline(phase, now_ns)
         self._stage_max = max(self._stage_max, phases.stage(phase) or 0) if self._story else 0
         if phase not in phases.SERVING:
             self._verdict = GREEN
             self._worry.forget()
+
+    def _set_deadline(self, phase: Phase, now_ns: int) -> None:
+        wait_ns = plan.limit_ns(self.policy, phase, self._delay_ns, self._hopeless)
+        self._deadline.set(now_ns, wait_ns, forgiving=phase in _ITS_TIME)
 
     # ---- what is done on the way ----
 
@@ -388,12 +401,13 @@ class FailoverManager:
         self._hopeless = None
         self._term_sent = False
         expected = self._store.epoch if self._store.certain else None
+        self._given = self._store.witness  # what this core has to prove its ledger against
         self._store.certain = False
         self._actions.append(Spawn(self._life, expected, self._store.witness))
 
     def _release(self) -> None:
         self._bench = Bench(plan.patience(self.policy))
-        self._held_early = False
+        self._held_ns = None
         assert self._store.epoch is not None, "a core that is ready has said its epoch"
         suspects = self._story.suspects if self._story else ()
         incident = self._story.id if self._story else None
@@ -405,9 +419,15 @@ class FailoverManager:
         death = trouble.death
         self._blame = death.diagnosis
         drill = self._take_drill(now_ns)
+        if self._phase is Phase.PROBATION:
+            self._close(now_ns, recovered=True)  # a proven core had served: what comes now is another story
         if self._story is None or self._story.planned:
-            self._tell_new(death, trouble.fault_ns, now_ns, planned=planned, drill=drill)
-        assert self._story is not None, "told just now, or open already"
+            known = self._story.id if self._story else self._new_id()
+            epoch = self._store.epoch or 0
+            self._story = begin(known, self._story, trouble, self._life, epoch, now_ns, planned=planned)
+            self._story.drill = drill
+            if self._held_ns is not None and now_ns - self._held_ns <= HELD_EARLY_NS:
+                self._story.mark("alerted", now_ns)
         self._story.add_evidence(death.evidence)
         self._story.exit = self._story.exit or trouble.exit
         self._story.add_page(trouble.page, death.diagnosis)
@@ -421,31 +441,6 @@ class FailoverManager:
             self._cause = StartCause.UNPLANNED
         if death.diagnosis is not Diagnosis.SENTINEL_LOST:
             self._count(death.diagnosis, now_ns, free=drill is not None)
-
-    def _tell_new(
-        self, death: Death, fault_ns: int, now_ns: int, *, planned: bool, drill: str | None
-    ) -> None:
-        """Open an incident; one that an operator opened and a death overtook becomes the death's."""
-        old = self._story
-        self._story = Story(
-            id=old.id if old else self._new_id(),
-            opened_ns=old.opened_ns if old else now_ns,
-            diagnosis=death.diagnosis,
-            grade=death.grade,
-            life=self._life,
-            epoch=self._store.epoch or 0,
-            planned=planned,
-            drill=drill,
-            reason=old.reason if old else (death.evidence[0].why if planned else ""),
-            evidence=old.evidence if old else [],
-            in_flight=old.in_flight if old else (),
-            suspects=old.suspects if old else (),
-            requests=old.requests if old else (),
-        )
-        self._story.mark("fault", old.steps["fault"] if old else fault_ns)
-        self._story.mark("detected", now_ns)
-        if self._held_early:
-            self._story.mark("alerted", now_ns)
 
     def _take_drill(self, now_ns: int) -> str | None:
         drill, self._drill = self._drill, None
@@ -477,7 +472,8 @@ class FailoverManager:
         # A stop in the middle of the probation does not undo a recovery: a proven core had served.
         served = self.wanted is Wanted.DOWN and self._story.proof is not None
         outcome = "recovered" if recovered or served else "manual"
-        self._actions.append(CloseIncident(self._story.told(outcome, now_ns)))
+        waits_for = None if recovered else self._hopeless
+        self._actions.append(CloseIncident(self._story.told(outcome, now_ns, waits_for)))
         self._story = None
         self._stage_max = 0
 
@@ -492,7 +488,9 @@ class FailoverManager:
     def _alert_about(self, after: Phase) -> None:
         if after is Phase.UNKILLABLE:
             about = self._story.diagnosis if self._story else Diagnosis.OPERATOR
-            text = "The core does not die: it may hang in the kernel. No other is started beside it."
+            text = (
+                "The core was killed and is still there. No other is started beside it; the kill is repeated."
+            )
             self._actions.append(Alert(about, text))
             return
         assert self._hopeless is not None, "FATAL is entered for a reason"

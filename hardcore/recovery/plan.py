@@ -10,6 +10,8 @@ from hardcore.sentinel.verdict import Patience
 
 #: Evidence that overruns its budget is given this much longer to hand over what it has.
 EVIDENCE_SLACK_MS = 250
+#: A core that did not die is killed again this often: what kept the kill from it may be over.
+KILL_AGAIN_MS = 5_000
 
 
 def patience(policy: Policy) -> Patience:
@@ -64,7 +66,9 @@ def limit_ns(policy: Policy, phase: Phase, pause: int, reason: Diagnosis | None)
         case Phase.FATAL:
             again = reason is Diagnosis.CRASH_LOOP and policy.slow_retry_sec
             return policy.slow_retry_sec * NS_PER_S if again else None
-        case Phase.STOPPED | Phase.RUNNING | Phase.SUSPECT | Phase.UNKILLABLE:
+        case Phase.UNKILLABLE:
+            return KILL_AGAIN_MS * NS_PER_MS
+        case Phase.STOPPED | Phase.RUNNING | Phase.SUSPECT:
             return None
         case _:
             assert_never(phase)

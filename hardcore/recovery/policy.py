@@ -102,8 +102,12 @@ class Policy:
     failure_threshold: int = setting(3, "looks in a row that make a beat late", low=1, high=1000)
     confirm_deadlock_ms: int = setting(400, "a conclusive hang is acted on after this", low=40, high=600_000)
     confirm_hang_ms: int = setting(1500, "any other hang is acted on after this", low=40, high=3_600_000)
-    gc_grace_ms: int = setting(5000, "patience while the core collects garbage", low=0, high=3_600_000)
-    transaction_timeout_ms: int = setting(5000, "time a transaction may take", low=100, high=3_600_000)
+    gc_grace_ms: int = setting(
+        5000, "patience while the core collects garbage (not in this version)", low=0, high=3_600_000
+    )
+    transaction_timeout_ms: int = setting(
+        5000, "time a transaction may take (not in this version)", low=100, high=3_600_000
+    )
     startup_timeout_ms: int = setting(20_000, "a core must be ready after this", low=100, high=3_600_000)
     probation_ms: int = setting(2000, "a core has proven itself after this", low=0, high=3_600_000)
     degraded_after_ms: int = setting(1000, "worry for so long is shown as DEGRADED", low=0, high=600_000)

@@ -20,6 +20,10 @@ class StoreKnowledge:
     certain: bool = False
     witness: Witness | None = None
 
+    def forget(self) -> None:
+        """Take the ledger as it stands: the operator has put another copy in its place and says so."""
+        self.epoch, self.certain, self.witness = None, False, None
+
     def saw(self, page: Page | None) -> None:
         """Take over what a recorder page proves; an older core's page proves nothing new."""
         if page is None:

@@ -12,12 +12,24 @@ from hardcore.model.observations import DeathNote, Exit, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Page, Witness
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 from hardcore.recovery import trial
+from hardcore.sentinel.deaths import Death
 
 DEATHS_MAX = 64
 EVIDENCE_MAX = 64
 IN_FLIGHT_MAX = 1024
 REQUESTS_MAX = 4096
+SUSPECTS_MAX = 4096
 _FIRST = frozenset({"fault", "detected", "alerted", "frozen", "dumped", "killed"})
+
+
+@dataclass(slots=True)
+class Trouble:
+    """What is about to be told as an incident."""
+
+    death: Death
+    fault_ns: int
+    exit: Exit | None = None
+    page: Page | None = None
 
 
 @dataclass(slots=True)
@@ -73,7 +85,8 @@ class Story:
         self.last_words = self.last_words or page.last_words
         self.witness = page.witness or self.witness
         new = trial.suspects(blame, page.in_flight)
-        self.suspects += tuple(key for key in new if key not in self.suspects)
+        added = tuple(key for key in new if key not in self.suspects)
+        self.suspects = (self.suspects + added)[:SUSPECTS_MAX]
         seen = {note.command_id for note in self.in_flight}
         new_notes = tuple(note for note in page.in_flight if note.command_id not in seen)
         self.in_flight = (self.in_flight + new_notes)[:IN_FLIGHT_MAX]
@@ -82,8 +95,8 @@ class Story:
         """Note what became of requests that met the outage; the first ones where there are too many."""
         self.requests = (self.requests + settled)[:REQUESTS_MAX]
 
-    def told(self, outcome: str, now_ns: int) -> Incident:
-        """Return the whole story as facts."""
+    def told(self, outcome: str, now_ns: int, waits_for: Diagnosis | None = None) -> Incident:
+        """Return the whole story as facts. `waits_for`: why another try makes no sense, if none does."""
         self.mark("closed", now_ns)
         return Incident(
             id=self.id,
@@ -107,5 +120,32 @@ class Story:
             witness=self.witness,
             next_epoch=self.next_epoch,
             outcome=outcome,
+            waits_for=waits_for,
             closed_ns=now_ns,
         )
+
+
+def begin(
+    known: str, old: Story | None, trouble: Trouble, life: int, epoch: int, now_ns: int, *, planned: bool
+) -> Story:
+    """Begin the story of a trouble under the id `known`.
+
+    `old` is an incident that the operator had opened and that a death has overtaken: it becomes the death's.
+    """
+    story = Story(
+        id=known,
+        opened_ns=old.opened_ns if old else now_ns,
+        diagnosis=trouble.death.diagnosis,
+        grade=trouble.death.grade,
+        life=life,
+        epoch=epoch,
+        planned=planned,
+        reason=old.reason if old else (trouble.death.evidence[0].why if planned else ""),
+        evidence=old.evidence if old else [],
+        in_flight=old.in_flight if old else (),
+        suspects=old.suspects if old else (),
+        requests=old.requests if old else (),
+    )
+    story.mark("fault", old.steps["fault"] if old else trouble.fault_ns)
+    story.mark("detected", now_ns)
+    return story

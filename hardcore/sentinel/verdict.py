@@ -41,6 +41,7 @@ class Bench:
     _lone_thread: beat_witness.LoneThread = field(default_factory=beat_witness.LoneThread)
     _process: process_state.ProcessState = field(default_factory=process_state.ProcessState)
     _progress: progress.Progress = field(default_factory=progress.Progress)
+    _said: Verdict = GREEN
 
     def __post_init__(self) -> None:
         self._own_stall = OwnStall(self.patience.interval_ms * _NS_PER_MS)
@@ -51,7 +52,7 @@ class Bench:
         return self._own_stall.late_ticks
 
     def judge(self, tick: Sampled) -> Verdict:
-        """Return the verdict on this tick's facts."""
+        """Return the verdict on this tick's facts; what was said last stands if we overslept this one."""
         overslept = self._own_stall.look(tick.at_ns)
         if tick.beats is None or tick.process is None or not tick.beats.loop_ns:
             return GREEN  # no page or no process to look at: its end is told by the pidfd, not by silence
@@ -65,13 +66,14 @@ class Bench:
             progress.testify(stuck, self.patience.late_ms),
         )
         if overslept:
-            return GREEN
-        return (
+            return self._said
+        self._said = (
             self._frozen(found, facts, said)
             or (self._blocked(found, facts, said) if alone else None)
             or self._no_progress(found, facts, stuck, said)
             or _mildest(said, facts)
         )
+        return self._said
 
     def _frozen(
         self, found: beat_witness.BeatAges, facts: ProcessFacts, said: tuple[Testimony, ...]

@@ -28,7 +28,7 @@ from hardcore.recovery.transitions import ON_ENTRY, TABLE, Step, Trigger, step
 from tests.architecture.draw_table import PAGE, draw
 
 #: Phases that may last for ever: what people want, or what only people can end.
-MAY_LAST = frozenset({Phase.STOPPED, Phase.RUNNING, Phase.SUSPECT, Phase.UNKILLABLE, Phase.FATAL})
+MAY_LAST = frozenset({Phase.STOPPED, Phase.RUNNING, Phase.SUSPECT, Phase.FATAL})
 
 
 @pytest.mark.parametrize(("phase", "trigger"), list(product(Phase, Trigger)))

@@ -249,7 +249,10 @@ class Checkers:
         _hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
         over = self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
         _hold(told.outcome == "recovered" or over, "nothing is given up while somebody still tries")
-        _hold(over or self._phase is Phase.RUNNING, "an incident is over when a core has lasted")
+        # A core that was proven and released ends the story too, even if it dies before it has lasted: its
+        # death is the next one.
+        served = told.outcome == "recovered" and told.next_epoch is not None
+        _hold(over or served, "an incident is over when a proven core has served")
         steps = dict(told.timeline)
         _hold({"fault", "detected", "closed"} <= set(steps), "each incident says when it began and ended")
         _hold(steps["fault"] <= steps["detected"] <= steps["closed"], "nothing is found before it is there")

@@ -1,5 +1,6 @@
 """The manager fact by fact, where a rule needs its very moment; the worlds of `tests/simulation` do the rest."""
 
+import dataclasses
 from dataclasses import dataclass, field
 
 import pytest
@@ -142,7 +143,16 @@ def test_a_core_that_may_have_raised_the_epoch_unseen_makes_it_uncertain() -> No
 def test_a_page_that_a_new_guard_found_is_a_witness_and_no_certainty_of_the_epoch() -> None:
     play = Play()
     play.tell(seen.SentinelBegan(play.now_ns, page=_page(6, seq=9)))
+    play.die()
     assert play.spawned() == orders.Spawn(1, None, Witness(9, 6, "h9"))
+
+
+def test_a_guard_that_finds_its_predecessor_and_the_core_gone_tells_it_as_an_incident() -> None:
+    play = Play()
+    play.tell(seen.SentinelBegan(play.now_ns, page=_page(6, seq=9)))
+    play.die()
+    play.running(7)
+    assert play.closed().diagnosis is Diagnosis.SENTINEL_LOST
 
 
 def test_what_an_earlier_guard_left_is_ended_before_anything_is_started() -> None:
@@ -329,7 +339,7 @@ def test_each_life_answers_for_its_own_end() -> None:
     play.ready(5).die(seen.Exit(signal=11), _page(5, _deciding("guilty")))
     play.ring()
     play.ready(6)
-    assert play.ordered[-1] == orders.Release(3, 6, ("guilty",), "i1")
+    assert play.ordered[-1] == orders.Release(3, 6, ("guilty",), "i2")
 
 
 def test_a_crash_instead_of_leaving_makes_suspects_too() -> None:
@@ -428,15 +438,46 @@ def test_an_incident_is_closed_once_when_its_core_has_lasted() -> None:
     assert sum(isinstance(order, orders.CloseIncident) for order in play.ordered) == 1
 
 
-def test_several_deaths_before_one_core_lasts_are_one_incident() -> None:
+def test_several_deaths_before_one_core_serves_are_one_incident() -> None:
     play = Play().begin().running()
     play.die(seen.Exit(signal=11))
-    play.ready(5).die(seen.Exit(signal=9))
+    play.die(seen.Exit(signal=9))
     play.ring()
     play.running(6)
     told = play.closed()
     assert [death.diagnosis for death in told.deaths] == [Diagnosis.CRASHED, Diagnosis.KILLED_FROM_OUTSIDE]
     assert told.diagnosis is Diagnosis.CRASHED
+
+
+def test_a_death_after_a_core_has_served_is_another_incident() -> None:
+    play = Play().begin().running()
+    play.die(seen.Exit(signal=11))
+    play.ready(5).die(seen.Exit(signal=9))
+    first = play.closed()
+    assert (first.diagnosis, first.outcome) == (Diagnosis.CRASHED, "recovered")
+    play.ring()
+    play.running(6)
+    told = [order.incident for order in play.ordered if isinstance(order, orders.CloseIncident)]
+    assert [incident.diagnosis for incident in told] == [Diagnosis.CRASHED, Diagnosis.KILLED_FROM_OUTSIDE]
+
+
+def test_the_proof_of_an_idle_ledger_names_the_witness_that_its_core_was_given() -> None:
+    play = Play().begin().running()
+    play.die(seen.Exit(signal=9), _page(4))
+    play.running(5)
+    witness = play.closed().witness
+    assert witness is not None
+    assert (witness.seq, witness.hash) == (PROOF.seq, PROOF.hash)
+
+
+def test_a_core_that_was_silent_before_it_was_killed_is_told_from_its_last_beat() -> None:
+    play = Play().begin().running()
+    page = _page(4)
+    silent = dataclasses.replace(page, beats=dataclasses.replace(page.beats, loop_ns=play.now_ns - 9 * S))
+    play.die(seen.Exit(signal=9), silent)
+    play.running(5)
+    steps = dict(play.closed().timeline)
+    assert steps["fault"] == silent.beats.loop_ns
 
 
 def test_the_proof_of_a_core_that_is_being_ended_counts_for_nothing() -> None:
