@@ -71,6 +71,60 @@ OUTCOMES: Mapping[str, Text] = {
     "safe_mode": _text("읽기만 할 수 있게 열어 뒀어요.", "it is open for reading only."),
     "assist": _text("사람의 결정을 기다려요.", "a person is to decide."),
     "open": _text("복구가 아직 끝나지 않았어요.", "the recovery has not ended yet."),
+    "untold": _text(
+        "복구 중에 감시 프로세스도 종료돼서 결과를 기록하지 못했어요.",
+        "the guard itself ended before it could tell how it came out.",
+    ),
+}
+
+#: What recovery waits for, put behind the second half: only where another try alone changes nothing.
+WAITS: Mapping[str, Text] = {
+    "CRASH_LOOP": _text(
+        "허용된 횟수보다 자주 멈췄어요.", "it failed more often than the restart budget allows."
+    ),
+    "STORE_CORRUPT": _text(
+        "장부가 마지막 서버가 남긴 것과 달라요.", "the ledger is not what the last core left."
+    ),
+    "CONFIG_INVALID": _text("이 설정으로는 시작할 수 없어요.", "it can't start as it is set up."),
+    "STARTUP_FAILED": _text("장부 서버가 시작하지 못해요.", "the ledger can't start."),
+    "DB_LOCKED": _text(
+        "다른 프로그램이 장부의 잠금을 쥐고 있어요.", "another program holds the ledger's lock."
+    ),
+    "DISK_FULL": _text("디스크에 빈 공간이 없어요.", "there is no room on the ledger's disk."),
+    "DISK_READ_ONLY": _text("디스크에 쓸 수 없어요.", "the ledger's disk can't be written to."),
+    "DISK_STALLED": _text("디스크가 응답하지 않아요.", "the ledger's disk does not answer."),
+}
+
+#: What a person is to do; `docs/recover.md` says the same at greater length.
+NEXT_STEPS: Mapping[str, Text] = {
+    "CRASH_LOOP": _text(
+        "최근 사고들을 읽어 보고 `hardcore resume`으로 다시 시도해 주세요.",
+        "Read the last incidents, then `hardcore resume` tries again.",
+    ),
+    "STORE_CORRUPT": _text(
+        "장부에 쓰지 마세요. `hardcore verify`로 어긋난 곳을 확인하고, 모두 멈춘 상태에서 만든 데이터 폴더 사본으로 되돌려 주세요.",
+        "Do not write. `hardcore verify` names the place; go back to a copy of the data folder made while "
+        "everything was stopped.",
+    ),
+    "CONFIG_INVALID": _text(
+        "이 사고의 마지막 말에 적힌 설정을 고치고 `hardcore resume`을 실행해 주세요.",
+        "Correct the setting that the last words name, then `hardcore resume`.",
+    ),
+    "DB_LOCKED": _text(
+        "잠금을 쥔 프로그램(데이터베이스 뷰어, 백업 등)을 닫고 `hardcore resume`을 실행해 주세요.",
+        "Close that program (a database browser, a backup), then `hardcore resume`.",
+    ),
+    "DISK_FULL": _text(
+        "디스크에 공간을 만들고 `hardcore resume`을 실행해 주세요.", "Make room, then `hardcore resume`."
+    ),
+    "DISK_READ_ONLY": _text(
+        "디스크에 다시 쓸 수 있게 하고 `hardcore resume`을 실행해 주세요.",
+        "Make the disk writable again, then `hardcore resume`.",
+    ),
+    "UNKNOWN": _text(
+        "아래 증거를 확인하고 `hardcore resume`으로 다시 시도해 주세요.",
+        "Read the evidence below, then `hardcore resume` tries again.",
+    ),
 }
 OUTCOME_WORDS: Mapping[str, Text] = {
     "recovered": _text("복구됨", "recovered"),
@@ -78,6 +132,7 @@ OUTCOME_WORDS: Mapping[str, Text] = {
     "safe_mode": _text("읽기 전용", "read-only"),
     "assist": _text("결정 대기", "to be decided"),
     "open": _text("진행 중", "open"),
+    "untold": _text("결과 모름", "not known"),
 }
 
 STEPS: Mapping[str, Text] = {
@@ -215,6 +270,7 @@ WORDS: Mapping[str, Text] = {
     "time": _text("시각", "Time"),
     "held": _text("대기", "held"),
     "suspect": _text("다시 실행하지 않고 결과만 조회", "looked up, not run again"),
+    "next_step": _text("할 일", "What to do"),
     "partial": _text("증거를 쓰다가 중단됐어요.", "Its evidence was never written to the end."),
     "nothing_recorded": _text("기록 없음", "not recorded"),
 }

@@ -22,7 +22,7 @@ from hardcore.host.lives import Life
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.snapshot import writer
-from hardcore.snapshot.facts import facts
+from hardcore.snapshot.filing import Filing
 from hardcore.snapshot.stacks import find_tools
 from hardcore.snapshot.subject import Evidence, Subject
 
@@ -62,7 +62,8 @@ class Executor:
         self._log = logs.LogFile(folders.logs / "sentinel.log")
         self._tools = find_tools()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._evidence: dict[str, asyncio.Event] = {}
+        self._evidence: dict[str, list[asyncio.Event]] = {}
+        self.filing = Filing(folders.incidents, self, self._report)
         self.serving: tuple[dict[str, object], ...] = ()
 
     def carry_out(self, action: orders.Action) -> None:
@@ -77,7 +78,8 @@ class Executor:
             case orders.KillLeftovers():
                 self.begin(self._kill_leftovers())
             case orders.TakeEvidence():
-                done = self._evidence[action.incident] = asyncio.Event()
+                done = asyncio.Event()
+                self._evidence.setdefault(action.incident, []).append(done)
                 self.begin(self._take_evidence(action, done))
             case orders.Release():
                 self._release(action)
@@ -256,19 +258,10 @@ class Executor:
 
     async def _close(self, order: orders.CloseIncident) -> None:
         incident = order.incident
-        evidence = self._evidence.pop(incident.id, None)
-        if evidence is not None:
-            await evidence.wait()
         life = self.lives.get(incident.life)
         pid = life.handle.pid if life and life.handle else None
-        told = facts(incident, pid, life.nonce if life else "", clock.wall)
-        folder = self._folders.incidents / incident.id
-        failed = await self.in_hand(writer.write_facts, folder, told)
-        if failed is not None:
-            self.note("incident", id=incident.id, failed=failed.reason)
-            return
-        self.note("incident", id=incident.id, diagnosis=incident.diagnosis, outcome=incident.outcome)
-        await self._report(folder)
+        evidence = self._evidence.pop(incident.id, [])
+        await self.filing.close(incident, pid, life.nonce if life else "", evidence)
 
     async def _report(self, folder: Path) -> None:
         """Have the investigators read the box: a process of its own, which nothing of the guard waits for."""

@@ -36,6 +36,7 @@ from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.reading import Reading
 from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, MalformedNotice, Notice, read_notice
+from hardcore.snapshot import writer
 
 FEED_EVERY_S = 1.0
 EXIT_ANOTHER_WATCHES = 3
@@ -54,6 +55,7 @@ class Setup:
     generation: int
     in_force: standing.PolicyInForce
     leftovers: Leftovers
+    abandoned: tuple[writer.Abandoned, ...]
 
 
 class Runtime:
@@ -115,6 +117,7 @@ class Runtime:
             gateway.signal(signal.SIGCONT)
             self.executor.note("leftover", gateway=gateway.pid)
         self.executor.leftovers = setup.leftovers.cores
+        self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned))
         self.feed(
             seen.SentinelBegan(
                 clock.now_ns(), leftovers=bool(setup.leftovers.cores), page=setup.leftovers.last_page
@@ -123,6 +126,8 @@ class Runtime:
 
     def feed(self, fact: seen.Observation) -> None:
         """Give the manager a fact and do what it orders."""
+        if isinstance(fact, seen.RequestsSettled) and fact.incident != self.manager.reading().incident:
+            self.executor.begin(self.executor.filing.add_late(fact))  # its story has been told
         self.manager.receive(fact)
         if isinstance(fact, seen.CoreReady):
             self.door.proved_ns = fact.at_ns
@@ -295,7 +300,16 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     )
     standing.ship_policy(folders)
     in_force = standing.policy_in_force(folders)
-    return Setup(folders, lock_fd, listen_fd, url, generation, in_force, lives.find_leftovers(folders))
+    return Setup(
+        folders,
+        lock_fd,
+        listen_fd,
+        url,
+        generation,
+        in_force,
+        lives.find_leftovers(folders),
+        writer.find_abandoned(folders.incidents),
+    )
 
 
 def main() -> int:

@@ -17,7 +17,7 @@ import re
 import shutil
 import stat
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -35,10 +35,18 @@ MANIFEST_BYTES_MAX = 256 << 10
 FOLDERS_MAX = 20_000
 #: How long a writer waits for another one of the same bundle.
 LOCK_WAIT_MS = 2_000
+#: What is kept of incidents: the newest ones, in number and in bytes; and how many go at one time.
+INCIDENTS_MAX = 200
+INCIDENTS_BYTES_MAX = 512 << 20
+REMOVED_AT_ONCE_MAX = 64
+
+FACTS = "incident.json"
+_HAS_ONE = "this incident has a bundle already"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,95}")
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _PARTIAL = re.compile(rf"\.({_ID.pattern})\.partial")
+_GONE = re.compile(rf"\.{_ID.pattern}\.gone")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,16 +105,26 @@ def write_bundle(
     try:
         parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         if is_there(final):
-            return BundleFailed(f"incident {incident_id} has a bundle already")
-        shutil.rmtree(temporary, ignore_errors=True)  # of a writer that died: this one says it anew
-        temporary.mkdir(mode=0o700)
-        manifest = _put_all(temporary, Manifest(incident_id, _now(), complete), files, missing)
-        _write_manifest(temporary, manifest)
-        _sync_folder(temporary)
-        temporary.rename(final)
-        _sync_folder(parent)
+            return BundleFailed(_HAS_ONE)
+        with suppress(FileExistsError):
+            temporary.mkdir(mode=0o700)
+        with _writing(temporary) as held:
+            # Waited for another writer: the folder may be called by its real name by now, or be gone.
+            if is_there(final):
+                return BundleFailed(_HAS_ONE)
+            if not held():
+                return BundleFailed("another writer had the evidence in hand")
+            try:
+                _empty(temporary)  # of a writer that died: this one says it anew
+                manifest = _put_all(temporary, Manifest(incident_id, _now(), complete), files, missing)
+                _write_manifest(temporary, manifest)
+                _sync_folder(temporary)
+                temporary.rename(final)
+            except OSError:
+                shutil.rmtree(temporary, ignore_errors=True)
+                raise
+            _sync_folder(parent)
     except OSError as error:
-        shutil.rmtree(temporary, ignore_errors=True)
         return BundleFailed(_why(error, "the evidence could not be written"))
     return final
 
@@ -242,6 +260,94 @@ def is_incident_id(text: str) -> bool:
     return _ID.fullmatch(text) is not None
 
 
+def complete_partial(found: Found) -> Path | BundleFailed | None:
+    """Give a half-written bundle, whose writer is dead, its real name with what is whole in it.
+
+    None: it held nothing, or its incident has a bundle already, and it was removed.
+    """
+    final = found.path.with_name(found.id)
+    try:
+        with _writing(found.path) as held:
+            if not held():
+                return None
+            names = [] if is_there(final) else sorted(item.name for item in os.scandir(found.path))
+            files = {name: read_file(found.path, name) for name in names if _NAME.fullmatch(name)}
+            kept = {
+                name: data for name, data in files.items() if name != MANIFEST and isinstance(data, bytes)
+            }
+            if not kept:
+                shutil.rmtree(found.path)
+                return None
+            missing = {MANIFEST: "begun anew: the guard ended while it wrote the evidence"}
+            manifest = Manifest(found.id, _now(), complete=False, missing=missing)
+            _write_manifest(found.path, _put_all(found.path, manifest, kept, {}))
+            for name in names:
+                if name.endswith(".partial"):
+                    (found.path / name).unlink(missing_ok=True)
+            _sync_folder(found.path)
+            found.path.rename(final)
+            _sync_folder(final.parent)
+    except OSError as error:
+        return BundleFailed(_why(error, "the half-written evidence could not be completed"))
+    return final
+
+
+def prune(
+    parent: Path, keep: str, count_max: int = INCIDENTS_MAX, bytes_max: int = INCIDENTS_BYTES_MAX
+) -> list[str]:
+    """Remove the oldest closed incidents above the maxima, the incident `keep` never; return their ids.
+
+    An incident without facts is open, so it stays. What a writer holds stays until the next time.
+    """
+    _remove_gone(parent)
+    found = [one for one in find_bundles(parent) if not one.partial]
+    sizes = {one.id: _size_bytes(one.path) for one in found}
+    count, size_bytes = len(found), sum(sizes.values())
+    removed: list[str] = []
+    for one in reversed(found):
+        if (count <= count_max and size_bytes <= bytes_max) or len(removed) >= REMOVED_AT_ONCE_MAX:
+            break
+        if one.id != keep and is_there(one.path / FACTS) and _remove(one.path):
+            removed.append(one.id)
+            count, size_bytes = count - 1, size_bytes - sizes[one.id]
+    return removed
+
+
+def _remove(path: Path) -> bool:
+    """Remove a bundle; its name goes first, so that a death in the middle leaves no half incident."""
+    gone = path.with_name(f".{path.name}.gone")
+    try:
+        with _writing(path, wait_ms=0):
+            path.rename(gone)
+            shutil.rmtree(gone)
+    except OSError:
+        return False
+    return True
+
+
+def _remove_gone(parent: Path) -> None:
+    with suppress(OSError), os.scandir(parent) as items:
+        for _, item in zip(range(FOLDERS_MAX), items, strict=False):
+            if _GONE.fullmatch(item.name):
+                shutil.rmtree(item.path, ignore_errors=True)
+
+
+def _size_bytes(path: Path) -> int:
+    total = 0
+    with suppress(OSError), os.scandir(path) as items:
+        for _, item in zip(range(FOLDERS_MAX), items, strict=False):
+            total += item.stat(follow_symlinks=False).st_size
+    return total
+
+
+def _empty(folder: Path) -> None:
+    for item in list(os.scandir(folder)):
+        if item.is_dir(follow_symlinks=False):
+            shutil.rmtree(item.path)
+        else:
+            Path(item.path).unlink()
+
+
 def _read_up_to(handle: int, bytes_max: int) -> bytes:
     parts, left_bytes = [], bytes_max
     while left_bytes and (part := os.read(handle, left_bytes)):
@@ -321,11 +427,21 @@ def _replace(folder: Path, name: str, data: bytes) -> None:
 
 
 @contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Hold the bundle alone: the guard adds evidence while the report of the same incident is made."""
+def _writing(path: Path, wait_ms: int = LOCK_WAIT_MS) -> Iterator[Callable[[], bool]]:
+    """Hold the bundle alone: the guard adds evidence while the report of the same incident is made.
+
+    What is given tells whether the folder that is held is still the one at `path`.
+    """
     handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+
+    def held() -> bool:
+        try:
+            return os.path.samestat(os.fstat(handle), path.lstat())
+        except OSError:
+            return False
+
     try:
-        deadline_ns = time.monotonic_ns() + LOCK_WAIT_MS * 1_000_000
+        deadline_ns = time.monotonic_ns() + wait_ms * 1_000_000
         while True:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -334,7 +450,7 @@ def _writing(path: Path) -> Iterator[None]:
                 if time.monotonic_ns() > deadline_ns:
                     raise OSError(errno.EBUSY, "another writer holds it") from None
                 time.sleep(0.005)
-        yield
+        yield held
     finally:
         os.close(handle)
 

@@ -124,6 +124,7 @@ class Incident:
     requests: tuple[Request, ...]
     proof: Proof | None
     deaths: tuple[Death, ...]
+    waits_for: str | None
 
 
 #: Stages in which the core was at work on a command; QUEUED only waited for its turn.
@@ -161,6 +162,7 @@ def from_facts(incident_id: str, raw: object) -> Incident:
         requests=tuple(_request(line) for line in mappings(facts.get("requests"))),
         proof=_proof(facts.get("proof")),
         deaths=tuple(_death(line) for line in mappings(facts.get("deaths"))),
+        waits_for=optional_text(facts.get("waits_for")),
     )
 
 
@@ -175,6 +177,18 @@ def still_open(incident_id: str, opened_at: str | None, page: object) -> Inciden
         "in_flight": recorder.get("in_flight"),
     }
     return from_facts(incident_id, facts)
+
+
+def ending(outcome: str, closed_at: str | None) -> str:
+    """Return what came of it, in one word: its outcome, or `untold` if its guard died before it was over."""
+    return "untold" if outcome == "open" and closed_at is not None else outcome
+
+
+def waits_for(incident: Incident) -> str | None:
+    """Return the diagnosis that has to be cleared away by a person before another try makes sense."""
+    if incident.outcome != "manual":
+        return None
+    return incident.waits_for or incident.diagnosis
 
 
 def money(incident: Incident) -> Money:

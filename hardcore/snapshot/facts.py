@@ -3,12 +3,14 @@
 Pure but for `wall`, which is given: the story itself only knows the monotonic clock.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from datetime import UTC, datetime
 from typing import Any
 
 from hardcore.model.actions import Incident
-from hardcore.model.observations import Exit
+from hardcore.model.observations import Exit, RequestOutcome
 from hardcore.model.recorder import CommandNote
+from hardcore.model.verdicts import Grade
 from hardcore.snapshot.masking import mask_line
 
 VERSION = 1
@@ -45,24 +47,66 @@ def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int],
         ),
         "in_flight": [_note(note, steps.get("detected", fault)) for note in incident.in_flight],
         "suspects": list(incident.suspects),
-        "requests": [
-            {
-                "method": request.method,
-                "path": request.path,
-                "key_hash": request.key_hash,
-                "outcome": request.outcome,
-                "status": request.status,
-                "held_ms": request.held_ms,
-            }
-            for request in incident.requests
-        ],
+        "requests": requests(incident.requests),
         "proof": _proof(incident),
         "deaths": [
             {"at": wall(death.at_ns), "diagnosis": str(death.diagnosis), "exit": _exit(death.exit)}
             for death in incident.deaths
         ],
         "next_epoch": incident.next_epoch,
+        "waits_for": str(incident.waits_for) if incident.waits_for else None,
     }
+
+
+def requests(settled: Iterable[RequestOutcome]) -> list[dict[str, Any]]:
+    """Return what became of requests, in the form of the facts."""
+    return [
+        {
+            "method": request.method,
+            "path": request.path,
+            "key_hash": request.key_hash,
+            "outcome": request.outcome,
+            "status": request.status,
+            "held_ms": request.held_ms,
+        }
+        for request in settled
+    ]
+
+
+def abandoned(incident_id: str, closed_at: str, page: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the closing facts of an incident whose guard died, from the `recorder.json` in its folder.
+
+    Its outcome stays `open`: nobody saw how it ended, and a time of closing beside it says just that. Which
+    commands were in flight is read from the page itself, as in any report.
+    """
+    beats = page.get("beats")
+    return {
+        "version": VERSION,
+        "id": incident_id,
+        "opened_at": _id_time(incident_id),
+        "closed_at": closed_at,
+        "outcome": "open",
+        "diagnosis": "UNKNOWN",
+        "grade": str(Grade.UNKNOWN),
+        "evidence": [{"kind": "guard", "text": "the guard itself ended before this incident was over"}],
+        "core": {
+            "pid": page.get("pid"),
+            "nonce": page.get("nonce"),
+            "epoch": beats.get("epoch") if isinstance(beats, dict) else None,
+            "exit": None,
+        },
+        "last_words": page.get("last_words"),
+    }
+
+
+def _id_time(incident_id: str) -> str | None:
+    """Return the wall time that is the first part of an incident's id."""
+    try:
+        at_ms = int(incident_id.replace("-", "")[:12], 16)
+        at = datetime.fromtimestamp(at_ms / 1000, UTC)
+    except (ValueError, OverflowError, OSError):
+        return None
+    return at.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def _exit(how: Exit | None) -> dict[str, int] | None:

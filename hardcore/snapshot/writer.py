@@ -8,6 +8,7 @@ threads, so that a hanging collector can't keep the haul from the disk. Nothing 
 """
 
 import asyncio
+import json
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
@@ -16,6 +17,7 @@ from typing import Any, assert_never
 
 from hardcore.model.observations import ProcessSample
 from hardcore.snapshot import collectors, recipe, stacks, threads
+from hardcore.snapshot.facts import abandoned
 from hardcore.snapshot.recipe import Piece, Step
 from hardcore.snapshot.subject import Evidence, EvidenceFailed, Haul, Subject, Tools
 from postmortem import bundle
@@ -26,6 +28,10 @@ STORE_GRACE_MS = 250
 DEAD_STORE_MS = 10_000
 #: Lives whose evidence one incident keeps.
 LIVES_MAX = 16
+#: Requests that the facts of one incident name.
+REQUESTS_MAX = 4096
+
+Abandoned = bundle.Found
 
 
 async def take_live(
@@ -68,10 +74,64 @@ def write_facts(path: Path, facts: Mapping[str, Any]) -> bundle.BundleFailed | N
     Blocks on the disk: to be called on a thread. None: written and synced.
     """
     data = collectors.as_bytes(facts)
-    if bundle.is_there(path):
-        return bundle.add_file(path, "incident.json", data)
-    made = bundle.write_bundle(path.parent, path.name, {"incident.json": data}, {})
-    return made if isinstance(made, bundle.BundleFailed) else None
+    if not bundle.is_there(path):
+        made = bundle.write_bundle(path.parent, path.name, {bundle.FACTS: data}, {})
+        if not isinstance(made, bundle.BundleFailed):
+            return None
+        if not bundle.is_there(path):  # else its evidence came meanwhile
+            return made
+    return bundle.add_file(path, bundle.FACTS, data)
+
+
+def add_requests(path: Path, requests: Sequence[Mapping[str, Any]]) -> bundle.BundleFailed | None:
+    """Add requests that settled after the incident was closed to its facts, the first ones where too many."""
+    facts = _read(path, bundle.FACTS)
+    if isinstance(facts, bundle.BundleFailed):
+        return facts
+    known = facts.get("requests")
+    before = known if isinstance(known, list) else []
+    return write_facts(path, {**facts, "requests": [*before, *requests][:REQUESTS_MAX]})
+
+
+def is_id(text: str) -> bool:
+    """Tell whether `text`, which somebody else said, may be the id of an incident."""
+    return bundle.is_incident_id(text)
+
+
+def find_abandoned(incidents: Path) -> tuple[Abandoned, ...]:
+    """Return the incidents that a dead guard left without facts. To be asked before a new one is opened."""
+    found = bundle.find_bundles(incidents)
+    return tuple(one for one in found if one.partial or not bundle.is_there(one.path / bundle.FACTS))
+
+
+def close_abandoned(found: Abandoned, closed_at: str) -> Path | bundle.BundleFailed | None:
+    """Give an incident that a dead guard left open its closing facts, as far as its folder tells them.
+
+    None: there was nothing in it worth keeping, and it was removed.
+    """
+    path = bundle.complete_partial(found) if found.partial else found.path
+    if not isinstance(path, Path) or bundle.is_there(path / bundle.FACTS):
+        return path
+    page = _read(path, "recorder.json")
+    told = {} if isinstance(page, bundle.BundleFailed) else page
+    failed = write_facts(path, abandoned(found.id, closed_at, told))
+    return path if failed is None else failed
+
+
+def prune(incidents: Path, keep: str) -> list[str]:
+    """Remove the oldest closed incidents above what is kept; return their ids."""
+    return bundle.prune(incidents, keep)
+
+
+def _read(path: Path, name: str) -> Mapping[str, Any] | bundle.BundleFailed:
+    data = bundle.read_file(path, name)
+    if isinstance(data, bundle.BundleFailed):
+        return data
+    try:
+        raw = json.loads(data)
+    except (ValueError, RecursionError):
+        return bundle.BundleFailed(f"{name} is not JSON")
+    return raw if isinstance(raw, dict) else bundle.BundleFailed(f"{name} is no object")
 
 
 async def _collect(
@@ -160,7 +220,9 @@ def _write(
     """Write a bundle, or beside the first life of this incident the evidence of its next one."""
     path = subject.incidents / subject.incident
     if not bundle.is_there(path):
-        return bundle.write_bundle(subject.incidents, subject.incident, files, missing)
+        made = bundle.write_bundle(subject.incidents, subject.incident, files, missing)
+        if isinstance(made, Path) or not bundle.is_there(path):  # else the one of another life came first
+            return made
     before = bundle.read_manifest(path)
     taken = {*before.files, *before.missing} if isinstance(before, bundle.Manifest) else set()
     ours = {*files, *missing}

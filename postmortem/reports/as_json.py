@@ -5,7 +5,7 @@ from typing import Any
 
 from frontend import catalogue_reports as texts
 from postmortem.incident import at_work
-from postmortem.reports.report import Report, finding_line
+from postmortem.reports.report import Report, finding_line, next_step
 
 
 def as_item(report: Report, language: str) -> dict[str, Any]:
@@ -38,6 +38,8 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
         **as_item(report, language),
         "summaries": dict(report.summary),
         "reason": incident.reason,
+        "waits_for": incident.waits_for,
+        "next_step": {one: next_step(incident, one) for one in texts.LANGUAGES},
         "drill": incident.drill,
         "timeline": [asdict(step) for step in incident.timeline],
         "evidence": [{"kind": line.code, "text": line.text} for line in incident.evidence],

@@ -11,9 +11,9 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from frontend import catalogue_reports as texts
-from postmortem.incident import at_work
+from postmortem.incident import at_work, ending
 from postmortem.reports.as_terminal import milliseconds
-from postmortem.reports.report import Report, finding_line, money_line
+from postmortem.reports.report import Report, finding_line, money_line, next_step
 from postmortem.reports.visible import visible
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
@@ -33,8 +33,9 @@ def as_markdown(report: Report, language: str) -> str:
             incident=incident,
             contents=report.contents,
             summary=report.summary[language],
+            next_step=next_step(incident, language),
             grade=texts.GRADES[incident.grade][language],
-            outcome=texts.OUTCOME_WORDS[incident.outcome][language],
+            outcome=texts.OUTCOME_WORDS[ending(incident.outcome, incident.closed_at)][language],
             accounts=", ".join(report.account_ids),
             transactions=", ".join(report.transaction_ids),
             fingerprint=report.fingerprint,

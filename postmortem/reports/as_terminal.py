@@ -12,6 +12,7 @@ from datetime import datetime
 from typing import Any
 
 from frontend import catalogue_reports as texts
+from postmortem.incident import ending
 from postmortem.reports.visible import visible
 
 Write = Callable[[str], object]
@@ -53,7 +54,7 @@ def print_list(items: list[dict[str, Any]], language: str, write: Write, look: L
         return
     short = _short_ids([item["id"] for item in items])
     for item in items:
-        outcome = texts.OUTCOME_WORDS[item["outcome"]][language]
+        outcome = _outcome(item, language)
         head = f"{_local(item['opened_at'], language)}  {short[item['id']]}  "
         outage = milliseconds(item["outage_ms"], "-")
         state = look.style(pad(outcome, 11), _OUTCOME_STYLES[item["outcome"]])
@@ -86,10 +87,9 @@ def print_show(story: Mapping[str, Any], language: str, write: Write, look: Look
 
 def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) -> None:
     nothing = _word("nothing_recorded", language)
-    outcome = texts.OUTCOME_WORDS[story["outcome"]][language]
     rows = [
         ("diagnosis", f"{story['diagnosis']} ({texts.GRADES[story['grade']][language]})"),
-        ("outcome", outcome),
+        ("outcome", _outcome(story, language)),
         ("opened", _local(story["opened_at"], language)),
         ("detection", milliseconds(story["detected_ms"], nothing)),
         ("outage", milliseconds(story["outage_ms"], nothing)),
@@ -97,10 +97,16 @@ def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) ->
         ("transactions", ", ".join(story["transaction_ids"]) or nothing),
         ("money", story["money_line"][language]),
     ]
+    if step := story["next_step"][language]:
+        rows.append(("next_step", step))
     for label, value in rows:
         name = look.style(pad(_word(label, language), _LABEL), "dim")
         body = _wrapped(value, look.width, 2 + _LABEL).lstrip(" ")
         write(f"  {name}{body}")
+
+
+def _outcome(item: Mapping[str, Any], language: str) -> str:
+    return texts.OUTCOME_WORDS[ending(item["outcome"], item["closed_at"])][language]
 
 
 def _timeline(story: Mapping[str, Any], language: str) -> Iterable[str]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from frontend import catalogue_reports as texts
 from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Finding
-from postmortem.incident import Incident, Money, at_work, money, unique
+from postmortem.incident import Incident, Money, at_work, ending, money, unique, waits_for
 
 LANGUAGES = texts.LANGUAGES
 
@@ -67,10 +67,15 @@ def summarise(incident: Incident, language: str) -> str:
     cause = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])[language]
     lead = texts.GRADE_LEADS[incident.grade if incident.diagnosis in texts.CAUSES else "certain"][language]
     timed = incident.outcome == "recovered" and incident.outage_ms is not None
-    outcome = texts.OUTCOMES["recovered_in" if timed else incident.outcome][language]
+    outcome = texts.OUTCOMES["recovered_in" if timed else ending(incident.outcome, incident.closed_at)][
+        language
+    ]
     seconds = f"{(incident.outage_ms or 0) / 1000:.1f}"
     joint = " " if language == "ko" else "; "
     sentence = f"{lead}{cause}{joint}{outcome.format(seconds=seconds)}"
+    if (waits := waits_for(incident)) is not None and waits in texts.WAITS:
+        reason = texts.WAITS[waits][language]
+        sentence = f"{sentence.removesuffix('.')}: {waits} — {reason}"
     return sentence[0].upper() + sentence[1:]
 
 
@@ -84,6 +89,14 @@ def money_line(report: Report, language: str) -> str:
     if proof.seq == 0:
         return texts.MONEY["empty"][language]
     return texts.MONEY["chain"][language].format(tail=proof.tail if proof.tail is not None else "?")
+
+
+def next_step(incident: Incident, language: str) -> str | None:
+    """Return what a person is to do now. None: nothing, or nothing that is known here."""
+    waits = waits_for(incident)
+    if waits is None:
+        return None
+    return texts.NEXT_STEPS.get(waits, texts.NEXT_STEPS["UNKNOWN"])[language]
 
 
 def finding_line(finding: Finding, language: str) -> str:

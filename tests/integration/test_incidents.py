@@ -1,0 +1,87 @@
+"""What is on record of an incident that does not end as it should: waiting for a person, or its guard dies too."""
+
+import sqlite3
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from postmortem import bundle, cli
+from tests.integration.conftest import MakeHouse
+from tests.integration.house import START_S, House
+from tests.waiting import until
+
+HALF, EMPTY = "0199a000-0000-7000-8000-00000000000d", "0199a000-0000-7000-8000-00000000000e"
+
+
+@contextmanager
+def locked(store: Path) -> Iterator[None]:
+    """Hold the store's write lock, as another program would that opened it for writing."""
+    with closing(sqlite3.connect(store, isolation_level=None)) as connection:
+        connection.execute("BEGIN IMMEDIATE")
+        yield
+        connection.execute("ROLLBACK")
+
+
+def story_of(house: House, incident_id: str) -> dict[str, Any]:
+    story = cli.show_incident(house.folders.incidents, incident_id)
+    assert isinstance(story, dict), story
+    return story
+
+
+def text_of(house: House, incident_id: str, name: str) -> str:
+    data = bundle.read_file(house.folders.incidents / incident_id, name)
+    return "" if isinstance(data, bundle.BundleFailed) else data.decode()
+
+
+def test_an_incident_that_waits_for_a_person_names_its_requests_and_what_it_waits_for(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    with locked(house.data / "ledger.db"), ThreadPoolExecutor(1) as client:
+        house.hit("core")
+        held = client.submit(house.book, "held")
+        status = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
+        assert held.result().status == 503
+        incident = status["last_incident"]
+        until(lambda: story_of(house, incident)["requests"], "the requests to be on record", START_S)
+        until(lambda: "/api/ledger/transactions" in text_of(house, incident, "report.md"), "the report")
+        story = story_of(house, incident)
+    assert (story["diagnosis"], story["waits_for"]) == ("KILLED_FROM_OUTSIDE", "DB_LOCKED")
+    assert [(one["method"], one["path"]) for one in story["requests"]] == [
+        ("POST", "/api/ledger/transactions")
+    ]
+    assert story["summary"].endswith(
+        "waits for a person: DB_LOCKED — another program holds the ledger's lock."
+    )
+    assert "hardcore resume" in text_of(house, incident, "report.md")
+
+
+def test_an_incident_whose_guard_died_is_closed_by_the_next_guard(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    incidents = house.folders.incidents
+
+    def opened() -> list[bundle.Found]:
+        return [one for one in bundle.find_bundles(incidents) if not (one.path / bundle.FACTS).exists()]
+
+    with locked(house.data / "ledger.db"):  # so that it can't end before the guard does
+        house.hit("core")
+        (first,) = until(lambda: [one for one in opened() if not one.partial], "its evidence", START_S)
+        (incidents / f".{HALF}.partial").mkdir()
+        (incidents / f".{HALF}.partial" / "log.txt").write_text("the last line\n")
+        (incidents / f".{EMPTY}.partial").mkdir()
+        house.hit("sentinel")
+        until(lambda: not opened(), "every folder to be closed", START_S)
+        until(lambda: all(text_of(house, one, "report.md") for one in (first.id, HALF)), "reports", START_S)
+    for incident in (first.id, HALF):
+        story = story_of(house, incident)
+        assert story["closed_at"] is not None
+        assert story["outcome"] == "open", "nobody saw how it ended, so no other word is true"
+        assert "the guard itself ended before it could tell" in story["summary"]
+        assert story["bundle"]["faults"] in ([], ["its evidence was never finished"])
+    assert story_of(house, first.id)["core"]["pid"] is not None
+    assert text_of(house, HALF, "log.txt") == "the last line\n"
+    assert not list(incidents.glob(".*"))
+    house.running()

@@ -1,0 +1,126 @@
+import asyncio
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from hardcore.model.actions import Incident
+from hardcore.model.observations import RequestOutcome, RequestsSettled
+from hardcore.model.verdicts import Diagnosis, Grade
+from hardcore.snapshot import writer
+from hardcore.snapshot.filing import Filing
+from postmortem import bundle
+
+ID = "0199a000-0000-7000-8000-00000000000f"
+
+
+class Hands:
+    """Hands that work at once and keep what they note."""
+
+    def __init__(self, on_note: Callable[[], None]) -> None:
+        self.halted = asyncio.Event()
+        self.noted: list[dict[str, object]] = []
+        self.reported: list[str] = []
+        self._on_note = on_note
+
+    async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
+        return work(*args)
+
+    def note(self, kind: str, **particulars: object) -> None:
+        self.noted.append({"kind": kind, **particulars})
+        self._on_note()
+
+    async def report(self, folder: Path) -> None:
+        self.reported.append(folder.name)
+
+
+def incident() -> Incident:
+    return Incident(
+        id=ID,
+        opened_ns=1,
+        diagnosis=Diagnosis.KILLED_FROM_OUTSIDE,
+        grade=Grade.CERTAIN,
+        evidence=(),
+        planned=False,
+        drill=None,
+        reason="",
+        life=1,
+        epoch=1,
+        exit=None,
+        last_words=None,
+        in_flight=(),
+        suspects=(),
+        timeline=(("fault", 1), ("closed", 2)),
+        deaths=(),
+        requests=(),
+        proof=None,
+        witness=None,
+        next_epoch=None,
+        outcome="manual",
+        waits_for=Diagnosis.DB_LOCKED,
+        closed_ns=2,
+    )
+
+
+def settled(*paths: str) -> RequestsSettled:
+    requests = tuple(RequestOutcome("POST", path, "", "not_done", 503, 10) for path in paths)
+    return RequestsSettled(3, ID, requests)
+
+
+def facts(folder: Path) -> dict[str, Any]:
+    data = bundle.read_file(folder, bundle.FACTS)
+    assert isinstance(data, bytes), data
+    told: dict[str, Any] = json.loads(data)
+    return told
+
+
+def test_facts_that_could_not_be_written_are_tried_again(tmp_path: Path) -> None:
+    place = tmp_path / "incidents"
+    place.write_bytes(b"a file where the folder should be")
+
+    async def close() -> Hands:
+        hands = Hands(lambda: place.unlink() if place.is_file() else None)
+        await Filing(place, hands, hands.report, (0.0,)).close(incident(), None, "", [])
+        return hands
+
+    hands = asyncio.run(close())
+    assert "failed" in hands.noted[0]
+    assert facts(place / ID)["waits_for"] == "DB_LOCKED"
+    assert hands.reported == [ID]
+
+
+def test_a_guard_that_ends_waits_for_no_pause(tmp_path: Path) -> None:
+    place = tmp_path / "incidents"
+    place.write_bytes(b"")
+
+    async def close() -> Hands:
+        hands = Hands(lambda: None)
+        hands.halted.set()
+        await Filing(place, hands, hands.report, (3600.0, 3600.0)).close(incident(), None, "", [])
+        return hands
+
+    hands = asyncio.run(close())
+    assert len(hands.noted) == 1
+    assert hands.reported == []
+
+
+def test_requests_that_come_late_join_the_facts_in_order_and_up_to_a_maximum(tmp_path: Path) -> None:
+    async def settle() -> Hands:
+        hands = Hands(lambda: None)
+        filing = Filing(tmp_path, hands, hands.report, ())
+        evidence = asyncio.Event()
+        async with asyncio.TaskGroup() as group:
+            group.create_task(filing.close(incident(), None, "", [evidence]))
+            group.create_task(filing.add_late(settled("/a", "/b")))
+            group.create_task(filing.add_late(settled(*["/c"] * writer.REQUESTS_MAX)))
+            group.create_task(filing.add_late(RequestsSettled(3, "../elsewhere", settled("/x").requests)))
+            await asyncio.sleep(0)  # all of them have begun before the evidence is there
+            evidence.set()
+        return hands
+
+    hands = asyncio.run(settle())
+    paths = [one["path"] for one in facts(tmp_path / ID)["requests"]]
+    assert len(paths) == writer.REQUESTS_MAX
+    assert paths[:3] == ["/a", "/b", "/c"]
+    assert hands.reported == [ID, ID], "once when it was closed, once for all that came late"
+    assert bundle.verify_bundle(tmp_path / ID) == []
