@@ -30,6 +30,7 @@ from hardcore.host.files import take_lock
 from hardcore.host.folders import Folders, locate
 from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, notes
+from hardcore.up import held
 from postmortem import cli as incidents_cli
 
 STATE_CODES = {"OPERATIONAL": 0, "STARTING": 3, "DEGRADED": 3, "RECOVERY": 3, "SAFE_MODE": 3}
@@ -81,13 +82,7 @@ class Asked:
 
 
 def _held(folders: Folders) -> bool:
-    if not folders.run.is_dir():
-        return False
-    lock = take_lock(folders.run / "sentinel.lock")
-    if lock is None:
-        return True
-    os.close(lock)
-    return False
+    return folders.run.is_dir() and held(folders.run / "sentinel.lock")
 
 
 def _language() -> str:
@@ -178,6 +173,8 @@ def down(asked: Asked) -> None:
             ended = _down_without_a_sentinel(folders)
         except OSError as error:
             asked.fail(text("down_not_stored", asked.lang, why=error.strerror))
+        if ended is None:
+            asked.fail(text("silent", asked.lang))
         asked.say("stopped" if ended else "nothing_running")
         asked.tell({"ok": True, "was_running": ended > 0})
         return
@@ -189,8 +186,11 @@ def down(asked: Asked) -> None:
     asked.tell({"ok": True, "was_running": True})
 
 
-def _down_without_a_sentinel(folders: Folders) -> int:
-    """Store DOWN and end what a guard that was killed has left; return how many processes that were."""
+def _down_without_a_sentinel(folders: Folders) -> int | None:
+    """Store DOWN and end what a guard that was killed has left; return how many processes that were.
+
+    None: a sentinel lives that can't be reached. One whose run folder was removed makes way within moments.
+    """
     if not os.path.isdir(folders.state):  # noqa: PTH112  # pathlib's raises for a name that is too long
         return 0
     standing.store_wanted(folders, Wanted.DOWN)
@@ -199,6 +199,8 @@ def _down_without_a_sentinel(folders: Folders) -> int:
     if lock is None:
         return 0  # a sentinel has just begun: it reads what is wanted and ends them itself
     try:
+        if not _until(lambda: not held(folders.guard_lock)):
+            return None
         return lives.end_leftovers(folders, standing.policy_in_force(folders).policy.stop_timeout_ms / 1000)
     finally:
         os.close(lock)

@@ -95,8 +95,11 @@ class Launcher:
 
     def attach(self) -> bool:
         """Find the sentinel that holds the lock, if there is one; never by its number alone."""
-        os.makedirs(self.run, 0o700, exist_ok=True)  # noqa: PTH103  # as above; a logout may have removed it
-        fd = os.open(f"{self.run}/sentinel.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            os.makedirs(self.run, 0o700, exist_ok=True)  # noqa: PTH103  # as above; a logout may have removed it
+            fd = os.open(f"{self.run}/sentinel.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        except OSError:
+            return False  # with the folder above it: the sentinel finds another place
         try:
             fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

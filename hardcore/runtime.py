@@ -24,7 +24,7 @@ from hardcore.door import Door
 from hardcore.executor import Executor
 from hardcore.gatekeeper import Gatekeeper
 from hardcore.host import clock, deaths, files, lives
-from hardcore.host.folders import Folders, Unusable, prepare
+from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Leftovers, Life
 from hardcore.host.notify import NotifySocket
@@ -276,11 +276,14 @@ class Runtime:
 
 def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     """Take the lock and find out where we stand. Returns an exit code when we may not watch."""
-    folders = prepare(data)
+    made = prepare_data(data)
+    # Kept until we end, and taken before the link is touched: one guard for one data folder.
+    guarding = None if isinstance(made, Unusable) else files.take_lock(made.guard_lock)
+    folders = prepare(data) if guarding is not None else made
     if isinstance(folders, Unusable):
         sys.stderr.write(f"{folders.reason}\n")
         return EXIT_UNUSABLE
-    lock_fd = files.take_lock(folders.run / "sentinel.lock")
+    lock_fd = None if guarding is None else files.take_lock(folders.run / "sentinel.lock")
     if lock_fd is None:
         sys.stderr.write("Another sentinel watches this data folder.\n")
         return EXIT_ANOTHER_WATCHES

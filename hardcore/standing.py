@@ -72,8 +72,10 @@ def store_wanted(folders: Folders, what: Wanted) -> None:
 
 def next_generation(folders: Folders) -> int:
     """Take the next generation number. The caller holds the sentinel's lock."""
-    path = folders.run / "generation"
-    stored = files.read_json(path).get("generation")
-    number = (stored if isinstance(stored, int) else 0) + 1
-    files.write_json(path, {"generation": number}, durable=False)
+    paths = (folders.state / "generation.json", folders.run / "generation")
+    stored = [files.read_json(path).get("generation") for path in paths]
+    number = max(value if isinstance(value, int) else 0 for value in stored) + 1
+    with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
+        files.write_json(paths[0], {"generation": number})
+    files.write_json(paths[1], {"generation": number}, durable=False)  # for when that disk was full
     return number

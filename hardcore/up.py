@@ -17,7 +17,7 @@ from frontend.catalogue import text
 from hardcore import standing
 from hardcore.control import client
 from hardcore.host import files
-from hardcore.host.folders import Folders, Unusable, prepare
+from hardcore.host.folders import Folders, Unusable, locate, prepare, prepare_data
 from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, PolicyFault
 
@@ -47,21 +47,46 @@ def prepare_start(data: Path, host: str, port: int, policy: Path | None, lang: s
     """Settle everything that can go wrong before the launcher takes over."""
     if not _loopback(host):
         return Refused(text("loopback_only", lang, host=host), 2)
-    folders = prepare(data)
-    if isinstance(folders, Unusable):
-        return Refused(folders.reason)
+    made = prepare_data(data)
+    if isinstance(made, Unusable):
+        return Refused(made.reason)
     try:
-        return _settle(folders, host, port, policy, lang)
+        folders = _claim(made, lang)
+        return folders if isinstance(folders, Refused) else _settle(folders, host, port, policy, lang)
     except OSError as error:  # a full disk lets folders be made, but no files be written
-        return Refused(text("data_not_written", lang, path=folders.data, why=error.strerror))
+        return Refused(text("data_not_written", lang, path=made.data, why=error.strerror))
+
+
+def _claim(made: Folders, lang: str) -> Folders | Refused:
+    """Take the launcher's lock, and only then make the run folder and the link to it."""
+    lock = files.take_lock(made.launcher_lock)
+    if lock is None:
+        return _in_use(made, lang)
+    os.set_inheritable(lock, True)  # held by the launcher for as long as it lives
+    if held(made.guard_lock) and not _held_if_there(made.run / "sentinel.lock"):
+        return _in_use(made, lang)  # it lives, and nothing here leads to it: nobody may start beside it
+    folders = prepare(made.data)
+    return Refused(folders.reason) if isinstance(folders, Unusable) else folders
+
+
+def _in_use(made: Folders, lang: str) -> Refused:
+    url = files.read_json(locate(made.data).sentinel).get("url") or f"--data {made.data}"
+    return Refused(text("already_running", lang, url=url))
+
+
+def held(path: Path) -> bool:
+    """Return whether somebody holds this lock now."""
+    lock = files.take_lock(path)
+    if lock is not None:
+        os.close(lock)
+    return lock is None
+
+
+def _held_if_there(path: Path) -> bool:
+    return path.exists() and held(path)
 
 
 def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: str) -> Ready | Refused:
-    lock = files.take_lock(folders.run / "launcher.lock")
-    if lock is None:
-        url = files.read_json(folders.sentinel).get("url") or f"--data {folders.data}"
-        return Refused(text("already_running", lang, url=url))
-    os.set_inheritable(lock, True)  # held by the launcher for as long as it lives
     warning = _settle_policy(folders, policy, lang)
     if isinstance(warning, Refused):
         return warning
@@ -124,9 +149,7 @@ def policy_faults(path: Path, faults: list[PolicyFault], lang: str) -> str:
 
 def _attach(folders: Folders) -> tuple[int, str] | None:
     """Return the listener and the URL of a sentinel that is still alive, or None."""
-    lock = files.take_lock(folders.run / "sentinel.lock")
-    if lock is not None:
-        os.close(lock)
+    if not held(folders.run / "sentinel.lock"):
         return None
     try:
         answer, fds = client.ask_with_fds(folders.control, {"verb": "attach"})

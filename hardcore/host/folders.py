@@ -1,7 +1,9 @@
 """Where everything lies: the data folder, and the short run folder on tmpfs that it links to.
 
 Unix socket paths end at 107 bytes, so sockets can't lie under a data folder of any length: they live in a
-private folder named after a hash of it. The link is made anew when the data was moved or copied.
+private folder named after a hash of it. Where that folder is depends on the environment it was made in, so the
+link in the data says it to everybody else. The link is made anew when the data was moved or copied, or when the
+folder is gone. The locks that keep a second guard away lie in the data itself: there is only one of it.
 """
 
 import hashlib
@@ -69,6 +71,21 @@ class Folders:
         return self.run / "switch"
 
     @property
+    def launcher_lock(self) -> Path:
+        """Held by the launcher as long as it lives."""
+        return self.state / "launcher.lock"
+
+    @property
+    def guard_lock(self) -> Path:
+        """Held by the sentinel as long as it lives: one for one data folder, whatever the environment."""
+        return self.state / "guard.lock"
+
+    @property
+    def launcher(self) -> Path:
+        """Who the launcher is."""
+        return self.run / "launcher.json"
+
+    @property
     def sentinel(self) -> Path:
         """Who the sentinel is."""
         return self.run / "sentinel.json"
@@ -104,10 +121,29 @@ def _run_base() -> Path:
     return Path("/tmp")  # noqa: S108  # as above
 
 
+def _run_name(data: Path) -> str:
+    digest = hashlib.sha256(os.fsencode(data.resolve()) + b"\0" + str(os.getuid()).encode()).hexdigest()
+    return f"hardcore-{digest[:12]}"
+
+
 def run_folder(data: Path) -> Path:
-    """Return the run folder that belongs to this data folder."""
-    name = hashlib.sha256(os.fsencode(data.resolve()) + b"\0" + str(os.getuid()).encode()).hexdigest()[:12]
-    return _run_base() / f"hardcore-{name}"
+    """Return the run folder that belongs to this data folder: the one it links to, or one for this environment."""
+    name = _run_name(data)
+    try:
+        linked = (data / "run").readlink()
+    except OSError:
+        return _run_base() / name
+    # A copied or moved folder has another name; what it still links to is not its own.
+    return linked if linked.name == name and linked.is_absolute() and _private(linked) else _run_base() / name
+
+
+def _private(folder: Path) -> bool:
+    """Return whether it is a folder that only we can open."""
+    try:
+        status = folder.lstat()
+    except OSError:
+        return False
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077
 
 
 def locate(data: Path) -> Folders:
@@ -115,23 +151,42 @@ def locate(data: Path) -> Folders:
     return Folders(data.resolve(), run_folder(data))
 
 
-def prepare(data: Path) -> Folders | Unusable:
-    """Make the folders of an instance, owner-only, and the link to its run folder."""
-    shown = str(data) if len(str(data)) <= 120 else f"{str(data)[:117]}…"
+def prepare_data(data: Path) -> Folders | Unusable:
+    """Make what lies in the data folder itself, owner-only; nothing that another environment would make anew."""
     try:
         data.mkdir(parents=True, exist_ok=True, mode=0o700)
         folders = locate(data)
-        for folder in (folders.state, folders.incidents, folders.logs, folders.run, folders.exits):
+        for folder in (folders.state, folders.incidents, folders.logs):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         probe = folders.state / ".writable"
         probe.write_bytes(b"")
         probe.unlink()
     except OSError as error:
-        return Unusable(
-            f"The data folder {shown} can't be used ({error.strerror}). Choose another with --data DIR."
-        )
-    status = folders.run.lstat()
-    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o077:
+        return _unusable(data, error)
+    return folders
+
+
+def _unusable(data: Path, error: OSError) -> Unusable:
+    shown = str(data) if len(str(data)) <= 120 else f"{str(data)[:117]}…"
+    return Unusable(
+        f"The data folder {shown} can't be used ({error.strerror}). Choose another with --data DIR."
+    )
+
+
+def prepare(data: Path) -> Folders | Unusable:
+    """Make the folders of an instance, owner-only, and the link to its run folder.
+
+    The caller holds the lock of the launcher or of the guard: two of them would take the link from each other.
+    """
+    folders = prepare_data(data)
+    if isinstance(folders, Unusable):
+        return folders
+    try:
+        for folder in (folders.run, folders.exits):
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        return _unusable(data, error)
+    if not _private(folders.run):
         return Unusable(
             f"{folders.run} must be a folder that only you can open. Remove it, or set XDG_RUNTIME_DIR."
         )

@@ -6,6 +6,7 @@ the moment before its guard died may not have written its page yet, but it can't
 """
 
 import os
+import re
 import secrets
 import select
 import signal
@@ -139,23 +140,24 @@ class Leftovers:
 def find_leftovers(folders: Folders) -> Leftovers:
     """Look for processes of an earlier guard of this instance, and for the last recorder page."""
     cores, gateways = [], []
-    core_mark = f"HARDCORE_RECORDER={folders.run}/recorder-"
-    gateway_mark = f"HARDCORE_GATEWAY={folders.run}"
+    # By its name alone: the folder above it may be another one now than where they were started.
+    run = re.escape(folders.run.name)
+    core_mark = re.compile(rf"HARDCORE_RECORDER=(.*/{run}/recorder-([0-9a-f]+))", re.DOTALL)
+    gateway_mark = re.compile(rf"HARDCORE_GATEWAY=.*/{run}", re.DOTALL)
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit() or int(entry.name) == os.getpid():
             continue
         found = _read_environment(int(entry.name))
-        recorder = next((v for v in found if v.startswith(core_mark)), None)
-        if recorder is None and gateway_mark not in found:
-            continue
-        handle = _hold(int(entry.name), recorder or gateway_mark)
+        core = next(filter(None, map(core_mark.fullmatch, found)), None)
+        mark = core or next(filter(None, map(gateway_mark.fullmatch, found)), None)
+        handle = _hold(int(entry.name), mark[0]) if mark else None
         if handle is None:
             continue
-        if recorder is None:
+        if core is None:
             gateways.append(handle)
         else:
-            nonce = recorder.removeprefix(core_mark)
-            reader = PageReader(folders.recorder(nonce), nonce)
+            nonce = core[2]
+            reader = PageReader(Path(core[1]), nonce)
             cores.append(Life(0, nonce, folders, reader, handle))
     return Leftovers(tuple(cores), tuple(gateways), _last_page(folders))
 

@@ -2,6 +2,8 @@
 
 import shutil
 import signal
+import sys
+from pathlib import Path
 
 from tests.integration.clients import assert_exactly_once, at_work
 from tests.integration.conftest import MakeHouse
@@ -51,6 +53,71 @@ def test_a_copy_lives_beside_its_original_and_neither_touches_the_other(
         before["core"]["pid"],
         before["sentinel"]["pid"],
     )
+
+
+def up_in_a_session(house: House, runtime: Path) -> None:
+    """Start it as a login session does: with a runtime folder that no other environment names."""
+    runtime.mkdir(mode=0o700)
+    policy = str(house.settle_policy())
+    argv = [sys.executable, "-m", "hardcore.cli", "--data", str(house.data)]
+    house.begin_as(
+        ["env", f"XDG_RUNTIME_DIR={runtime}", *argv, "up", "--port", "0", "--policy", policy],
+    )
+    until((house.data / "run").is_symlink, "the link to the run folder")
+    house.running()
+    assert house.folders.run.parent == runtime
+
+
+def test_one_data_folder_has_one_guard_from_whatever_environment_it_is_asked(new_house: MakeHouse) -> None:
+    house = new_house()
+    up_in_a_session(house, house.data.with_name("r"))
+    before = house.status()
+    second = house.cli("up", "--port", "0")
+    assert second.code == 1
+    assert house.url in second.err
+    told = house.cli("--json", "status").told
+    assert (told["state"], told["core"]["pid"]) == ("OPERATIONAL", before["core"]["pid"])
+    assert counted(house, "-m core serve") == 1
+    assert house.cli("down").code == 0
+    until(lambda: not house.processes(), "everything to be stopped")
+
+
+def test_a_guard_that_nothing_leads_to_is_not_joined_by_a_second(new_house: MakeHouse) -> None:
+    house = new_house()
+    up_in_a_session(house, house.data.with_name("r"))
+    house._runs.add(house.folders.run)
+    link = house.data / "run"
+    run = link.readlink()
+    launcher = house.hold_pid(house.status()["launcher"]["pid"])
+    link.unlink()
+    assert "hardcore" in house.cli("up", "--port", "0").err
+    launcher.hit(signal.SIGKILL)
+    until(lambda: launcher.gone, "the launcher to be gone")
+    assert house.cli("up", "--port", "0").code == 1
+    assert counted(house, "hardcore.runtime") == 1
+    link.symlink_to(run)
+    assert house.cli("down").code == 0
+
+
+def test_a_runtime_folder_that_goes_with_its_session_is_replaced_and_nothing_is_lost(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house()
+    runtime = house.data.with_name("r")
+    up_in_a_session(house, runtime)
+    house.open_accounts()
+    house._runs.add(house.folders.run)
+    sentinel, core = house.hold("sentinel"), house.hold("core")
+    shutil.rmtree(runtime)
+    runtime.write_text("nobody can make a folder here any more")
+    until(lambda: sentinel.gone, "the sentinel nobody can reach to make way")
+    house.running()
+    assert core.gone
+    assert house.folders.run.parent != runtime
+    assert house.book("after-the-session").status == 201
+    assert counted(house, "-m core serve") == 1
+    until(lambda: counted(house, "hardcore.crisis") == 1, "one gateway")
+    assert house.cli("down").code == 0
 
 
 def test_a_run_folder_removed_under_the_living_is_made_anew_and_nothing_is_lost(house: House) -> None:

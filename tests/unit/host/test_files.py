@@ -3,11 +3,13 @@
 import errno
 import json
 import os
+import shutil
 import stat
 from pathlib import Path
 
 import pytest
 
+from hardcore import standing
 from hardcore.host import clock, deaths, files, folders, ids, logs
 from hardcore.host.folders import Folders, Unusable
 
@@ -15,10 +17,16 @@ NS_PER_S = 1_000_000_000
 
 
 @pytest.fixture
-def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Folders:
-    run = tmp_path / "r"
-    run.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(run))
+def other(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A runtime folder of another environment; its name is short, so that sockets fit under it."""
+    return tmp_path_factory.mktemp("o")
+
+
+@pytest.fixture
+def house(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> Folders:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("r")))
     made = folders.prepare(tmp_path / "data")
     assert isinstance(made, Folders)
     return made
@@ -100,6 +108,55 @@ def test_a_file_where_the_link_belongs_is_refused_and_kept(tmp_path: Path, house
     assert isinstance(refused, Unusable)
     assert (house.data / "run").read_text() == "mine"
     assert str(tmp_path) in refused.reason
+
+
+def test_the_link_leads_to_the_run_folder_from_every_environment(
+    house: Folders, other: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for environment in (str(other), ""):
+        monkeypatch.setenv("XDG_RUNTIME_DIR", environment)
+        assert folders.locate(house.data) == house
+        assert folders.prepare(house.data) == house
+    assert not list(other.iterdir())
+
+
+def test_a_link_to_a_folder_that_is_gone_is_made_anew_where_the_environment_says(
+    house: Folders, other: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.rmtree(house.run)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(other))
+    again = folders.prepare(house.data)
+    assert isinstance(again, Folders)
+    assert again.run.parent == other
+    assert (house.data / "run").readlink() == again.run
+
+
+def test_a_link_to_a_folder_that_others_can_open_is_not_followed(
+    house: Folders, other: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    house.run.chmod(0o755)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(other))
+    assert folders.locate(house.data).run.parent == other
+
+
+def test_a_copy_of_a_data_folder_does_not_follow_the_link_of_its_original(
+    house: Folders, tmp_path: Path
+) -> None:
+    shutil.copytree(house.data, tmp_path / "copy", symlinks=True)
+    again = folders.prepare(tmp_path / "copy")
+    assert isinstance(again, Folders)
+    assert again.run != house.run
+
+
+def test_a_generation_never_falls_back(house: Folders) -> None:
+    taken = [standing.next_generation(house)]
+    shutil.rmtree(house.run)
+    house.run.mkdir(mode=0o700)
+    taken.append(standing.next_generation(house))
+    (house.state / "generation.json").unlink()
+    (house.state / "generation.json").mkdir()  # as on a disk that takes nothing
+    taken.append(standing.next_generation(house))
+    assert taken == [1, 2, 3]
 
 
 def test_sockets_fit_however_long_the_runtime_folder_is(
