@@ -214,3 +214,101 @@ def test_a_hostile_manifest_is_a_value(tmp_path: Path, raw: bytes) -> None:
     (path / "manifest.json").write_bytes(raw)
     assert isinstance(bundle.read_manifest(path), BundleFailed)
     assert len(bundle.verify_bundle(path)) == 1
+
+
+def test_a_bundle_that_somebody_writes_is_not_taken_from_under_his_hands(tmp_path: Path) -> None:
+    temporary = tmp_path / f".{ID}.partial"
+    temporary.mkdir()
+    (temporary / "stacks.txt").write_bytes(b"written by the other one")
+    with bundle._writing(temporary):  # another writer at work, on a slow disk
+        refused = bundle.write_bundle(tmp_path, ID, FILES, {})
+        assert isinstance(refused, BundleFailed)
+        assert "another writer" in refused.reason
+        assert (temporary / "stacks.txt").read_bytes() == b"written by the other one"
+    assert bundle.verify_bundle(made(tmp_path)) == []
+
+
+def test_facts_and_evidence_that_come_at_once_both_end_up_in_one_whole_bundle(tmp_path: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; from hardcore.snapshot import writer\n"
+        "from postmortem import bundle\n"
+        "print('up', flush=True); sys.stdin.readline()\n"
+        "for n in range(20):\n"
+        "    path = Path(sys.argv[1]) / f'incident-{n}'\n"
+        "    if sys.argv[2] == 'facts': assert writer.write_facts(path, {'n': n}) is None\n"
+        "    else: bundle.write_bundle(path.parent, path.name, {'log.txt': b'x'}, {})\n"
+    )
+    pipe = subprocess.PIPE
+    children = [
+        subprocess.Popen([sys.executable, "-c", code, str(tmp_path), what], stdin=pipe, stdout=pipe)
+        for what in ("facts", "evidence")
+    ]
+    try:
+        for child in children:
+            assert child.stdout is not None
+            assert child.stdout.readline() == b"up\n"
+        for child in children:
+            assert child.stdin is not None
+            child.stdin.write(b"go\n")
+            child.stdin.close()
+        assert [child.wait(50) for child in children] == [0, 0]
+    finally:
+        for child in children:
+            child.kill()
+            child.wait()
+            assert child.stdout is not None
+            child.stdout.close()
+    found = bundle.find_bundles(tmp_path)
+    assert [one.partial for one in found] == [False] * 20
+    for one in found:
+        assert bundle.verify_bundle(one.path) == []
+        assert (one.path / bundle.FACTS).exists()
+
+
+def closed(parent: Path, number: int, *, facts: bool = True, size_bytes: int = 100) -> str:
+    name = f"0199a000-0000-7000-8000-{number:012}"
+    files = {"recorder.bin": b"x" * size_bytes, **({bundle.FACTS: b"{}"} if facts else {})}
+    assert isinstance(bundle.write_bundle(parent, name, files, {}), Path)
+    return name
+
+
+def test_the_oldest_closed_incidents_go_and_an_open_one_never(tmp_path: Path) -> None:
+    still_open = closed(tmp_path, 0, facts=False)
+    names = [closed(tmp_path, number) for number in range(1, 7)]
+    assert writer.prune(tmp_path, keep=names[-1]) == []
+    removed = bundle.prune(tmp_path, keep=names[0], count_max=4)
+    assert removed == names[1:4]
+    left = [one.id for one in bundle.find_bundles(tmp_path)]
+    assert left == [*reversed(names[4:]), names[0], still_open]
+    assert all(item.name[0] != "." for item in tmp_path.iterdir())
+
+
+def test_what_is_kept_of_incidents_has_a_maximum_of_bytes(tmp_path: Path) -> None:
+    names = [closed(tmp_path, number, size_bytes=100_000) for number in range(4)]
+    assert bundle.prune(tmp_path, keep=names[-1], bytes_max=250_000) == names[:2]
+
+
+def test_an_incident_in_somebodys_hands_is_not_removed(tmp_path: Path) -> None:
+    names = [closed(tmp_path, number) for number in range(3)]
+    with bundle._writing(tmp_path / names[0]):
+        assert bundle.prune(tmp_path, keep=names[2], count_max=2) == [names[1]]
+    assert (tmp_path / names[0] / bundle.FACTS).exists()
+
+
+def test_a_removal_that_was_cut_short_is_finished_and_shown_to_nobody(tmp_path: Path) -> None:
+    (tmp_path / f".{ID}.gone").mkdir()
+    (tmp_path / f".{ID}.gone" / "recorder.bin").write_bytes(b"x")
+    assert bundle.find_bundles(tmp_path) == []
+    assert bundle.prune(tmp_path, keep="") == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_half_written_bundle_is_completed_with_what_is_whole_in_it(tmp_path: Path) -> None:
+    assert write_with_little_room(tmp_path, "die").returncode == -signal.SIGXFSZ
+    (found,) = writer.find_abandoned(tmp_path)
+    path = writer.close_abandoned(found, "2026-11-21T14:08:18.500Z")
+    assert isinstance(path, Path), path
+    assert {*manifest_of(path).files} == {"log.txt", bundle.FACTS}
+    assert bundle.verify_bundle(path) == ["its evidence was never finished"]
+    assert json.loads((path / bundle.FACTS).read_text())["outcome"] == "open"
+    assert writer.find_abandoned(tmp_path) == ()

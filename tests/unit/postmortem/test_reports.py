@@ -90,6 +90,48 @@ def test_a_likely_cause_is_never_told_as_certain() -> None:
     assert report(grade="unknown").summary["en"].startswith("As far as can be told, ")
 
 
+def test_what_recovery_waits_for_is_told_with_the_next_step() -> None:
+    one = report(outcome="manual", waits_for="DB_LOCKED")
+    assert one.summary == {
+        "en": "The ledger was killed from outside; recovery waits for a person: DB_LOCKED — another program "
+        "holds the ledger's lock.",
+        "ko": "장부 서버가 밖에서 강제 종료됐고 자동 복구를 멈추고 사람의 확인을 기다려요: DB_LOCKED — 다른 프로그램이 "
+        "장부의 잠금을 쥐고 있어요.",
+    }
+    for language in texts.LANGUAGES:
+        step = texts.NEXT_STEPS["DB_LOCKED"][language]
+        assert step.replace("`", "\\`") in as_markdown(one, language)
+        assert " ".join(step.split()) in " ".join(terminal(one, language, Look(300)).split())
+    assert as_story(one, "en")["waits_for"] == "DB_LOCKED"
+
+
+def test_a_loop_of_deaths_is_told_in_a_plain_sentence() -> None:
+    one = report(outcome="manual", waits_for="CRASH_LOOP")
+    assert one.summary["en"].endswith("CRASH_LOOP — it failed more often than the restart budget allows.")
+
+
+@pytest.mark.parametrize("outcome", ["recovered", "open"])
+def test_nobody_is_asked_to_do_anything_where_nothing_waits(outcome: str) -> None:
+    one = report(outcome=outcome, waits_for="DB_LOCKED")
+    assert "DB_LOCKED" not in one.summary["en"]
+    assert texts.WORDS["next_step"]["en"] not in as_markdown(one, "en") + terminal(one, "en", Look())
+
+
+@pytest.mark.parametrize("waits_for", [*texts.CAUSES, None, "SOMETHING_NEW"])
+def test_whatever_waits_for_a_person_has_a_next_step(waits_for: str | None) -> None:
+    for language in texts.LANGUAGES:
+        one = report(outcome="manual", waits_for=waits_for)
+        assert texts.WORDS["next_step"][language] in as_markdown(one, language)
+
+
+def test_an_incident_whose_guard_died_is_neither_open_nor_over_well() -> None:
+    one = report(outcome="open", diagnosis="UNKNOWN", grade="unknown")
+    assert one.summary["en"].endswith("; the guard itself ended before it could tell how it came out.")
+    assert texts.OUTCOME_WORDS["untold"]["ko"] in as_markdown(one, "ko")
+    assert "not known" in terminal(one, "en", Look())
+    assert report(outcome="open", closed_at=None).summary["en"].endswith("has not ended yet.")
+
+
 @pytest.mark.parametrize("diagnosis", [*texts.CAUSES, "SOMETHING_NEW"])
 @pytest.mark.parametrize("outcome", sorted(incident.OUTCOMES))
 def test_every_diagnosis_and_outcome_has_its_words(diagnosis: str, outcome: str) -> None:
@@ -100,7 +142,15 @@ def test_every_diagnosis_and_outcome_has_its_words(diagnosis: str, outcome: str)
 
 def test_no_text_lacks_a_language() -> None:
     tables = (texts.CAUSES, texts.GRADES, texts.OUTCOMES, texts.OUTCOME_WORDS, texts.STEPS, texts.FINDINGS)
-    for table in (*tables, texts.REQUEST_OUTCOMES, texts.MONEY, texts.WORDS, texts.ERRORS):
+    for table in (
+        *tables,
+        texts.WAITS,
+        texts.NEXT_STEPS,
+        texts.REQUEST_OUTCOMES,
+        texts.MONEY,
+        texts.WORDS,
+        texts.ERRORS,
+    ):
         for key, text in table.items():
             assert set(text) == set(texts.LANGUAGES), key
             assert all(text.values()), key
