@@ -40,6 +40,10 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "정책 파일에 잘못이 있어서 지난번의 올바른 정책을 계속 써요. `hardcore policy check {path}`로 확인하세요.",
         "The policy file is faulty, so the last good one stays in force. See `hardcore policy check {path}`.",
     ),
+    "policy_later": (
+        "돌고 있는 감시자는 다음에 시작할 때부터 이 정책을 써요: {path}. 바로 쓰려면 `hardcore down` 뒤에 다시 켜세요.",
+        "The running sentinel uses this policy from its next start: {path}. To use it now: `hardcore down`, then `up`.",
+    ),
     "policy_next": (
         "고친 뒤 다시 시작하거나, 파일을 지우면 기본값으로 시작해요.",
         "Mend it and start again, or remove it to start with the defaults.",

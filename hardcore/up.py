@@ -45,14 +45,15 @@ class Ready:
 
 def prepare_start(data: Path, host: str, port: int, policy: Path | None, lang: str) -> Ready | Refused:
     """Settle everything that can go wrong before the launcher takes over."""
-    if not _loopback(host):
+    address = _loopback(host)
+    if address is None:
         return Refused(text("loopback_only", lang, host=host), 2)
     made = prepare_data(data)
     if isinstance(made, Unusable):
         return Refused(made.reason)
     try:
         folders = _claim(made, lang)
-        return folders if isinstance(folders, Refused) else _settle(folders, host, port, policy, lang)
+        return folders if isinstance(folders, Refused) else _settle(folders, address, port, policy, lang)
     except OSError as error:  # a full disk lets folders be made, but no files be written
         return Refused(text("data_not_written", lang, path=made.data, why=error.strerror))
 
@@ -87,10 +88,10 @@ def _held_if_there(path: Path) -> bool:
 
 
 def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: str) -> Ready | Refused:
-    warning = _settle_policy(folders, policy, lang)
+    living = _attach(folders)
+    warning = _settle_policy(folders, policy, lang, attached=living is not None)
     if isinstance(warning, Refused):
         return warning
-    living = _attach(folders)
     if living is not None:
         return Ready(folders, *living, attached=True, warning=warning)
     listener = _listen(host, port, lang)
@@ -113,16 +114,18 @@ def become_launcher(ready: Ready) -> None:
     os.execv(sys.executable, [*argv, str(ready.listen_fd), ready.url])  # noqa: S606  # to become it is the point
 
 
-def _loopback(host: str) -> bool:
+def _loopback(host: str) -> str | None:
+    """Return a loopback address in the one form that browsers use, or None if it is none."""
     if host == "localhost":
-        return True
+        return host
     try:
-        return ipaddress.ip_address(host).is_loopback
+        address = ipaddress.ip_address(host)
     except ValueError:
-        return False
+        return None
+    return str(address) if address.is_loopback and "%" not in host else None
 
 
-def _settle_policy(folders: Folders, given: Path | None, lang: str) -> str | Refused:
+def _settle_policy(folders: Folders, given: Path | None, lang: str, *, attached: bool) -> str | Refused:
     """Check the policy and copy a given one into the data folder. Returns a warning, or an empty text."""
     if given is not None:
         found = standing.load_policy_file(given)
@@ -130,7 +133,9 @@ def _settle_policy(folders: Folders, given: Path | None, lang: str) -> str | Ref
             return Refused(policy_faults(given, found, lang))
         if given.resolve() != folders.policy:
             files.write_whole(folders.policy, given.read_bytes())
-        return ""
+        # What is in force is what the sentinel read when it began, and it keeps that as the last good one.
+        old = attached and found != standing.load_policy_file(folders.good_policy)
+        return text("policy_later", lang, path=given) if old else ""
     if not folders.policy.exists():
         return ""
     found = standing.load_policy_file(folders.policy)

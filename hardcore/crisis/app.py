@@ -56,7 +56,7 @@ class Gateway:
         self._leaving = asyncio.Event()
         self._all_gone = asyncio.Event()
         self._stats: tuple[int, int, int] | None = None
-        names = frozenset(name.lower() for name in (*LOOPBACK_NAMES, *hosts))
+        names = frozenset(name.lower() for name in (*LOOPBACK_NAMES, *_address(listener), *hosts))
         self._census = Census(names, time.monotonic_ns, self._connections_changed, set())
         self._link = FeedLink(loop, control, os.getpid(), limits)
         self._desk = Desk(loop, limits, self._link, time.monotonic_ns)
@@ -111,6 +111,13 @@ class Gateway:
             if now != self._stats:
                 line = stats_line(held=held, connections=now[1], websockets=0, forwarded=forwarded)
                 self._stats = now if self._link.say(line) else None
+
+
+def _address(listener: socket.socket) -> tuple[str, ...]:
+    """Return the address that we listen on as a URL names it: whoever reached us by it may say so."""
+    if listener.family == socket.AF_INET6:
+        return (f"[{listener.getsockname()[0]}]",)
+    return (listener.getsockname()[0],) if listener.family == socket.AF_INET else ()
 
 
 def _options(arguments: Sequence[str]) -> argparse.Namespace:

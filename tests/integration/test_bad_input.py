@@ -10,6 +10,7 @@ import pytest
 
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import BANK, SALARY, Done, House, run_cli, transaction
+from tests.waiting import until
 
 KOREAN = re.compile("[가-힣]")
 NO_INCIDENT = "0199a000-0000-7000-8000-00000000000b"
@@ -52,6 +53,17 @@ def test_only_this_machine_is_served(new_house: MakeHouse) -> None:
     assert "127.0.0.1" in refusal(new_house().cli("up", "--host", "0.0.0.0"), 2)
 
 
+@pytest.mark.parametrize(
+    ("host", "shown"), [("127.0.0.2", "127.0.0.2"), ("0:0:0:0:0:0:0:1", "[::1]"), ("localhost", "localhost")]
+)
+def test_the_address_that_up_prints_is_answered(new_house: MakeHouse, host: str, shown: str) -> None:
+    if ":" in host and not socket.has_dualstack_ipv6():
+        pytest.skip("no IPv6 here")
+    house = new_house().up("--host", host)
+    assert house.url.startswith(f"http://{shown}:")
+    assert house.ask("GET", "/api/ledger/accounts").status == 200
+
+
 def test_a_data_folder_that_is_a_file_is_refused(new_house: MakeHouse) -> None:
     house = new_house()
     house.data.write_text("not a folder")
@@ -83,6 +95,26 @@ def test_a_faulty_policy_is_refused_with_its_lines_and_changes_nothing(new_house
     assert "line 3: probation_ms" in said
     assert "line 4: colour" in said
     assert not house.folders.policy.exists()
+
+
+def test_a_policy_for_a_guard_that_lives_is_said_to_be_in_force_later(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    same = str(house.settle_policy())
+    new = house.data.parent / "new.json"
+    new.write_text(house.settle_policy(drills=False).read_text())
+    house.settle_policy()
+    for policy, said in ((same, False), (str(new), True)):
+        assert house.launcher is not None
+        house.launcher.kill()
+        house.launcher.wait()
+        house.begin("--policy", policy)
+        until(lambda: "http://" in house.said, "it to attach")
+        assert (policy in house.said) is said
+        until(lambda: any("launcher.py" in line for line in house.processes().values()), "the launcher")
+    assert house.cli("drill", "crash", "--yes").code == 0
+    assert house.cli("down").code == 0
+    house.up()
+    assert "drills" in refusal(house.cli("drill", "crash", "--yes"))
 
 
 def test_a_policy_file_that_is_not_there_is_named(new_house: MakeHouse) -> None:
