@@ -7,7 +7,10 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from postmortem import bundle, cli
+from tests.integration import test_full_disk as full_disk
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import START_S, House
 from tests.waiting import until
@@ -85,3 +88,17 @@ def test_an_incident_whose_guard_died_is_closed_by_the_next_guard(new_house: Mak
     assert text_of(house, HALF, "log.txt") == "the last line\n"
     assert not list(incidents.glob(".*"))
     house.running()
+
+
+@pytest.mark.skipif(not full_disk.own_mounts(), reason="no mounts of one's own here: that needs root")
+def test_facts_that_a_full_disk_refused_are_written_when_there_is_room(new_house: MakeHouse) -> None:
+    house = new_house()
+    disk = full_disk.begin_on_a_small_disk(house)
+    full_disk.fill(disk)
+    house.hit("core")
+    incident = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")["last_incident"]
+    facts = disk / "incidents" / incident / bundle.FACTS
+    assert not facts.exists()
+    (disk / "filler").unlink()
+    until(facts.exists, "the facts to be tried again", 2 * START_S)
+    until((facts.parent / "report.md").exists, "the report", START_S)
