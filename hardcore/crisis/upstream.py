@@ -255,7 +255,7 @@ class Pool:
         except OSError:
             then(None)
             return
-        if self._closed:
+        if self._closed or not connection.usable:  # it may have ended before we were told that it began
             connection.abandon()
             then(None)
             return

@@ -4,6 +4,9 @@ import asyncio
 from pathlib import Path
 from typing import Self, cast
 
+import pytest
+
+from hardcore.crisis import upstream
 from hardcore.crisis.heads import AnswerHead
 from hardcore.crisis.upstream import Pool, UpstreamConnection
 
@@ -160,6 +163,29 @@ def test_a_dial_that_comes_after_the_pool_was_closed_brings_nothing(tmp_path: Pa
             pool.dial(dialled.set_result)
             pool.close()
             assert await asyncio.wait_for(dialled, WAIT_S) is None
+
+    asyncio.run(story())
+
+
+def test_a_connection_that_ended_while_it_was_dialled_is_not_used(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with Core(tmp_path / "s") as core:
+            ended: list[asyncio.BaseTransport] = []
+
+            class Refused(UpstreamConnection):
+                """Ends as soon as it is made, before whoever dialled it runs again."""
+
+                def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                    super().connection_made(transport)
+                    ended.append(transport)
+                    self.abandon()
+
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(upstream, "UpstreamConnection", Refused)
+                pool = core.pool(most=1)
+                assert await _dial(pool) is None
+            assert ended
+            assert (await _connected(pool)).usable
 
     asyncio.run(story())
 
