@@ -28,6 +28,7 @@ from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
 from core.journal.store import LEDGER_FILE, StoreError, open_reading
+from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.journal.writer import Writer
 from core.listening import LedgerServer, bind_loopback, bind_unix
@@ -93,6 +94,7 @@ def verify(data: Path, *, as_json: bool) -> None:
         )
     readers = open_reading(data / LEDGER_FILE, 1, settings.fence_busy_ms)
     verdict = verify_book(readers, settings.read_ms_max, lambda: False)
+    assert not isinstance(verdict, GivenUp), "nobody asks this process to leave"
     if isinstance(verdict, StoreError):
         sys.exit(_say(departure.corrupt(f"it can't be read ({verdict.text})")))
     if as_json:

@@ -21,7 +21,7 @@ from sqlalchemy.exc import DBAPIError
 from core.guarded.recorder import FlightRecorder, Stage
 from core.journal.answers import Answer, LookUp, Order
 from core.journal.store import StoreError, is_interrupted, snapshot, store_error
-from core.journal.verify import Verdict, verify
+from core.journal.verify import GivenUp, Verdict, verify
 from core.journal.writer import Writer
 from core.ledger.commands import Command, PostTransaction, accounts_of, fingerprint_of
 from core.ledger.ids import ENTROPY_BYTES, uuid7
@@ -68,7 +68,7 @@ class Service:
         self._all_answered = asyncio.Event()
         self._all_answered.set()
         self._verifying = asyncio.Lock()
-        self._next_verdict: asyncio.Task[Verdict | StoreError] | None = None
+        self._next_verdict: asyncio.Task[Verdict | StoreError | GivenUp] | None = None
         self._verdicts_waiting = 0
 
     @property
@@ -147,23 +147,26 @@ class Service:
 
         return await asyncio.get_running_loop().run_in_executor(self._threads, ask)
 
-    async def verify(self) -> Verdict | StoreError | NoSlot:
+    async def verify(self) -> Verdict | StoreError | NoSlot | Draining:
         """Prove the whole book as it stands after this call.
 
         One proof runs at a time. Whoever asks meanwhile waits for the next one, all for the same: the one
         that runs has passed events that they may be asking about.
         """
-        if self._draining or self._verdicts_waiting >= VERIFICATIONS_WAITING_MAX:
+        if self._draining:
+            return Draining()
+        if self._verdicts_waiting >= VERIFICATIONS_WAITING_MAX:
             return NoSlot()
         if self._next_verdict is None:
             self._next_verdict = asyncio.create_task(self._prove())
         self._verdicts_waiting += 1
         try:
-            return await asyncio.shield(self._next_verdict)
+            verdict = await asyncio.shield(self._next_verdict)
         finally:
             self._verdicts_waiting -= 1
+        return Draining() if isinstance(verdict, GivenUp) else verdict
 
-    async def _prove(self) -> Verdict | StoreError:
+    async def _prove(self) -> Verdict | StoreError | GivenUp:
         async with self._verifying:
             self._next_verdict = None  # who asks from now on needs another one
             loop = asyncio.get_running_loop()
@@ -184,8 +187,9 @@ class Service:
 
     async def close(self) -> None:
         """Write what waits and close the store. Only after `drain`."""
-        self._threads.shutdown(wait=True)
-        self._auditor.shutdown(wait=True)
+        # On a thread, because a read may take its time and a loop that waits for it would look blocked.
+        for threads in (self._threads, self._auditor):
+            await asyncio.to_thread(threads.shutdown)
         # The writer's connection is the last to close: it empties the log, so that a ledger at rest is one file.
         self._readers.dispose()
         await self._writer.stop()

@@ -17,7 +17,7 @@ from sqlalchemy.exc import DBAPIError
 from core.journal import queries, schema
 from core.journal.chain import GENESIS, Broken, EventRow, check_link
 from core.journal.proof import check_key, check_sums
-from core.journal.store import StoreError, StoreFault, snapshot, store_error
+from core.journal.store import StoreError, snapshot, store_error
 from core.ledger.accounts import Account
 from core.ledger.decider import evolve
 from core.ledger.events import Event, TransactionPosted, decode, kind_of, postings_of
@@ -37,6 +37,10 @@ class Verdict(msgspec.Struct, frozen=True):
     reason: str | None
 
 
+class GivenUp:
+    """The core leaves: the proof was not brought to its end."""
+
+
 @dataclass(slots=True)
 class _Replay:
     """The book as its events tell it, so far."""
@@ -49,7 +53,9 @@ class _Replay:
         return self.last.seq if self.last else 0
 
 
-def verify(readers: Engine, slice_ms_max: int, is_leaving: Callable[[], bool]) -> Verdict | StoreError:
+def verify(
+    readers: Engine, slice_ms_max: int, is_leaving: Callable[[], bool]
+) -> Verdict | StoreError | GivenUp:
     """Prove the whole book, in slices that may each read for `slice_ms_max`. Blocks: give it a thread.
 
     `is_leaving` is asked between two slices, so that a proof of minutes never delays an end of moments.
@@ -66,7 +72,7 @@ def verify(readers: Engine, slice_ms_max: int, is_leaving: Callable[[], bool]) -
                 return _verdict(replay, broken or _check_readings(connection, replay))
     except DBAPIError as error:
         return store_error(error)
-    return StoreError(StoreFault.OTHER, "the core is leaving")
+    return GivenUp()
 
 
 def _slice(connection: Connection, replay: _Replay) -> Broken | None:

@@ -163,6 +163,8 @@ async def get_verdict(request: Request) -> Response:
     verdict = await service_of(request).verify()
     if isinstance(verdict, NoSlot):
         raise ProblemError(Problem("busy"))
+    if isinstance(verdict, Draining):
+        raise ProblemError(Problem("leaving"))
     if isinstance(verdict, StoreError):
         logger.error("The ledger could not be read for its proof: %s", verdict.text)
         raise ProblemError(Problem("store-unreadable"))

@@ -14,8 +14,11 @@ from typing import Any
 
 import pytest
 
+from hardcore.host.recorder import PageReader, make_page
 from tests import waiting
 from tests.integration.lone_core import Answer, Core, moving, ready, started, verify
+
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
 
 
 @pytest.fixture
@@ -418,6 +421,43 @@ def test_a_store_locked_by_somebody_else_costs_a_503_and_nothing_more(data: Path
         )
         assert busy.headers["retry-after"] == "1"
         assert core.open("b").status == 201
+
+
+def test_whoever_asks_for_a_proof_of_a_core_that_leaves_is_told_that_it_leaves(
+    data: Path, tmp_path: Path
+) -> None:
+    make_page(tmp_path / "page", "nonce-1", BOOT_ID)
+    recorder = PageReader(tmp_path / "page")
+    with started(
+        data,
+        sock=tmp_path / "s",
+        HARDCORE_RECORDER=str(tmp_path / "page"),
+        CORE_WRITE_BUSY_MS="60000",
+        CORE_DRAIN_MS="60000",
+    ) as core:
+        ready(core).open("a")
+        asking = core.connect()
+        asking.connect()
+        holder = sqlite3.connect(data / "ledger.db", isolation_level=None)
+        holder.execute("BEGIN IMMEDIATE")
+        waits = threading.Thread(target=core.open, args=("b",))
+        waits.start()
+        waiting.until(recorder.in_flight, "the core to have taken the command")
+        core.process.terminate()
+
+        def ask(path: str) -> tuple[int, str | None, Any]:
+            asking.request("GET", path)
+            response = asking.getresponse()
+            body = json.loads(response.read())
+            return response.status, response.headers["X-Core-Draining"], body.get("type")
+
+        leaving = (503, "1", "/problems/leaving")
+        waiting.until(lambda: ask("/api/ledger/accounts") == leaving, "the core to leave")
+        assert ask("/api/ledger/verify") == leaving
+        holder.close()
+        waits.join()
+        assert core.ends_with() == 0
+    recorder.close()
 
 
 def test_a_failed_commit_is_answered_unknown_and_ends_the_core(data: Path) -> None:
