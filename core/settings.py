@@ -41,7 +41,14 @@ class Settings:
     read_ms_max: int = _setting(900, 10, 10_000, "longest statement of a read")
     readers: int = _setting(2, 1, 16, "connections and threads that read")
     tail_events: int = _setting(1_000, 1, 1_000_000, "events proven before serving when there is no witness")
-    drain_ms: int = _setting(5_000, 10, 600_000, "time to finish what is queued when asked to stop")
+    # Closing connections and store comes after it, and a guard kills whoever is not gone after its own
+    # `stop_timeout_ms` (5,000 unless its policy says otherwise).
+    drain_ms: int = _setting(
+        3_000,
+        10,
+        600_000,
+        "time to finish what is queued when asked to stop; well below the guard's stop_timeout_ms",
+    )
     last_answers_ms: int = _setting(300, 1, 10_000, "time to give the last answers after a failed commit")
     retry_after_s: int = _setting(1, 1, 3_600, "what Retry-After says")
 
