@@ -7,6 +7,7 @@ What the operator wants is on disk before the first signal is sent. The room kno
 
 import asyncio
 import json
+import os
 import resource
 import time
 from collections.abc import Callable, Mapping
@@ -17,12 +18,12 @@ import psutil
 
 from hardcore import standing, status
 from hardcore.control.protocol import Ask, Request, write_line
-from hardcore.host import clock
+from hardcore.host import clock, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
-from hardcore.host.processes import Handle
+from hardcore.host.processes import Handle, Identity
 from hardcore.model import observations as seen
-from hardcore.model.phases import SERVING, Phase, Wanted
+from hardcore.model.phases import Phase, Wanted
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 
@@ -66,9 +67,10 @@ class Door:
     """Answers requests and takes in what the gateway reports."""
 
     def __init__(self, house: House) -> None:
-        self.proved_ns: int | None = None
         self.last_incident = status.last_incident(house.folders)
         self._house = house
+        self._proved: seen.CoreReady | None = None
+        self._launcher = _identity(os.getppid())
         self._stats: dict[str, int] = {}
         self._own_cpu = _CpuMeter()
         self._core_cpu = _CpuMeter()
@@ -79,6 +81,7 @@ class Door:
             case Ask.STATUS:
                 return self._status(), []
             case Ask.ATTACH:
+                self._launcher = _identity(request.pid)  # who asks becomes it
                 return {"ok": True, "url": self._house.url}, [self._house.listen_fd]
             case Ask.DRILL:
                 return await self._drill(request)
@@ -185,6 +188,10 @@ class Door:
 
     # ---- status ----
 
+    def proved(self, fact: seen.CoreReady) -> None:
+        """Take in that a core has proven the ledger."""
+        self._proved = fact
+
     def measure(self) -> None:
         """Take the processor's share of the last second."""
         usage = resource.getrusage(resource.RUSAGE_SELF)
@@ -198,7 +205,7 @@ class Door:
         told = status.running(reading, house.policy)
         gateway = house.gateway()
         told["url"] = house.url
-        told["launcher"] = {"pid": psutil.Process().ppid() or None}
+        told["launcher"] = {"pid": _living(self._launcher)}
         told["sentinel"] |= {
             "pid": psutil.Process().pid,
             "cpu_percent": self._own_cpu.percent,
@@ -211,10 +218,15 @@ class Door:
             "held_requests": self._stats.get("held", 0),
             "connections": self._stats.get("connections", 0),
         }
-        serving = reading.phase in SERVING
-        told["core"] = status.core(house.life(), reading, serving=serving, cpu_percent=self._core_cpu.percent)
+        proved = self._proved
+        told["core"] = status.core(
+            house.life(),
+            reading,
+            proved_seq=proved.proof.seq if proved and proved.life == reading.life else None,
+            cpu_percent=self._core_cpu.percent,
+        )
         told["last_incident"] = self.last_incident
-        told["ledger_verified_at"] = clock.wall(self.proved_ns) if self.proved_ns else None
+        told["ledger_verified_at"] = clock.wall(proved.at_ns) if proved else None
         return told
 
 
@@ -230,6 +242,20 @@ class _CpuMeter:
         if self._last is not None and now > self._last[0] and cpu_s >= self._last[1]:
             self.percent = round(100 * (cpu_s - self._last[1]) / (now - self._last[0]), 1)
         self._last = (now, cpu_s)
+
+
+def _identity(pid: int) -> Identity | None:
+    start = processes.start_of(pid)
+    return None if start is None else Identity(pid, start)
+
+
+def _living(who: Identity | None) -> int | None:
+    """Return a process's number if it still is the one that was meant."""
+    handle = processes.find(who) if who is not None else None
+    if handle is None:
+        return None
+    handle.close()
+    return handle.pid
 
 
 def _whole(value: object) -> int:

@@ -130,7 +130,7 @@ class Runtime:
             self.executor.begin(self.executor.filing.add_late(fact))  # its story has been told
         self.manager.receive(fact)
         if isinstance(fact, seen.CoreReady):
-            self.door.proved_ns = fact.at_ns
+            self.door.proved(fact)
         self._obey()
 
     def _obey(self) -> None:

@@ -5,10 +5,13 @@ from typing import Any
 from hardcore.host import clock, files
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
+from hardcore.model.phases import SERVING, Phase
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 
 _MS = 1_000_000
+#: Phases in which the present life is a successor that does not serve yet.
+_BEGINNING = frozenset({Phase.STARTING, Phase.PROVING})
 
 
 def _shape() -> dict[str, Any]:
@@ -37,7 +40,7 @@ def _shape() -> dict[str, Any]:
             "epoch": None,
             "ready": False,
             "heartbeat_age_ms": None,
-            "loop_lag_ms": None,
+            "loop_lag_ms": None,  # not measured by this version
             "last_seq": None,
             "in_flight": 0,
             "cpu_percent": None,
@@ -76,16 +79,20 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
     return status
 
 
-def core(life: Life | None, reading: Reading, *, serving: bool, cpu_percent: float | None) -> dict[str, Any]:
-    """Return the `core` object. A core that may not commit now is `old_pid`."""
+def core(
+    life: Life | None, reading: Reading, *, proved_seq: int | None, cpu_percent: float | None
+) -> dict[str, Any]:
+    """Return the `core` object. A core that is being ended and still lives is `old_pid`.
+
+    One that is being started is neither. `proved_seq`: the head that it told when it was ready; what it
+    commits since stands on its page.
+    """
     told = dict(_shape()["core"])
     if life is None or life.handle is None:
         return told
-    alive = life.handle.signal(0)
-    told |= {
-        "pid": life.handle.pid if serving else None,
-        "old_pid": None if serving or not alive else life.handle.pid,
-    }
+    serving = reading.phase in SERVING
+    old = not serving and reading.phase not in _BEGINNING and life.handle.signal(0)
+    told |= {"pid": life.handle.pid if serving else None, "old_pid": life.handle.pid if old else None}
     told |= {"epoch": reading.epoch, "ready": serving}
     beats = life.reader.beats() if life.reader else None
     if beats is not None:
@@ -94,14 +101,14 @@ def core(life: Life | None, reading: Reading, *, serving: bool, cpu_percent: flo
             "heartbeat_age_ms": (now_ns - beats.loop_ns) // _MS if beats.loop_ns else None,
             "in_flight": beats.waiting,
         }
-        page = life.page()
-        told["last_seq"] = page.witness.seq if page and page.witness else None
+        witness = life.reader.witness() if life.reader else None
+        told["last_seq"] = witness.seq if witness else proved_seq
     if life.sample is not None:
         told |= {
             "cpu_percent": cpu_percent,
             "rss_bytes": life.sample.rss_bytes,
             "threads": life.sample.threads,
-            "fds": life.sample.fds,
+            "fds": life.fds,
         }
     return told
 

@@ -157,7 +157,7 @@ def _attach(folders: Folders) -> tuple[int, str] | None:
     if not held(folders.run / "sentinel.lock"):
         return None
     try:
-        answer, fds = client.ask_with_fds(folders.control, {"verb": "attach"})
+        answer, fds = client.ask_with_fds(folders.control, {"verb": "attach", "pid": os.getpid()})
     except client.Unreachable:
         return None
     if len(fds) != 1 or not isinstance(answer.get("url"), str):

@@ -52,6 +52,7 @@ class Life:
     reader: PageReader | None = None
     handle: Handle | None = None
     sample: ProcessSample | None = None
+    fds: int | None = None  # from the last time they were counted
     _ticks: int = 0
     _threads: Threads = field(default_factory=Threads)
 
@@ -73,6 +74,8 @@ class Life:
                 self._threads.writer if closer else 0,
                 fds=self._ticks % FDS_EVERY_TICKS == 1,
             )
+            if self.sample is not None and self.sample.fds is not None:
+                self.fds = self.sample.fds
         return Sampled(clock.now_ns(), self.number, beats, self._threads, self.sample, in_flight)
 
     def page(self) -> Page | None:

@@ -209,7 +209,8 @@ def event(entry: bytes, *, torn: bool) -> RingEvent:
     return RingEvent(at_ns, index, _text(code), _text(text), torn=torn)
 
 
-def _witness(entry: bytes) -> Witness:
+def witness(entry: bytes) -> Witness:
+    """Return the commit in one of the witness's two places."""
     seq, epoch, at_ns, digest = _WITNESS.unpack_from(entry, 8)
     return Witness(seq, epoch, digest.hex(), at_ns)
 
@@ -228,7 +229,7 @@ def decode(raw: bytes, unsettled: Collection[int] = ()) -> Page | None:
     ring = [event(e, torn=t) for e, t in _used(EVENTS, raw, unsettled)]
     seen = _used(WITNESSES, raw, unsettled)
     # Half a commit is no commit: of two places, one is always whole.
-    witnesses = [_witness(e) for e, t in seen if not t]
+    witnesses = [witness(e) for e, t in seen if not t]
     words = [_last_words(e, torn=t) for e, t in _used(LAST_WORDS, raw, unsettled)]
     return Page(
         nonce=maker.nonce,

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardcore.host import page
-from hardcore.model.recorder import Beats, CommandNote, Page, Threads
+from hardcore.model.recorder import Beats, CommandNote, Page, Threads, Witness
 
 #: How often a torn entry is read again before it counts as torn.
 READS_MAX = 4
@@ -133,6 +133,20 @@ class PageReader:
             if page.slot_in_use(entry):
                 notes.append(page.slot(entry, torn=torn))
         return tuple(notes)
+
+    def witness(self) -> Witness | None:
+        """Return the last commit alone, cheaper than a whole `read`; None as in `beats`, or before the first."""
+        if self._head() is None:
+            return None
+        shape, found = page.WITNESSES, []
+        for at in range(shape.at, shape.at + shape.count * shape.size_bytes, shape.size_bytes):
+            first = self._pread(shape.size_bytes, at)
+            if len(first) != shape.size_bytes:
+                continue
+            entry, torn = self._settled(shape, at, first)
+            if page.lock(entry) and not torn:
+                found.append(page.witness(entry))
+        return max(found, key=lambda one: one.seq, default=None)
 
     def read(self) -> Page | PageUnusable:
         """Return everything on the page, oldest first where there is an order, or why it is no evidence."""

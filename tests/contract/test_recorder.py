@@ -270,6 +270,9 @@ def test_the_last_commit_is_the_witness_and_a_torn_one_leaves_the_one_before(pat
         recorder.witness(seq, 9, sha256(bytes([seq])).digest())
     recorder.close()
     found = read(path).witness
+    alone = PageReader(path)
+    assert alone.witness() == found
+    alone.close()
     assert found is not None
     assert found == Witness(3, 9, sha256(b"\3").hexdigest(), found.at_ns)
     with path.open("r+b") as file:  # the third stands in the first place again
@@ -278,6 +281,10 @@ def test_the_last_commit_is_the_witness_and_a_torn_one_leaves_the_one_before(pat
     page = read(path)
     assert page.witness is not None
     assert (page.witness.seq, page.torn) == (2, 1)
+    alone = PageReader(path)
+    assert alone.witness() == page.witness
+    alone.close()
+    assert alone.witness() is None
 
 
 def test_the_first_last_words_are_the_cause_and_later_ones_are_events(path: Path) -> None:

@@ -54,6 +54,47 @@ def test_a_restart_of_a_frozen_core_comes_back(house: House) -> None:
     assert house.book("after-the-frozen-restart").status == 201
 
 
+def test_an_old_core_is_named_while_it_lives_and_a_starting_one_is_not_called_old(house: House) -> None:
+    count = len(house.incidents())
+    old = house.hit("core", signal.SIGSTOP)
+    house.order("restart")
+    status = house.until(lambda s: s["core"]["old_pid"], "the frozen core to be ended")
+    assert (status["core"]["pid"], status["core"]["old_pid"]) == (None, old.pid)
+    status = house.until(lambda s: s["phase"] in {"STARTING", "PROVING"}, "the next core to start")
+    assert (status["core"]["pid"], status["core"]["old_pid"]) == (None, None)
+    house.closed(count + 1)
+
+
+def test_a_core_that_has_committed_nothing_yet_tells_the_head_that_it_proved(house: House) -> None:
+    house.open_accounts()
+    assert house.book("before-the-head-is-asked").status == 201
+    head = house.status()["core"]["last_seq"]
+    assert house.cli("restart").code == 0
+    assert house.status()["core"]["last_seq"] == head
+    assert house.book("after-the-head-was-asked").status == 201
+    assert house.status()["core"]["last_seq"] == head + 1
+
+
+def test_open_files_stay_known_between_two_counts(house: House) -> None:
+    house.until(lambda s: s["core"]["fds"], "the core's files to be counted")
+    seen = [house.status()["core"]["fds"] for _ in range(100)]
+    assert all(seen), seen
+
+
+def test_the_launcher_is_the_one_that_lives(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    assert house.launcher is not None
+    assert house.status()["launcher"]["pid"] == house.launcher.pid
+    house.launcher.kill()
+    house.launcher.wait()
+    assert house.status()["launcher"]["pid"] is None
+    house.begin()
+    assert (
+        house.until(lambda s: s["launcher"]["pid"], "it to attach")["launcher"]["pid"] == house.launcher.pid
+    )
+    assert house.cli("down").code == 0
+
+
 def test_a_hard_restart_while_the_next_core_starts_still_ends_with_one_core(house: House) -> None:
     count = len(house.incidents())
     house.hit("core")
