@@ -91,16 +91,21 @@ class Filing:
 
     async def close_abandoned(self, found: Sequence[writer.Abandoned]) -> None:
         """Close what a dead guard left open: each gets closing facts and a report, or is removed."""
-        for one in found:
-            closed_at = clock.wall(clock.now_ns())
-            path = await self._hands.in_hand(writer.close_abandoned, one, closed_at)
-            if isinstance(path, Path):
-                self._hands.note("incident", id=one.id, abandoned=True)
-                await self._have_report(path)
-            else:
-                self._hands.note(
-                    "incident", id=one.id, removed=path is None, failed=getattr(path, "reason", None)
-                )
+        left = list(found)
+        for pause_s in (*self._pauses_s, None):
+            left = [one for one in left if not await self._close_one(one)]
+            if not left or pause_s is None or self._hands.halted.is_set():
+                return
+            await _first(self._hands.halted, pause_s)
+
+    async def _close_one(self, one: writer.Abandoned) -> bool:
+        path = await self._hands.in_hand(writer.close_abandoned, one, clock.wall(clock.now_ns()))
+        if isinstance(path, Path):
+            self._hands.note("incident", id=one.id, abandoned=True)
+            await self._have_report(path)
+            return True
+        self._hands.note("incident", id=one.id, removed=path is None, failed=getattr(path, "reason", None))
+        return path is None
 
     async def _have_report(self, folder: Path) -> None:
         try:

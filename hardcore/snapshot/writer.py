@@ -109,7 +109,8 @@ def close_abandoned(found: Abandoned, closed_at: str) -> Path | bundle.BundleFai
 
     None: there was nothing in it worth keeping, and it was removed.
     """
-    path = bundle.complete_partial(found) if found.partial else found.path
+    half = found.partial and bundle.is_there(found.path)  # the second time it has its name already
+    path = bundle.complete_partial(found) if half else found.path.with_name(found.id)
     if not isinstance(path, Path) or bundle.is_there(path / bundle.FACTS):
         return path
     page = _read(path, "recorder.json")

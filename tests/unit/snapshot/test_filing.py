@@ -1,5 +1,6 @@
 import asyncio
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -123,4 +124,23 @@ def test_requests_that_come_late_join_the_facts_in_order_and_up_to_a_maximum(tmp
     assert len(paths) == writer.REQUESTS_MAX
     assert paths[:3] == ["/a", "/b", "/c"]
     assert hands.reported == [ID, ID], "once when it was closed, once for all that came late"
+    assert bundle.verify_bundle(tmp_path / ID) == []
+
+
+def test_an_incident_left_open_is_closed_as_soon_as_its_folder_can_be_written(tmp_path: Path) -> None:
+    assert isinstance(bundle.write_bundle(tmp_path, ID, {"log.txt": b"the last line"}, {}), Path)
+    obstacle = tmp_path / ID / f".{bundle.FACTS}.{os.getpid()}.partial"  # a folder where a file is to be made
+    obstacle.mkdir()
+
+    async def close() -> Hands:
+        hands = Hands(lambda: obstacle.rmdir() if obstacle.exists() else None)
+        found = writer.find_abandoned(tmp_path)
+        await Filing(tmp_path, hands, hands.report, (0.0,)).close_abandoned(found)
+        return hands
+
+    hands = asyncio.run(close())
+    assert hands.noted[0]["failed"]
+    assert hands.reported == [ID]
+    told = facts(tmp_path / ID)
+    assert (told["outcome"], told["opened_at"]) == ("open", "2025-10-01T13:39:38.624Z")
     assert bundle.verify_bundle(tmp_path / ID) == []
