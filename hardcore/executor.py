@@ -28,6 +28,13 @@ from hardcore.snapshot.subject import Evidence, Subject
 
 THREADS_MAX = 4
 LIVES_KEPT_MAX = 4
+#: A report is made in a second or two; one that takes this long hangs.
+REPORT_S = 20.0
+#: What is under way when all is stopped gets this long: a last report, and evidence that a slow disk takes.
+FINISH_S = 30.0
+LOG_S = 1.0
+#: A process that was killed and is not gone by then hangs in the kernel. The manager asks again.
+GONE_S = 10.0
 #: A core says WATCHDOG=1 at least twice in this time; its silence is judged by the recorder, not by this.
 WATCHDOG_USEC = 2_000_000
 
@@ -50,16 +57,18 @@ class Executor:
         self.lives: dict[int, Life] = {}
         self.leftovers: tuple[Life, ...] = ()
         self.halted = asyncio.Event()
-        self.switch: dict[str, object] = {"generation": generation}
+        self.switch: dict[str, object] = {"generation": generation, "step": "begin"}
         self._switch_lock = threading.Lock()
         self._keeping = asyncio.Lock()
+        self._adopting = asyncio.Lock()
+        self._adopted = False
         self.pool = ThreadPoolExecutor(THREADS_MAX, thread_name_prefix="hand")
         self._folders = folders
         self._generation = generation
         self._tell = tell
         self._publish = publish
         self._still_ours = still_ours
-        self._log = logs.LogFile(folders.logs / "sentinel.log")
+        self._log = logs.LogThread(logs.LogFile(folders.logs / "sentinel.log"))
         self._tools = find_tools()
         self._tasks: set[asyncio.Task[None]] = set()
         self._evidence: dict[str, list[asyncio.Event]] = {}
@@ -95,35 +104,51 @@ class Executor:
                 assert_never(action)
 
     def note(self, kind: str, **particulars: object) -> None:
-        """Write a line to the guard's log, on a hand's thread."""
-        entry = {"at": clock.wall(clock.now_ns()), "kind": kind, **particulars}
-        self.pool.submit(self._log.append, entry)
+        """Have a line written to the guard's log; nothing waits for it. May be called on any thread."""
+        self._log.add({"at": clock.wall(clock.now_ns()), "kind": kind, **particulars})
 
     async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
         """Run blocking work on a hand's thread."""
         return await asyncio.get_running_loop().run_in_executor(self.pool, work, *args)
 
     async def finish(self) -> None:
-        """Wait for what is under way, then let the threads go."""
-        while self._tasks:
-            await asyncio.wait(self._tasks)
-        await asyncio.to_thread(self.pool.shutdown)
+        """Wait for what is under way, but not for ever; a hand that hangs in the kernel ends with the process."""
+        loop = asyncio.get_running_loop()
+        give_up_at = loop.time() + FINISH_S
+        while self._tasks and loop.time() < give_up_at:
+            await asyncio.wait(self._tasks, timeout=give_up_at - loop.time())
+        for task in self._tasks:
+            self.note("unfinished", work=task.get_name())
+            task.cancel()
+        self.pool.shutdown(wait=False, cancel_futures=True)
+        self._log.close(LOG_S)  # this loop has nothing else left to do
 
     def mark(self, step: str, **particulars: object) -> None:
-        """Write down where we are before the next deed, for whoever has to go on in our place.
+        """Ask whether the next deed is still ours, and write down where we are.
 
-        And ask first whether the deed is still ours: a guard whose lock is gone has lost the right to act.
+        A guard whose lock is gone has lost the right to act, and ends here. The writing is a hint.
         """
         self._still_ours()
-        with self._switch_lock:
-            self.switch |= {"step": step, **particulars}
-            files.write_json(self._folders.switch, self.switch, durable=False)
+        self.hint(step, **particulars)
+
+    def hint(self, step: str | None, **particulars: object) -> None:
+        """Write down where we are, for whoever looks; without a step, the one before stays.
+
+        No deed depends on it: a hint that can't be written is told in the log, and the deed is done.
+        """
+        try:
+            with self._switch_lock:
+                self.switch |= particulars if step is None else {"step": step, **particulars}
+                files.write_json(self._folders.switch, self.switch, durable=False)
+        except Exception as error:  # noqa: BLE001  # whatever it is: a process may just have been made
+            self.note("hint", step=step, failed=_said(error))
 
     # ---- orders ----
 
     def begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Start a piece of work that nobody waits for; its faults are told in the log."""
-        task = asyncio.get_running_loop().create_task(self._guarded(work))
+        name = getattr(work, "__qualname__", "?")
+        task = asyncio.get_running_loop().create_task(self._guarded(work), name=name)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
@@ -131,20 +156,20 @@ class Executor:
         try:
             await work
         except Exception as error:  # noqa: BLE001  # a fault of a hand must not end the watch; it is told
-            self.note(
-                "fault", where=getattr(work, "__qualname__", "?"), error=f"{type(error).__name__}: {error}"
-            )
+            self.note("fault", where=getattr(work, "__qualname__", "?"), error=_said(error))
 
     async def _spawn(self, order: orders.Spawn) -> None:
         try:
             living = {life.nonce for life in self.lives.values()}  # here: the loop changes them meanwhile
             life = await self.in_hand(self._make, order, living)
-        except OSError as error:
-            self._tell(seen.SpawnFailed(clock.now_ns(), order.life, error.strerror or str(error)))
+        except Exception as error:  # noqa: BLE001  # a core that could not be made, for whatever reason, is a fact
+            self._tell(seen.SpawnFailed(clock.now_ns(), order.life, _said(error)))
             return
         self.lives[order.life] = life
-        loop = asyncio.get_running_loop()
-        loop.add_reader(life.handle.pidfd, self._ended, life)
+        try:
+            asyncio.get_running_loop().add_reader(life.handle.pidfd, self._ended, life)
+        except OSError as error:
+            logs.end_with(f"a new core's end can't be watched: {error}")  # the next guard finds and ends it
         self._tell(seen.CoreSpawned(clock.now_ns(), order.life, life.handle.pid))
 
     def _make(self, order: orders.Spawn, living: set[str]) -> Life:
@@ -154,11 +179,11 @@ class Executor:
         life = lives.conceive(self._folders, order.life)
         try:
             handle = lives.start(life, order.expected_epoch, order.witness, WATCHDOG_USEC)
-        except OSError:
-            life.discard()
+        except BaseException:
+            life.discard()  # no process has come of it
             raise
         core = {"pid": handle.pid, "start": handle.identity.start, "nonce": life.nonce}
-        self.mark("spawned", core=core)
+        self.hint("spawned", core=core)
         return life
 
     def _ended(self, life: Life) -> None:
@@ -168,8 +193,11 @@ class Executor:
         how = life.handle.reap()
         if how is None:
             return
+        try:
+            self._tell(seen.CoreExited(at_ns, life.number, how, life.page()))
+        except Exception as error:  # noqa: BLE001  # a death that nobody was told of would never be answered
+            logs.end_with(f"the end of a core could not be told: {_said(error)}")
         asyncio.get_running_loop().remove_reader(life.handle.pidfd)
-        self._tell(seen.CoreExited(at_ns, life.number, how, life.page()))
         self.begin(self._bury())
 
     async def _bury(self) -> None:
@@ -198,14 +226,24 @@ class Executor:
 
     async def _kill_leftovers(self) -> None:
         await self.in_hand(self.mark, "adopt")
-        for life in self.leftovers:
-            assert life.handle is not None, "a leftover was found by its process"
-            await self.in_hand(life.handle.kill_tree)
-        for life in self.leftovers:
-            assert life.handle is not None, "as above"
-            await _gone(life.handle)
+        handles = [life.handle for life in self.leftovers if life.handle is not None]
+        for handle in handles:
+            await self.in_hand(handle.kill_tree)
+        if self._adopted or self._adopting.locked():
+            return  # the manager asks again while one does not die; once is told
+        async with self._adopting:
+            loop = asyncio.get_running_loop()
+            give_up_at = loop.time() + GONE_S
+            for handle in handles:
+                if not await _gone(handle, give_up_at - loop.time()):
+                    self.note("leftover", core=handle.pid, gone=False)
+                    return
+            self._adopted = True
         pages = [page for life in self.leftovers if (page := life.page()) is not None]
         last = max(pages, key=lambda page: page.beats.epoch, default=None)
+        for life in self.leftovers:
+            life.let_go()
+        self.leftovers = ()
         self._tell(seen.CoreExited(clock.now_ns(), 0, seen.Exit(signal=signal.SIGKILL), last))
 
     async def _take_evidence(self, order: orders.TakeEvidence, done: asyncio.Event) -> None:
@@ -265,31 +303,51 @@ class Executor:
 
     async def _report(self, folder: Path) -> None:
         """Have the investigators read the box: a process of its own, which nothing of the guard waits for."""
+        log = self._folders.logs / "postmortem.log"
+        await self.in_hand(logs.rotate, log)
         argv = [sys.executable, "-I", "-m", "postmortem", "report", str(folder)]
         handle = await self.in_hand(
             processes.spawn,
             ["nice", "-n", "19", *argv] if shutil.which("nice") else argv,
             lives.clean_environment(),
-            self._folders.logs / "postmortem.log",
+            log,
             self._folders.data,
         )
-        await _gone(handle)
-        handle.reap()
-        handle.close()
+        ended = False
+        try:
+            ended = await _gone(handle, REPORT_S)
+        finally:
+            if not ended:  # it hangs, or the guard ends and can't wait for it
+                self.note("report", incident=folder.name, failed="it did not end by itself")
+                handle.kill_tree()
+                await _gone(handle, lives.KILL_S)
+            handle.reap()
+            handle.close()
 
     async def _keep(self, order: orders.KeepBudget) -> None:
         async with self._keeping:  # in their order: an older count must not be written over a newer one
             await self.in_hand(deaths.write_deaths, self._folders, order.deaths_ns)
 
 
-async def _gone(handle: processes.Handle) -> None:
-    """Wait until the process is gone."""
+def _said(error: BaseException) -> str:
+    """Return what an exception says, as one line."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return f"{type(error).__name__}: {error}"
+
+
+async def _gone(handle: processes.Handle, within_s: float) -> bool:
+    """Wait until the process is gone; return whether it is."""
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
     fd = os.dup(handle.pidfd)
     loop.add_reader(fd, ended.set)
     try:
-        await ended.wait()
+        await asyncio.wait_for(ended.wait(), max(0.0, within_s))
+    except TimeoutError:
+        return False
+    else:
+        return True
     finally:
         loop.remove_reader(fd)
         os.close(fd)

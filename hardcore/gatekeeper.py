@@ -10,6 +10,7 @@ import json
 import random
 import signal
 import sys
+from contextlib import suppress
 
 from hardcore.executor import Executor
 from hardcore.host import clock, lives, logs, processes
@@ -21,6 +22,8 @@ from hardcore.recovery.policy import Policy
 #: Deaths of the gateway in a minute that are answered without a pause.
 QUICK_RESTARTS = 3
 LEAVE_GRACE_S = 1.0
+#: Making a process takes milliseconds; a disk that does not give its log for this long may never do so.
+MAKING_S = 5.0
 
 
 class Gatekeeper:
@@ -44,12 +47,15 @@ class Gatekeeper:
                 return
             try:
                 self.handle = await self._executor.in_hand(self._spawn)
-            except OSError as error:
-                self._executor.note("gateway", failed=error.strerror or str(error))
+            except Exception as error:  # noqa: BLE001  # without a gateway nobody sees anything: always again
+                self._executor.note("gateway", failed=f"{type(error).__name__}: {error}")
                 self._again(None)
                 return
             self._ended.clear()
-            asyncio.get_running_loop().add_reader(self.handle.pidfd, self._on_end, self.handle)
+            try:
+                asyncio.get_running_loop().add_reader(self.handle.pidfd, self._on_end, self.handle)
+            except OSError as error:
+                logs.end_with(f"a new gateway's end can't be watched: {error}")
 
     def _spawn(self) -> Handle:
         logs.rotate(self._folders.logs / "gateway.log")
@@ -60,7 +66,7 @@ class Gatekeeper:
         log = self._folders.logs / "gateway.log"
         handle = processes.spawn(argv, environment, log, self._folders.data, fds=(self._listen_fd,))
         identity = {"pid": handle.pid, "start": handle.identity.start}
-        self._executor.mark(str(self._executor.switch.get("step", "begin")), gateway=identity)
+        self._executor.hint(None, gateway=identity)
         return handle
 
     def _on_end(self, handle: Handle) -> None:
@@ -94,8 +100,10 @@ class Gatekeeper:
     async def stop(self) -> None:
         """Let the gateway answer what it holds and leave; end it if it does not."""
         self._wanted = False
-        async with self._starting:  # one that is just being made would be left behind by nobody's hand
-            handle = self.handle
+        # One that is just being made would be left behind by nobody's hand; but its making may hang.
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._starting.acquire(), MAKING_S)
+        handle = self.handle
         if handle is None:
             return
         handle.signal(signal.SIGTERM)

@@ -13,17 +13,19 @@ import random
 import resource
 import signal
 import sys
+import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from hardcore import standing
 from hardcore.control.server import ControlServer
 from hardcore.door import Door
 from hardcore.executor import Executor
 from hardcore.gatekeeper import Gatekeeper
-from hardcore.host import clock, deaths, files, lives
+from hardcore.host import clock, deaths, files, lives, logs
 from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Leftovers, Life
@@ -88,6 +90,7 @@ class Runtime:
     async def run(self) -> int:
         """Watch until everything is stopped as asked. Returns the exit code."""
         loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._on_fault)
         loop.add_signal_handler(signal.SIGTERM, self._on_term)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # the launcher kept it back until now
         loop.add_reader(self.notify.fileno(), self._on_notice)
@@ -96,6 +99,8 @@ class Runtime:
         self.executor.begin(self.gatekeeper.start())
         watch = loop.create_task(self._watch())
         feed = loop.create_task(self._feed_on())
+        for task in (watch, feed):
+            task.add_done_callback(_ended_unasked)
         await self.executor.halted.wait()
         await self.gatekeeper.stop()
         for task in (watch, feed):
@@ -104,8 +109,9 @@ class Runtime:
         loop.remove_reader(self.notify.fileno())
         self.notify.close()
         await self.executor.finish()
-        self.setup.folders.switch.unlink(missing_ok=True)
-        lives.sweep(self.setup.folders, set(), keep=1)  # the last page is the next start's witness
+        with suppress(OSError):  # everything is stopped; what can't be tidied up is left
+            self.setup.folders.switch.unlink(missing_ok=True)
+            lives.sweep(self.setup.folders, set(), keep=1)  # the last page is the next start's witness
         return 0
 
     def _begin(self) -> None:
@@ -115,6 +121,7 @@ class Runtime:
         for gateway in setup.leftovers.gateways:
             gateway.signal(signal.SIGTERM)  # it answers what it holds and leaves; ours takes over at once
             gateway.signal(signal.SIGCONT)
+            gateway.close()
             self.executor.note("leftover", gateway=gateway.pid)
         self.executor.leftovers = setup.leftovers.cores
         self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned))
@@ -128,10 +135,13 @@ class Runtime:
         """Give the manager a fact and do what it orders."""
         if isinstance(fact, seen.RequestsSettled) and fact.incident != self.manager.reading().incident:
             self.executor.begin(self.executor.filing.add_late(fact))  # its story has been told
-        self.manager.receive(fact)
-        if isinstance(fact, seen.CoreReady):
-            self.door.proved(fact)
-        self._obey()
+        try:
+            self.manager.receive(fact)
+            if isinstance(fact, seen.CoreReady):
+                self.door.proved(fact)
+            self._obey()
+        except Exception as error:  # noqa: BLE001  # half a step was made: whoever told us could not mend that
+            _die(f"the fact {type(fact).__name__} could not be taken in", error)
 
     def _obey(self) -> None:
         for change in self.manager.take_transitions():
@@ -159,6 +169,16 @@ class Runtime:
         if deadline_ns is not None:
             loop = asyncio.get_running_loop()
             self._timer = loop.call_at(deadline_ns / NS_PER_S, self._ring)
+
+    def _on_fault(self, _loop: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
+        """A callback of the loop raised: what it was to see or to do is lost, so we end and are started anew.
+
+        A connection that fails is only told: nobody at the door may end the guard.
+        """
+        error, message = context.get("exception"), str(context.get("message", "a fault in the loop"))
+        if "handle" in context:
+            _die(message, error)
+        self.executor.note("fault", where=message, error=f"{type(error).__name__}: {error}")
 
     def _ring(self) -> None:
         self.manager.handle_deadline(clock.now_ns())
@@ -274,6 +294,18 @@ class Runtime:
         return lines
 
 
+def _ended_unasked(task: asyncio.Task[None]) -> None:
+    if not task.cancelled():
+        _die("the watch or the feed ended", task.exception())
+
+
+def _die(what: str, error: object) -> NoReturn:
+    """Say why and end at once; the launcher starts a guard that sees again."""
+    if isinstance(error, BaseException):
+        what += ": " + "".join(traceback.format_exception(error)).rstrip()
+    logs.end_with(what)
+
+
 def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     """Take the lock and find out where we stand. Returns an exit code when we may not watch."""
     made = prepare_data(data)
@@ -334,8 +366,13 @@ def main() -> int:
 
 
 async def _run(setup: Setup) -> int:
-    return await Runtime(setup).run()
+    try:
+        return await Runtime(setup).run()
+    except Exception as error:  # noqa: BLE001  # what ends by an exception must not wait for a hanging hand
+        _die("the watch could not go on", error)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    code = main()
+    sys.stderr.flush()
+    os._exit(code)  # a hand that hangs in the kernel would be waited for at the interpreter's end

@@ -83,12 +83,16 @@ class Life:
         page = self.reader.read() if self.reader else None
         return page if isinstance(page, Page) else None
 
-    def discard(self) -> None:
-        """Give everything back and remove the life's files."""
+    def let_go(self) -> None:
+        """Give back the descriptors of a life that is over."""
         if self.reader is not None:
             self.reader.close()
         if self.handle is not None:
             self.handle.close()
+
+    def discard(self) -> None:
+        """Give everything back and remove the life's files."""
+        self.let_go()
         for path in _files(self.folders, self.nonce):
             path.unlink(missing_ok=True)
 

@@ -5,6 +5,7 @@ stranger. So an identity is pid + start time, the pidfd is opened *first* and th
 and every signal goes through the descriptor.
 """
 
+import errno
 import os
 import signal
 import subprocess
@@ -83,7 +84,10 @@ class Handle:
         A number is not given out again while a session bears it: if a stranger has it, our session is empty,
         and the one found under it is the stranger's.
         """
-        members = _session_members(self.pid)
+        try:
+            members = _session_members(self.pid)
+        except OSError:
+            members = []  # no descriptor left to look with; the process itself is ended all the same
         self.signal(signal.SIGKILL)
         if start_of(self.pid) not in {None, self.identity.start}:
             return
@@ -200,7 +204,7 @@ def spawn(
     """Start a process in a session of its own, its output appended to `log`.
 
     Output goes to a file, never through the guard: a pipe to a dead guard would stop or kill the core.
-    Raises OSError when it can't be started.
+    Raises OSError when it can't be started or can't be held; then nothing of it is left.
     """
     out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
     try:
@@ -216,8 +220,21 @@ def spawn(
         )
     finally:
         os.close(out)
-    pidfd = os.pidfd_open(process.pid)
-    start = start_of(process.pid)
-    assert start is not None, "an unreaped child is in /proc"
+    try:
+        handle = _held(process.pid)
+    except BaseException:
+        process.kill()  # a process that nobody holds would live on beside the next one
+        process.wait()
+        raise
     process.returncode = 0  # the pidfd is what it is waited on with; Popen must never try by number
-    return Handle(Identity(process.pid, start), pidfd, child=True)
+    return handle
+
+
+def _held(child: int) -> Handle:
+    """Return a handle on an unreaped child of ours. Raises OSError when there is no descriptor left for it."""
+    pidfd = os.pidfd_open(child)
+    start = start_of(child)
+    if start is None:  # an unreaped child is in /proc, but reading there needs a descriptor too
+        os.close(pidfd)
+        raise OSError(errno.EMFILE, "its start time can't be read")
+    return Handle(Identity(child, start), pidfd, child=True)

@@ -1,5 +1,6 @@
 """Processes of ours by pidfd: a number that names somebody else by now is never signalled."""
 
+import errno
 import os
 import select
 import signal
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from hardcore.host import processes
@@ -182,6 +184,37 @@ def test_a_process_has_a_session_of_its_own_and_inherits_nothing_it_was_not_give
 def test_what_can_not_be_started_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="No such file"):
         processes.spawn([str(tmp_path / "nothing")], {}, tmp_path / "log", tmp_path)
+
+
+@pytest.mark.parametrize("missing", ["pidfd", "start"])
+def test_what_was_started_and_can_not_be_held_is_ended_before_that_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    def none_left(_pid: int) -> int:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    if missing == "pidfd":
+        monkeypatch.setattr(os, "pidfd_open", none_left)
+    else:
+        monkeypatch.setattr(processes, "start_of", lambda _pid: None)
+    with pytest.raises(OSError, match=r"Too many|start time"):
+        processes.spawn(SLEEPER, {"PATH": os.environ["PATH"]}, tmp_path / "log", tmp_path)
+    assert not psutil.Process().children(), "it lives, or was not reaped"
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+def test_a_process_is_killed_although_nobody_can_look_for_its_session(
+    spawn: Spawn, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none_left(_path: Path) -> Iterator[Path]:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    ours = spawn(SLEEPER)
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "iterdir", none_left)
+        ours.kill_tree()
+    gone(ours)
 
 
 def test_a_stopped_process_is_seen_as_stopped(spawn: Spawn, tmp_path: Path) -> None:
