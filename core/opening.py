@@ -6,8 +6,10 @@ from then on no older core can commit, whatever the proof will say.
 """
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError
@@ -18,13 +20,16 @@ from core.guarded.beacon import Beacon
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.recorder import FlightRecorder
 from core.journal.append import Journal
-from core.journal.chain import Broken
+from core.journal.chain import Broken, EventRow
 from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack, fence
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.proof import Proven, Witness, prove
 from core.journal.queries import read_tail
 from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_writing, store_error
 from core.settings import Settings
+
+ASK_EVERY_S: Final = 1.0
+MORE_TIME_USEC: Final = 5_000_000  # several times that, so one lost asking does not end a start
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +63,7 @@ def open_book(
     epoch = _take_over(connection, environment.expected_epoch, telling)
     if isinstance(epoch, Departure):
         return epoch
-    proof = _prove(connection, environment, settings)
+    proof = _prove(connection, environment, settings, telling)
     if isinstance(proof, Departure):
         return proof
     connection.exec_driver_sql(f"PRAGMA busy_timeout = {settings.write_busy_ms}").close()
@@ -89,17 +94,33 @@ def _take_over(connection: Connection, expected: int | None, telling: Telling) -
             return _unopened(outcome, telling)
 
 
-def _prove(connection: Connection, environment: GuardedEnvironment, settings: Settings) -> Proven | Departure:
+def _prove(
+    connection: Connection, environment: GuardedEnvironment, settings: Settings, telling: Telling
+) -> Proven | Departure:
     seen = environment.witness
     # A witness of nothing (a predecessor that committed nothing) is nobody's word about any event.
     witness = Witness(seen.seq, seen.epoch, seen.hash) if seen is not None and seen.seq > 0 else None
     try:
         connection.exec_driver_sql("BEGIN").close()
-        proof = prove(read_tail(connection, witness, settings.tail_events), witness)
+        tail = read_tail(connection, witness, settings.tail_events)
+        rows = asking_for_time(tail.rows, telling.beacon.extend, time.monotonic)
+        proof = prove(replace(tail, rows=rows), witness)
         connection.exec_driver_sql("ROLLBACK").close()
     except DBAPIError as error:
         return departure.corrupt(f"it can't be read ({store_error(error).text})")
     return departure.corrupt(proof.sentence) if isinstance(proof, Broken) else proof
+
+
+def asking_for_time(
+    rows: Iterable[EventRow], extend: Callable[[int], None], now_s: Callable[[], float]
+) -> Iterator[EventRow]:
+    """Pass the events on; while a long proof makes progress, ask the guard for more time to start in."""
+    asked_s = now_s()
+    for row in rows:
+        if now_s() - asked_s >= ASK_EVERY_S:
+            asked_s = now_s()
+            extend(MORE_TIME_USEC)
+        yield row
 
 
 def _unopened(error: StoreError, telling: Telling) -> Departure:

@@ -2,20 +2,17 @@
 
 What must not get lost (the epoch, READY, leaving) is kept in order and sent again until the manager's
 socket takes it: a sentinel that is just being replaced, or whose buffer is full, hears it a moment later.
-What is true for a moment only (a watchdog's sign, a status line) is sent once or not at all. Nothing
+What is true for a moment only (a watchdog's sign, more time) is sent once or not at all. Nothing
 blocks and nothing raises: a core does not stall because its guard does. Not chosen: a connected socket,
 which would stay bound to a sentinel that is gone.
 """
 
-import os
 import socket
 import threading
 from collections import deque
-from collections.abc import Mapping
 
 #: More facts than one life has: the epoch, READY, a blocked fence, some TERMs, STOPPING.
 KEPT_MAX = 32
-STATUS_CHARACTERS_MAX = 200
 
 
 class Beacon:
@@ -30,11 +27,6 @@ class Beacon:
         if address is not None:
             self._address = "\0" + address[1:] if address.startswith("@") else address
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-
-    @classmethod
-    def from_environment(cls, environ: Mapping[str, str] = os.environ) -> "Beacon":
-        """Make the beacon that `NOTIFY_SOCKET` asks for. `GuardedEnvironment.read` has judged it."""
-        return cls(environ.get("NOTIFY_SOCKET") or None)
 
     def epoch_raised(self, epoch: int) -> None:
         """Say that the fence is committed."""
@@ -66,11 +58,6 @@ class Beacon:
     def extend(self, usec: int) -> None:
         """Ask for `usec` more microseconds to start in."""
         self._send(f"EXTEND_TIMEOUT_USEC={usec}".encode())
-
-    def status(self, text: str) -> None:
-        """Say one line to people; line breaks become spaces."""
-        line = " ".join(text.split())[:STATUS_CHARACTERS_MAX]
-        self._send(f"STATUS={line}".encode("utf-8", "replace"))
 
     def resend(self) -> bool:
         """Send what is kept, oldest first; return whether nothing is left. Safe from any thread."""

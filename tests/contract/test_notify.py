@@ -38,7 +38,6 @@ def test_every_word_of_the_beacon_is_understood(ear: tuple[socket.socket, str]) 
     beacon = Beacon(name)
     beacon.epoch_raised(7)
     beacon.extend(2_000_000)
-    beacon.status("checking\nthe balances")
     beacon.ready(7, 1234, HASH, "witness", 12)
     beacon.watchdog()
     beacon.fence_blocked()
@@ -48,7 +47,6 @@ def test_every_word_of_the_beacon_is_understood(ear: tuple[socket.socket, str]) 
     assert heard(listening) == [
         Notice(epoch=7),
         Notice(extend_usec=2_000_000),
-        Notice(status="checking the balances"),
         READY,
         Notice(watchdog=True),
         Notice(fence_blocked=True),
@@ -62,7 +60,7 @@ def test_what_must_not_get_lost_is_told_to_the_next_listener_in_order(tmp_path: 
     beacon = Beacon(name)
     beacon.epoch_raised(7)
     beacon.watchdog()
-    beacon.status("nobody hears this")
+    beacon.extend(1)
     beacon.ready(7, 1234, HASH, "witness", 12)
     assert not beacon.resend()
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as listening:
@@ -121,16 +119,3 @@ def test_a_closed_beacon_keeps_silent(ear: tuple[socket.socket, str]) -> None:
     beacon.epoch_raised(1)
     beacon.close()
     assert heard(listening) == []
-
-
-def test_a_status_of_any_length_fits_a_datagram_and_loses_its_control_characters(
-    ear: tuple[socket.socket, str],
-) -> None:
-    listening, name = ear
-    beacon = Beacon(name)
-    beacon.status("잔액 확인 중 \x1b[2J\udcff" + "가" * 5000)
-    (notice,) = heard(listening)
-    assert isinstance(notice, Notice)
-    assert notice.status is not None
-    assert notice.status.startswith("잔액 확인 중 [2J?가")
-    beacon.close()
