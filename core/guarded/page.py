@@ -23,7 +23,6 @@ EVENTS_AT = 299_008
 
 # Header: what the maker wrote, and what this process adds.
 VERSION_AT = 8
-SIZE_AT = 16
 PID_AT = 128
 START_AT = 136
 LOOP_THREAD_AT = 144
@@ -46,7 +45,6 @@ STATE_AT = 336
 
 WITNESS_AT = 512
 WITNESS_BYTES = 128
-WITNESS_CRC = slice(8, 64)
 HASH_BYTES = 32
 
 WORDS_AT = 768

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, assert_never
 
-ACCOUNT_ID_CHARACTERS_MAX: Final = 128
 _ID: Final = re.compile(r"[a-z0-9][a-z0-9:_-]{0,127}")
 
 

@@ -33,7 +33,6 @@ class Reason(StrEnum):
     UNKNOWN_VALUE = "unknown_value"
     NOT_SUPPORTED = "not_supported"
     TOO_LONG = "too_long"
-    TOO_SHORT = "too_short"
     EMPTY = "empty"
     CONTROL_CHARACTER = "control_character"
     TOO_FEW = "too_few"

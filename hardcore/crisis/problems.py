@@ -33,7 +33,6 @@ class Problem(StrEnum):
 class Outcome(StrEnum):
     """What became of a request that was not simply answered by the core."""
 
-    DONE = "done"
     NOT_DONE = "not_done"
     UNKNOWN = "unknown"
 
