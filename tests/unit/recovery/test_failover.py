@@ -1,7 +1,6 @@
 """The manager fact by fact, where a rule needs its very moment; the worlds of `tests/simulation` do the rest."""
 
 import dataclasses
-from dataclasses import dataclass, field
 
 import pytest
 
@@ -10,114 +9,13 @@ from hardcore.model import observations as seen
 from hardcore.model.phases import Face, HAState, Phase, Wanted
 from hardcore.model.recorder import (
     Beats,
-    CommandNote,
-    LastWords,
-    LifeState,
-    Page,
-    SlotStage,
     Threads,
     Witness,
 )
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery.failover import DRILL_GRACE_NS, FailoverManager
+from hardcore.recovery.failover import DRILL_GRACE_NS
 from hardcore.recovery.policy import Policy, Word
-
-MS = 1_000_000
-S = 1000 * MS
-PROOF = seen.Proof("witness", 3, 7, "h7")
-
-
-@dataclass(slots=True)
-class Play:
-    """A manager, what it ordered, and the time."""
-
-    policy: Policy = field(default_factory=Policy)
-    wanted: Wanted = Wanted.UP
-    deaths_ns: tuple[int, ...] = ()
-    now_ns: int = 100 * S
-    ordered: list[orders.Action] = field(default_factory=list)
-    manager: FailoverManager = field(init=False)
-
-    def __post_init__(self) -> None:
-        ids = iter(range(1, 100))
-        self.manager = FailoverManager(
-            self.policy, self.wanted, lambda: f"i{next(ids)}", lambda: 0.0, self.deaths_ns
-        )
-
-    @property
-    def phase(self) -> Phase:
-        return self.manager.reading().phase
-
-    @property
-    def life(self) -> int:
-        return self.manager.reading().life
-
-    def tell(self, *facts: seen.Observation) -> list[orders.Action]:
-        """Tell facts; return what was ordered on them."""
-        for fact in facts:
-            self.manager.receive(fact)
-        new = list(self.manager.take_actions())
-        self.ordered += new
-        return new
-
-    def ring(self) -> list[orders.Action]:
-        """Let the time of the present phase be over."""
-        due_ns = self.manager.next_deadline_ns()
-        assert due_ns is not None, f"{self.phase} has no deadline"
-        self.now_ns = due_ns
-        self.manager.handle_deadline(due_ns)
-        new = list(self.manager.take_actions())
-        self.ordered += new
-        return new
-
-    def begin(self) -> "Play":
-        """The guard is up and a core was ordered."""
-        self.tell(seen.SentinelBegan(self.now_ns))
-        return self
-
-    def ready(self, epoch: int = 4) -> "Play":
-        """The present core is made, fences and is ready."""
-        at = self.now_ns
-        self.tell(seen.CoreSpawned(at, self.life, 9), seen.EpochRaised(at, self.life, epoch))
-        self.tell(seen.CoreReady(at, self.life, epoch, PROOF))
-        return self
-
-    def running(self, epoch: int = 4) -> "Play":
-        """The present core has outlasted its probation."""
-        self.ready(epoch).ring()
-        return self
-
-    def ask(self, verb: seen.Verb, reason: str = "") -> list[orders.Action]:
-        """The operator speaks."""
-        return self.tell(seen.OperatorAsked(self.now_ns, verb, reason))
-
-    def die(self, how: seen.Exit | None = None, page: Page | None = None) -> list[orders.Action]:
-        """The present core ends."""
-        return self.tell(seen.CoreExited(self.now_ns, self.life, how or seen.Exit(signal=9), page))
-
-    def spawned(self) -> orders.Spawn:
-        """The last order to start a core."""
-        return [order for order in self.ordered if isinstance(order, orders.Spawn)][-1]
-
-    def closed(self) -> orders.Incident:
-        """The last incident that was closed."""
-        return [order for order in self.ordered if isinstance(order, orders.CloseIncident)][-1].incident
-
-
-def _page(epoch: int = 4, *notes: CommandNote, words: str = "", seq: int = 0) -> Page:
-    said = LastWords(1, words, "") if words else None
-    beats = Beats(epoch=epoch, state=LifeState.READY)
-    witness = Witness(seq, epoch, f"h{seq}") if seq else None
-    return Page("n", "b", 1, 1, Threads(), beats, witness, said, notes, (), ())
-
-
-def _deciding(key: str) -> CommandNote:
-    return CommandNote(SlotStage.DECIDING, f"c{key}", key, "transaction", "", (), 1)
-
-
-def _kinds(given: list[orders.Action]) -> list[str]:
-    return [type(order).__name__ for order in given]
-
+from tests.unit.recovery.play import MS, PROOF, Play, S, a_page, deciding, kinds
 
 # The way of a core.
 
@@ -128,13 +26,13 @@ def test_a_first_start_raises_whatever_stands_in_the_store() -> None:
 
 def test_the_successor_of_a_core_that_said_its_epoch_expects_it_and_its_witness() -> None:
     play = Play().begin().running(epoch=4)
-    play.die(page=_page(4, seq=9))
+    play.die(page=a_page(4, seq=9))
     assert play.spawned() == orders.Spawn(2, 4, Witness(9, 4, "h9"))
 
 
 def test_a_core_that_may_have_raised_the_epoch_unseen_makes_it_uncertain() -> None:
     play = Play().begin().running(epoch=4)
-    play.die(page=_page(4))
+    play.die(page=a_page(4))
     play.die()
     play.ring()
     assert play.spawned().expected_epoch is None
@@ -142,14 +40,14 @@ def test_a_core_that_may_have_raised_the_epoch_unseen_makes_it_uncertain() -> No
 
 def test_a_page_that_a_new_guard_found_is_a_witness_and_no_certainty_of_the_epoch() -> None:
     play = Play()
-    play.tell(seen.SentinelBegan(play.now_ns, page=_page(6, seq=9)))
+    play.tell(seen.SentinelBegan(play.now_ns, page=a_page(6, seq=9)))
     play.die()
     assert play.spawned() == orders.Spawn(1, None, Witness(9, 6, "h9"))
 
 
 def test_a_guard_that_finds_its_predecessor_and_the_core_gone_tells_it_as_an_incident() -> None:
     play = Play()
-    play.tell(seen.SentinelBegan(play.now_ns, page=_page(6, seq=9)))
+    play.tell(seen.SentinelBegan(play.now_ns, page=a_page(6, seq=9)))
     play.die()
     play.running(7)
     assert play.closed().diagnosis is Diagnosis.SENTINEL_LOST
@@ -159,12 +57,12 @@ def test_what_an_earlier_guard_left_is_ended_before_anything_is_started() -> Non
     play = Play()
     assert play.tell(seen.SentinelBegan(play.now_ns, leftovers=True))[-1] == orders.KillLeftovers()
     assert play.phase is Phase.ADOPTING
-    play.die(page=_page(6))
+    play.die(page=a_page(6))
     assert play.spawned().expected_epoch == 6
 
 
 def test_a_guard_that_nobody_wants_ends_at_once() -> None:
-    assert _kinds(Play(wanted=Wanted.DOWN).begin().ordered) == ["Halt"]
+    assert kinds(Play(wanted=Wanted.DOWN).begin().ordered) == ["Halt"]
 
 
 def test_a_ready_core_is_released_with_its_epoch() -> None:
@@ -205,8 +103,8 @@ def test_a_boot_that_slept_with_the_machine_begins_its_time_anew() -> None:
 @pytest.mark.parametrize(("verb", "order"), [(seen.Verb.STOP, "Terminate"), (seen.Verb.RESTART_HARD, "Kill")])
 def test_a_core_is_told_again_when_it_is_there(verb: seen.Verb, order: str) -> None:
     play = Play().begin()
-    assert _kinds(play.ask(verb)) == [order]
-    assert _kinds(play.tell(seen.CoreSpawned(play.now_ns, 1, 9))) == [order]
+    assert kinds(play.ask(verb)) == [order]
+    assert kinds(play.tell(seen.CoreSpawned(play.now_ns, 1, 9))) == [order]
 
 
 def test_a_birth_that_fails_is_an_end_in_whatever_phase_it_is_told() -> None:
@@ -221,7 +119,7 @@ def test_a_birth_that_fails_is_an_end_in_whatever_phase_it_is_told() -> None:
 
 def test_a_birth_that_fails_after_its_whole_time_is_an_end_too() -> None:
     play = Play().begin()
-    assert "TakeEvidence" in _kinds(play.ring())
+    assert "TakeEvidence" in kinds(play.ring())
     play.tell(seen.SpawnFailed(play.now_ns, 1, "no more processes"))
     assert play.phase is Phase.BACKOFF
 
@@ -231,7 +129,7 @@ def test_a_birth_that_fails_after_its_whole_time_is_an_end_too() -> None:
 
 def test_a_proven_core_is_replaced_at_once() -> None:
     play = Play().begin().running()
-    assert _kinds(play.die())[-1] == "Spawn"
+    assert kinds(play.die())[-1] == "Spawn"
 
 
 def test_the_successor_of_a_core_on_probation_waits() -> None:
@@ -280,11 +178,11 @@ def test_deaths_that_have_left_the_window_are_not_shown() -> None:
 )
 def test_what_a_restart_would_not_heal_waits_for_the_operator(code: int, diagnosis: Diagnosis) -> None:
     play = Play().begin()
-    play.die(seen.Exit(code=code), _page(0, words=diagnosis))
+    play.die(seen.Exit(code=code), a_page(0, words=diagnosis))
     assert play.phase is Phase.FATAL
     assert play.manager.next_deadline_ns() is None
     assert play.closed().diagnosis is diagnosis
-    assert _kinds(play.ask(seen.Verb.RESUME))[-1] == "Spawn"
+    assert kinds(play.ask(seen.Verb.RESUME))[-1] == "Spawn"
 
 
 def test_resume_empties_the_budget() -> None:
@@ -298,13 +196,13 @@ def test_an_incident_is_announced_as_the_policy_says() -> None:
     alerts = [order for order in Play().begin().running().die() if isinstance(order, orders.Alert)]
     assert [order.diagnosis for order in alerts] == [Diagnosis.KILLED_FROM_OUTSIDE]
     quiet = Policy(actions={Diagnosis.KILLED_FROM_OUTSIDE: frozenset({Word.REBOOT_PROCESS})})
-    assert "Alert" not in _kinds(Play(quiet).begin().running().die())
+    assert "Alert" not in kinds(Play(quiet).begin().running().die())
 
 
 def test_a_drill_is_neither_announced_nor_counted() -> None:
     play = Play().begin().running()
     play.tell(seen.DrillStarted(play.now_ns, "crash"))
-    assert {"Alert", "KeepBudget"}.isdisjoint(_kinds(play.die(seen.Exit(signal=6))))
+    assert {"Alert", "KeepBudget"}.isdisjoint(kinds(play.die(seen.Exit(signal=6))))
     play.running(5)
     assert play.closed().drill == "crash"
 
@@ -313,14 +211,14 @@ def test_a_drill_without_effect_excuses_no_later_death() -> None:
     play = Play().begin().running()
     play.tell(seen.DrillStarted(play.now_ns, "crash"))
     play.now_ns += DRILL_GRACE_NS + 1
-    assert "KeepBudget" in _kinds(play.die())
+    assert "KeepBudget" in kinds(play.die())
 
 
 def test_a_drill_is_one_lifes() -> None:
     play = Play().begin().running()
     play.die()
     play.tell(seen.DrillStarted(play.now_ns, "crash"))
-    assert "KeepBudget" in _kinds(play.tell(seen.SpawnFailed(play.now_ns, play.life, "none")))
+    assert "KeepBudget" in kinds(play.tell(seen.SpawnFailed(play.now_ns, play.life, "none")))
 
 
 # Suspects.
@@ -328,15 +226,15 @@ def test_a_drill_is_one_lifes() -> None:
 
 def test_the_next_release_names_the_suspects_of_a_crash() -> None:
     play = Play().begin().running()
-    play.die(seen.Exit(signal=11), _page(4, _deciding("k")))
+    play.die(seen.Exit(signal=11), a_page(4, deciding("k")))
     play.ready(5)
     assert play.ordered[-1] == orders.Release(2, 5, ("k",), "i1")
 
 
 def test_each_life_answers_for_its_own_end() -> None:
     play = Play().begin().running()
-    play.die(seen.Exit(signal=9), _page(4, _deciding("innocent")))
-    play.ready(5).die(seen.Exit(signal=11), _page(5, _deciding("guilty")))
+    play.die(seen.Exit(signal=9), a_page(4, deciding("innocent")))
+    play.ready(5).die(seen.Exit(signal=11), a_page(5, deciding("guilty")))
     play.ring()
     play.ready(6)
     assert play.ordered[-1] == orders.Release(3, 6, ("guilty",), "i2")
@@ -345,7 +243,7 @@ def test_each_life_answers_for_its_own_end() -> None:
 def test_a_crash_instead_of_leaving_makes_suspects_too() -> None:
     play = Play().begin().running()
     play.ask(seen.Verb.RESTART)
-    play.die(seen.Exit(signal=11), _page(4, _deciding("k")))
+    play.die(seen.Exit(signal=11), a_page(4, deciding("k")))
     play.ready(5)
     assert play.ordered[-1] == orders.Release(2, 5, ("k",), "i1")
 
@@ -353,7 +251,7 @@ def test_a_crash_instead_of_leaving_makes_suspects_too() -> None:
 def test_a_planned_incident_that_a_death_overtook_keeps_its_suspects() -> None:
     play = Play().begin().running()
     play.ask(seen.Verb.RESTART)
-    play.die(seen.Exit(signal=11), _page(4, _deciding("k")))
+    play.die(seen.Exit(signal=11), a_page(4, deciding("k")))
     play.die(seen.Exit(code=1))
     play.ring()
     play.ready(5)
@@ -380,7 +278,7 @@ def test_evidence_that_does_not_come_delays_the_kill_no_further_than_its_time() 
 def test_a_policy_without_evidence_kills_at_once() -> None:
     actions = {Diagnosis.STARTUP_FAILED: frozenset({Word.SEND_ALERT, Word.REBOOT_PROCESS})}
     given = Play(Policy(actions=actions)).begin().ring()
-    assert "TakeEvidence" not in _kinds(given)
+    assert "TakeEvidence" not in kinds(given)
     assert given[-1] == orders.Kill(1)
 
 
@@ -405,14 +303,14 @@ def test_nothing_is_started_while_a_core_may_live() -> None:
     play.ring()
     assert play.phase is Phase.UNKILLABLE
     for verb in (seen.Verb.RESTART, seen.Verb.RESTART_HARD, seen.Verb.RESUME):
-        assert "Spawn" not in _kinds(play.ask(verb))
-    assert "Spawn" in _kinds(play.die())
+        assert "Spawn" not in kinds(play.ask(verb))
+    assert "Spawn" in kinds(play.die())
 
 
 def test_a_planned_restart_is_an_incident_and_not_on_the_budget() -> None:
     play = Play().begin().running()
     play.ask(seen.Verb.RESTART, "new release")
-    assert "KeepBudget" not in _kinds(play.die(seen.Exit(code=0)))
+    assert "KeepBudget" not in kinds(play.die(seen.Exit(code=0)))
     play.running(5)
     told = play.closed()
     assert (told.planned, told.diagnosis, told.reason) == (True, Diagnosis.OPERATOR, "new release")
@@ -463,7 +361,7 @@ def test_a_death_after_a_core_has_served_is_another_incident() -> None:
 
 def test_the_proof_of_an_idle_ledger_names_the_witness_that_its_core_was_given() -> None:
     play = Play().begin().running()
-    play.die(seen.Exit(signal=9), _page(4))
+    play.die(seen.Exit(signal=9), a_page(4))
     play.running(5)
     witness = play.closed().witness
     assert witness is not None
@@ -472,7 +370,7 @@ def test_the_proof_of_an_idle_ledger_names_the_witness_that_its_core_was_given()
 
 def test_a_core_that_was_silent_before_it_was_killed_is_told_from_its_last_beat() -> None:
     play = Play().begin().running()
-    page = _page(4)
+    page = a_page(4)
     silent = dataclasses.replace(page, beats=dataclasses.replace(page.beats, loop_ns=play.now_ns - 9 * S))
     play.die(seen.Exit(signal=9), silent)
     play.running(5)
