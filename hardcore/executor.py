@@ -235,7 +235,7 @@ class Executor:
             loop = asyncio.get_running_loop()
             give_up_at = loop.time() + GONE_S
             for handle in handles:
-                if not await _gone(handle, give_up_at - loop.time()):
+                if not await gone(handle, give_up_at - loop.time()):
                     self.note("leftover", core=handle.pid, gone=False)
                     return
             self._adopted = True
@@ -315,12 +315,12 @@ class Executor:
         )
         ended = False
         try:
-            ended = await _gone(handle, REPORT_S)
+            ended = await gone(handle, REPORT_S)
         finally:
             if not ended:  # it hangs, or the guard ends and can't wait for it
                 self.note("report", incident=folder.name, failed="it did not end by itself")
                 handle.kill_tree()
-                await _gone(handle, lives.KILL_S)
+                await gone(handle, lives.KILL_S)
             handle.reap()
             handle.close()
 
@@ -336,7 +336,7 @@ def _said(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-async def _gone(handle: processes.Handle, within_s: float) -> bool:
+async def gone(handle: processes.Handle, within_s: float) -> bool:
     """Wait until the process is gone; return whether it is."""
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()

@@ -12,7 +12,7 @@ import signal
 import sys
 from contextlib import suppress
 
-from hardcore.executor import Executor
+from hardcore.executor import Executor, gone
 from hardcore.host import clock, lives, logs, processes
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle
@@ -96,6 +96,17 @@ class Gatekeeper:
     def _restart(self) -> None:
         if self._wanted:
             self._executor.begin(self.start())
+
+    async def see_off(self, older: Handle) -> None:
+        """Let a gateway that an earlier guard left behind answer what it holds and leave; end it if it does not."""
+        self._executor.note("leftover", gateway=older.pid)
+        older.signal(signal.SIGTERM)
+        older.signal(signal.SIGCONT)
+        try:
+            if not await gone(older, self._policy.gateway.drain_ms / 1000 + LEAVE_GRACE_S):
+                await self._executor.in_hand(older.kill_tree)
+        finally:
+            older.close()
 
     async def stop(self) -> None:
         """Let the gateway answer what it holds and leave; end it if it does not."""

@@ -119,10 +119,7 @@ class Runtime:
         if setup.in_force.fault:
             self.executor.note("policy", fault=setup.in_force.fault)
         for gateway in setup.leftovers.gateways:
-            gateway.signal(signal.SIGTERM)  # it answers what it holds and leaves; ours takes over at once
-            gateway.signal(signal.SIGCONT)
-            gateway.close()
-            self.executor.note("leftover", gateway=gateway.pid)
+            self.executor.begin(self.gatekeeper.see_off(gateway))  # ours takes over at once
         self.executor.leftovers = setup.leftovers.cores
         self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned))
         self.feed(
@@ -319,6 +316,7 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     if lock_fd is None:
         sys.stderr.write("Another sentinel watches this data folder.\n")
         return EXIT_ANOTHER_WATCHES
+    lives.sweep_drafts(folders)
     generation = standing.next_generation(folders)
     files.write_json(
         folders.sentinel,

@@ -12,6 +12,7 @@ import select
 import signal
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -233,6 +234,16 @@ def sweep(folders: Folders, living: set[str], keep: int = DEAD_LIVES_KEPT) -> No
     for nonce in [n for n in nonces if n not in living][keep:]:
         for path in _files(folders, nonce):
             path.unlink(missing_ok=True)
+
+
+def sweep_drafts(folders: Folders) -> None:
+    """Remove what writers that died in the middle have left beside the small files: their number names them."""
+    for folder in (folders.data, folders.state, folders.run):
+        for path in folder.glob(".*.tmp"):
+            writer = path.name.removesuffix(".tmp").rpartition(".")[2]
+            if writer.isdigit() and not Path(f"/proc/{writer}").exists():
+                with suppress(OSError):
+                    path.unlink()
 
 
 def _written_ns(path: Path) -> int:

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -30,6 +31,12 @@ def look(self):
 Life.look = look
 """
 )
+DEAF = """
+import pathlib, signal, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+(pathlib.Path(__file__).parent / "deaf").touch()
+time.sleep(600)
+"""
 HASTY = SENTINEL % "executor.REPORT_S = 0.5; executor.FINISH_S = gatekeeper.MAKING_S = 1.0"
 
 
@@ -133,6 +140,21 @@ def test_a_report_that_hangs_is_ended_and_the_guard_ends_too(new_house: MakeHous
     sentinel.send_signal(signal.SIGTERM)
     assert sentinel.wait(START_S) == 0
     until(lambda: not house.processes(), "everything to be stopped")
+
+
+def test_a_gateway_that_an_earlier_guard_left_and_that_never_leaves_is_ended(new_house: MakeHouse) -> None:
+    house = new_house()
+    first = house.begin_as([sys.executable, "-c", HASTY, str(house.data)])
+    house.running()
+    deaf = house.data / "deaf.py"  # what an older gateway looks like that never leaves
+    deaf.write_text(DEAF)
+    mark = {"HARDCORE_GATEWAY": str(house.folders.run)}
+    with subprocess.Popen([sys.executable, str(deaf)], env=house.environment(**mark)) as older:
+        until((house.data / "deaf").exists, "it to hear nothing")
+        first.kill()
+        first.wait(START_S)
+        house.up()
+        assert older.wait(START_S) == -signal.SIGKILL
 
 
 def of(house: House, mark: str) -> int:

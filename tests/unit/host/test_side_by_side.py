@@ -1,6 +1,8 @@
 """The guard's hands work side by side: what one of them writes or removes must not trip another."""
 
 import json
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -23,6 +25,25 @@ def test_a_page_that_vanishes_while_old_lives_are_swept_keeps_no_core_from_being
     lives.sweep(folders, {"living"}, keep=1)
     assert (tmp_path / "recorder-living").exists()
     assert sum((tmp_path / f"recorder-{nonce}").exists() for nonce in ("a", "b")) == 1
+
+
+def test_drafts_of_dead_writers_are_swept_and_those_of_living_ones_are_not(tmp_path: Path) -> None:
+    folders = Folders(tmp_path, tmp_path / "run")
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        pass
+    for folder in (folders.data, folders.state, folders.run):
+        folder.mkdir(exist_ok=True)
+        for name in (
+            f".a.json.{gone.pid}.tmp",
+            f".a.json.{threading.get_native_id()}.tmp",
+            "b.tmp",
+            ".c.tmp",
+        ):
+            (folder / name).touch()
+    lives.sweep_drafts(folders)
+    for folder in (folders.data, folders.state, folders.run):
+        left = {path.name for path in folder.iterdir() if path.is_file()}
+        assert left == {f".a.json.{threading.get_native_id()}.tmp", "b.tmp", ".c.tmp"}
 
 
 def test_writers_of_one_file_do_not_take_each_others_draft(tmp_path: Path) -> None:
