@@ -72,6 +72,14 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "데이터 폴더에 쓸 수 없어요: {path} ({why}). 자리를 만들거나 --data로 다른 폴더를 고르세요.",
         "The data folder can't be written: {path} ({why}). Make room, or choose another with --data DIR.",
     ),
+    "nothing_there": (
+        "이 폴더에는 끌 것이 없어요. --data가 맞는지 확인하세요.",
+        "There is nothing to stop in this folder. Check --data.",
+    ),
+    "goes_on": (
+        "여기까지만 볼게요. 일은 계속돼요: `hardcore status`",
+        "It goes on by itself: see `hardcore status`.",
+    ),
     "still_stopping": (
         "{seconds}초가 지났는데 아직 끄는 중이에요. `hardcore status`로 확인하세요.",
         "Still stopping after {seconds} seconds. See `hardcore status`.",
@@ -141,7 +149,6 @@ STATES: Final[dict[str, tuple[str, str]]] = {
 #: Labels of the status page.
 LABELS: Final[dict[str, tuple[str, str]]] = {
     "state": ("상태", "State"),
-    "since": ("부터", "since"),
     "address": ("주소", "Address"),
     "core": ("핵심 서버", "Core"),
     "gateway": ("관문", "Gateway"),
@@ -152,16 +159,52 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "verified": ("장부 확인", "Ledger checked"),
     "worry": ("걱정되는 점", "Worry"),
     "none": ("없음", "none"),
-    "open": ("진행 중", "open"),
     "epoch": ("세대", "epoch"),
-    "events": ("기록", "events"),
     "in_flight": ("처리 중", "in flight"),
     "held": ("기다리는 요청", "waiting"),
     "beat": ("박동", "beat"),
-    "ago": ("전", "ago"),
-    "of": ("중", "of"),
-    "in_seconds": ("{n}초 동안", "in {n} s"),
+    "budget_used": ("{window_s}초 동안 {used}번 (한도 {limit}번)", "{used} in {window_s} s, {limit} allowed"),
+    "next": ("다음 할 일", "Next step"),
+    "stopped": ("꺼져 있음 (`hardcore up`으로 다시 켜요)", "stopped, as asked (`hardcore up` starts it)"),
 }
+
+
+#: What to do when the guard waits for a person: why -> (ko, en)
+NEXT_STEPS: Final[dict[str, tuple[str, str]]] = {
+    "CRASH_LOOP": (
+        "같은 문제가 되풀이돼서 멈췄어요. `hardcore incidents`를 보고 `hardcore resume`으로 다시 해 보세요.",
+        "The same thing kept happening. Look at `hardcore incidents`, then `hardcore resume`.",
+    ),
+    "STORE_CORRUPT": (
+        "장부가 마지막으로 확인된 것과 달라요. 입력하지 말고 `hardcore verify`와 docs/recover.md를 보세요.",
+        "The ledger is not what was last seen. Don't write; see `hardcore verify` and docs/recover.md.",
+    ),
+    "CONFIG_INVALID": (
+        "설정 때문에 켤 수 없어요. `hardcore incidents`에서 이유를 보고 고친 뒤 `hardcore resume`을 하세요.",
+        "It can't start as it is set up. `hardcore incidents` says why; mend it, then `hardcore resume`.",
+    ),
+    "DB_LOCKED": (
+        "다른 프로그램이 장부를 잠그고 있어요. 그 프로그램을 닫고 `hardcore resume`을 하세요.",
+        "Another program holds the ledger's lock. Close it, then `hardcore resume`.",
+    ),
+    "DISK_FULL": (
+        "장부가 있는 디스크가 가득 찼어요. 자리를 만든 뒤 `hardcore resume`을 하세요.",
+        "The ledger's disk is full. Make room, then `hardcore resume`.",
+    ),
+    "UNKILLABLE": (
+        "핵심 서버가 아직 끝나지 않았어요. 계속 끝내 보고 있어요. 디스크에 문제가 없는지 확인하세요.",
+        "The old core has not ended yet; the kill is repeated. Check the disk.",
+    ),
+}
+_NEXT_STEP: Final = (
+    "`hardcore incidents`에서 이유를 보고 `hardcore resume`으로 다시 해 보세요.",
+    "`hardcore incidents` says why; `hardcore resume` tries again.",
+)
+
+
+def next_step(why: str | None, lang: str) -> str:
+    """Return what a person should do when the guard waits for one."""
+    return NEXT_STEPS.get(why or "", _NEXT_STEP)[LANGUAGES.index(lang)]
 
 
 def label(key: str, lang: str) -> str:

@@ -5,13 +5,13 @@ is printed is for a person, or with `--json` for a program; a refusal is one sen
 never a traceback. Exit codes: 0 fine, 1 failed, 2 usage, 3 on the way, 4 needs a person.
 """
 
+import contextlib
 import functools
 import json
 import os
 import subprocess
 import sys
 import time
-import unicodedata
 import urllib.request
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 
 import click
 
-from frontend.catalogue import label, state_words, text
+from frontend.catalogue import text
 from hardcore import __version__, standing, status
 from hardcore import up as starting
 from hardcore.control import client
@@ -30,6 +30,7 @@ from hardcore.host.files import take_lock
 from hardcore.host.folders import Folders, locate
 from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, notes
+from hardcore.status_page import printed_status
 from hardcore.up import held
 from postmortem import cli as incidents_cli
 
@@ -97,7 +98,7 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--json", "as_json", is_flag=True, help="Print JSON, for a program."),
         click.option(
             "--data",
-            type=click.Path(path_type=Path, file_okay=False),
+            type=click.Path(file_okay=False),
             help="Data folder.  [env HARDCORE_DATA; default ./var]",
         ),
     ):
@@ -105,16 +106,19 @@ def _options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
+def _data(given: str | None) -> Path:
+    """Return the data folder; an empty name is none, or a ledger would be laid out where one stands."""
+    return Path(given or os.environ.get("HARDCORE_DATA") or "./var")
+
+
 def _operator(command: Callable[..., None]) -> Callable[..., None]:
     """Hand a command what was asked globally as `Asked`; the option nearest to its name wins."""
 
     @functools.wraps(command)
-    def with_asked(
-        *args: Any, data: Path | None, as_json: bool, lang: str | None, **particulars: Any
-    ) -> None:
+    def with_asked(*args: Any, data: str | None, as_json: bool, lang: str | None, **particulars: Any) -> None:
         before = click.get_current_context().find_root().obj or {}
         asked = Asked(
-            data=data or before.get("data") or Path(os.environ.get("HARDCORE_DATA") or "./var"),
+            data=_data(data or before.get("data")),
             json=as_json or before.get("as_json", False),
             lang=lang or before.get("lang") or _language(),
         )
@@ -128,7 +132,7 @@ def _operator(command: Callable[..., None]) -> Callable[..., None]:
 @_options
 @click.pass_context
 def main(context: click.Context, /, **given: object) -> None:
-    r"""A household ledger that dies and comes back, with proof.
+    """A household ledger that dies and comes back, with proof.
 
     \b
     hardcore up                  start everything; Ctrl-C stops it
@@ -137,7 +141,7 @@ def main(context: click.Context, /, **given: object) -> None:
     hardcore drill crash         break it on purpose and watch it come back
     hardcore restart             a new core, without losing a request
     hardcore down                stop it and keep it stopped
-    """
+    """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
     context.obj = given
 
 
@@ -175,7 +179,8 @@ def down(asked: Asked) -> None:
             asked.fail(text("down_not_stored", asked.lang, why=error.strerror))
         if ended is None:
             asked.fail(text("silent", asked.lang))
-        asked.say("stopped" if ended else "nothing_running")
+        noted = "nothing_running" if folders.state.is_dir() else "nothing_there"
+        asked.say("stopped" if ended else noted)
         asked.tell({"ok": True, "was_running": ended > 0})
         return
     asked.ask(verb="down")
@@ -211,16 +216,22 @@ def _down_without_a_sentinel(folders: Folders) -> int | None:
 @_operator
 def show_status(asked: Asked, *, watch: bool) -> None:
     """Show how it is. Exit code: 0 working, 3 on the way, 4 needs a person."""
-    while True:
-        told = _status(asked)
-        if watch and not asked.json:
-            click.clear()
-        asked.tell(told)
-        if not asked.json:
-            click.echo(printed_status(told, asked.lang))
-        if not watch:
-            sys.exit(STATE_CODES.get(str(told["state"]), NEEDS_A_PERSON))
-        time.sleep(1)
+    with contextlib.suppress(KeyboardInterrupt):  # Ctrl-C is how a watch ends
+        while True:
+            code = _show_once(asked, clear=watch)
+            if not watch:
+                sys.exit(code)
+            time.sleep(1)
+
+
+def _show_once(asked: Asked, *, clear: bool) -> int:
+    told = _status(asked)
+    if clear and not asked.json:
+        click.clear()
+    asked.tell(told)
+    if not asked.json:
+        click.echo(printed_status(told, asked.lang))
+    return STATE_CODES.get(str(told["state"]), NEEDS_A_PERSON)
 
 
 def _status(asked: Asked) -> dict[str, Any]:
@@ -250,10 +261,15 @@ def restart(asked: Asked, reason: str, *, hard: bool) -> None:
 
 
 @main.command()
+@click.option(
+    "--accept-ledger",
+    is_flag=True,
+    help="Take the ledger as it stands: you have put back an older copy on purpose.",
+)
 @_operator
-def resume(asked: Asked) -> None:
+def resume(asked: Asked, *, accept_ledger: bool) -> None:
     """Try again after automatic recovery has stopped; empties the restart budget."""
-    answer = asked.ask(verb="resume")
+    answer = asked.ask(verb="resume", accept_ledger=accept_ledger)
     if not answer.get("changed"):
         asked.say("resume_needless", state=answer.get("phase"))
         asked.tell(answer)
@@ -442,53 +458,13 @@ def _come_back(asked: Asked, back: Callable[[dict[str, Any]], bool]) -> dict[str
         told = _status(asked)
         return told["state"] != "UNKNOWN" and (back(told) or told["state"] == "MANUAL_INTERVENTION")
 
-    if not _until(look):
+    try:
+        back_in_time = _until(look)
+    except KeyboardInterrupt:
+        asked.fail(text("goes_on", asked.lang), 130)
+    if not back_in_time:
         asked.fail(text("no_comeback", asked.lang, seconds=int(WAIT_S)))
     return told
-
-
-def printed_status(told: dict[str, Any], lang: str) -> str:
-    """Return the status for people."""
-    none = label("none", lang)
-    core, gateway, sentinel = told["core"], told["gateway"], told["sentinel"]
-    rows = [
-        ("state", f"{state_words(told['state'], lang)} ({told['state']}, {told['phase'] or '-'})"),
-        ("address", told["url"] or none),
-    ]
-    if core["pid"]:
-        beat = (
-            ""
-            if core["heartbeat_age_ms"] is None
-            else f", {label('beat', lang)} {core['heartbeat_age_ms']} ms"
-        )
-        epoch = f"{label('epoch', lang)} {core['epoch']}"
-        rows.append(
-            ("core", f"pid {core['pid']}, {epoch}{beat}, {label('in_flight', lang)} {core['in_flight']}")
-        )
-    else:
-        rows.append(("core", none))
-    rows.append(("gateway", f"pid {gateway['pid']}, {label('held', lang)} {gateway['held_requests']}"))
-    if sentinel["pid"]:
-        cpu = "-" if sentinel["cpu_percent"] is None else f"{sentinel['cpu_percent']} %"
-        rows.append(("sentinel", f"pid {sentinel['pid']}, {cpu}, {sentinel['rss_bytes'] // (1 << 20)} MB"))
-        used = f"{told['budget']['used']} / {told['budget']['limit']}"
-        window = label("in_seconds", lang).format(n=told["budget"]["window_s"])
-        rows.append(("budget", f"{used} {window}"))
-    rows.append(("incident", told["incident"] or none))
-    rows.append(("last_incident", told["last_incident"] or none))
-    rows.append(("verified", told["ledger_verified_at"] or none))
-    rows += [("worry", worry) for worry in told.get("worries", [])]
-    names = [label(key, lang) for key, _value in rows]
-    width = max(_cells(name) for name in names)
-    return "\n".join(
-        f"{name}{' ' * (width - _cells(name))}  {value}"
-        for name, (_key, value) in zip(names, rows, strict=True)
-    )
-
-
-def _cells(words: str) -> int:
-    """Return how many columns of a terminal a text takes; Hangul takes two each."""
-    return sum(2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in words)
 
 
 if __name__ == "__main__":

@@ -98,7 +98,8 @@ class Door:
 
     def _order(self, verb: seen.Verb, request: Request) -> Answer:
         before = self._house.reading()
-        self._house.feed(seen.OperatorAsked(clock.now_ns(), verb, request.reason))
+        asked = seen.OperatorAsked(clock.now_ns(), verb, request.reason, accept_ledger=request.accept_ledger)
+        self._house.feed(asked)
         after = self._house.reading()
         told = {"ok": True, "incident": after.incident or before.incident, "phase": str(after.phase)}
         return {**told, "changed": after.phase is not before.phase}, []

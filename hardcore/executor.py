@@ -28,6 +28,8 @@ from hardcore.snapshot.subject import Evidence, Subject
 
 THREADS_MAX = 4
 LIVES_KEPT_MAX = 4
+#: Keys of suspects in one line of the feed, which a gateway reads up to 64 KiB.
+SUSPECTS_A_LINE = 512
 #: A report is made in a second or two; one that takes this long hangs.
 REPORT_S = 20.0
 #: What is under way when all is stopped gets this long: a last report, and evidence that a slow disk takes.
@@ -282,7 +284,7 @@ class Executor:
     def _release(self, order: orders.Release) -> None:
         life = self.lives[order.life]
         self.serving = (
-            {"type": "suspects", "keys": list(order.suspects)},
+            *_suspect_lines(order.suspects),
             {
                 "type": "serving",
                 "socket": str(self._folders.core_socket(life.nonce)),
@@ -351,3 +353,9 @@ async def gone(handle: processes.Handle, within_s: float) -> bool:
     finally:
         loop.remove_reader(fd)
         os.close(fd)
+
+
+def _suspect_lines(keys: tuple[str, ...]) -> list[dict[str, object]]:
+    """Return the suspects in lines that a gateway reads; they add up, and the first says that there are none."""
+    parts = [keys[at : at + SUSPECTS_A_LINE] for at in range(0, len(keys), SUSPECTS_A_LINE)] or [()]
+    return [{"type": "suspects", "keys": list(part)} for part in parts]

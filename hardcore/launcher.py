@@ -44,6 +44,12 @@ def keep_descriptors() -> None:
                 os.set_inheritable(int(name), False)
 
 
+def say(words: bytes) -> None:
+    """Tell the terminal, if it is still there: one that was closed must not end us."""
+    with contextlib.suppress(OSError):
+        os.write(2, words)
+
+
 class Launcher:
     """Holds the listener, a sentinel's pidfd, and whether we were told to stop."""
 
@@ -63,10 +69,10 @@ class Launcher:
 
     def stop(self, _number: int, _frame: object) -> None:
         """Pass a stop on, once; the next one says that it is under way."""
-        if not self.told:
-            os.write(2, b"\nStopping: the core finishes what it has.\n")
-        self.told = True
+        first, self.told = not self.told, True
         self.forward()
+        if first:
+            say(b"\nStopping: the core finishes what it has.\n")
 
     def forward(self) -> None:
         """Tell the sentinel to stop everything."""
@@ -197,7 +203,7 @@ class Launcher:
                 return 1
             # One that died while stopping left its work half done: the next one goes on with it.
             if status != ANOTHER_WATCHES:
-                os.write(2, b"The sentinel ended; starting it again.\n")
+                say(b"The sentinel ended; starting it again.\n")
             if time.monotonic() - began < SHORT_LIFE_S:
                 select.select([], [], [], PAUSE_S)
 

@@ -27,6 +27,8 @@ class PolicyInForce:
 def load_policy_file(path: Path) -> Policy | list[PolicyFault]:
     """Return the policy in a file, or everything that is wrong with it."""
     try:
+        if not path.is_file():
+            return [PolicyFault(0, "", "is not a file that can be read")]
         with path.open("rb") as file:
             data = file.read(POLICY_BYTES_MAX + 1)
         if len(data) > POLICY_BYTES_MAX:

@@ -68,6 +68,7 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "wanted": str(reading.wanted),
         "incident": reading.incident,
         "stage": reading.stage,
+        "waits_for": reading.waits_for,
         "worries": [t.why for t in reading.verdict.testimonies],
     }
     status["sentinel"] |= {"tick_ms": policy.health_check_interval_ms, "late_ticks": reading.late_ticks}

@@ -38,6 +38,7 @@ class Request:
     hard: bool = False
     fault: str = ""
     yes: bool = False
+    accept_ledger: bool = False
     pid: int = 0
 
 
@@ -77,6 +78,7 @@ def read_request(line: bytes) -> Request | BadRequest:
         hard=value.get("hard") is True,
         fault=fault,
         yes=value.get("yes") is True,
+        accept_ledger=value.get("accept_ledger") is True,
         pid=pid,
     )
 

@@ -157,6 +157,7 @@ class FailoverManager:
             incident=self._story.id if self._story else None,
             planned=self._cause is StartCause.PLANNED,
             verdict=self._verdict,
+            waits_for=plan.waits_for(self._phase, self._hopeless),
             late_ticks=self._bench.late_ticks,
             deaths=len(self._budget.deaths_ns),
         )

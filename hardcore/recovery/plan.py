@@ -34,6 +34,13 @@ def hopeless(policy: Policy, diagnosis: Diagnosis, *, spent: bool) -> Diagnosis 
     return Diagnosis.CRASH_LOOP if spent else None
 
 
+def waits_for(phase: Phase, reason: Diagnosis | None) -> str | None:
+    """Return what keeps the guard from going on by itself, or None while it does."""
+    if phase is Phase.UNKILLABLE:
+        return str(phase)
+    return str(reason) if phase is Phase.FATAL and reason else None
+
+
 def pause_ns(policy: Policy, tries: int, jitter: float) -> int:
     """Return the pause before the next start. `tries`: cores in a row that proved nothing.
 

@@ -33,5 +33,6 @@ class Reading:
     incident: str | None
     planned: bool
     verdict: Verdict
+    waits_for: str | None
     late_ticks: int
     deaths: int

@@ -38,7 +38,7 @@ POLICY: Final[Mapping[str, Any]] = {
     "probation_ms": 300,
     "backoff_initial_ms": 50,
     "backoff_max_ms": 400,
-    "stop_timeout_ms": 3000,
+    "stop_timeout_ms": 5000,
     "clean_after_ms": 500,
     "snapshot_budget_ms": 10_000,
     "max_restart_count": 1000,

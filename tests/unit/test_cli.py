@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from hardcore import status
-from hardcore.cli import STATE_CODES, printed_status
+from hardcore.cli import STATE_CODES
 from hardcore.host.folders import Folders
 from hardcore.model.phases import HAState
+from hardcore.status_page import printed_status
 
 
 @pytest.mark.parametrize("lang", ["ko", "en"])

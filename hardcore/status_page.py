@@ -1,0 +1,55 @@
+"""The status for people: a few aligned lines, the next step where one is needed."""
+
+import unicodedata
+from typing import Any
+
+from frontend.catalogue import label, next_step, state_words
+
+
+def printed_status(told: dict[str, Any], lang: str) -> str:
+    """Return the status as lines of a terminal."""
+    rows = [("state", _state(told, lang))]
+    if told["state"] == "MANUAL_INTERVENTION":
+        rows.append(("next", next_step(told.get("waits_for"), lang)))
+    none = label("none", lang)
+    rows.append(("address", told["url"] or none))
+    rows += [("core", _core(told["core"], lang)), ("gateway", _gateway(told["gateway"], lang))]
+    sentinel = told["sentinel"]
+    if sentinel["pid"]:
+        cpu = "-" if sentinel["cpu_percent"] is None else f"{sentinel['cpu_percent']} %"
+        rows.append(("sentinel", f"pid {sentinel['pid']}, {cpu}, {sentinel['rss_bytes'] // (1 << 20)} MB"))
+        rows.append(("budget", label("budget_used", lang).format(**told["budget"])))
+    rows.append(("incident", told["incident"] or none))
+    rows.append(("last_incident", told["last_incident"] or none))
+    rows.append(("verified", told["ledger_verified_at"] or none))
+    rows += [("worry", worry) for worry in told.get("worries", [])]
+    names = [label(key, lang) for key, _value in rows]
+    width = max(_cells(name) for name in names)
+    lines = zip(names, rows, strict=True)
+    return "\n".join(f"{name}{' ' * (width - _cells(name))}  {value}" for name, (_key, value) in lines)
+
+
+def _state(told: dict[str, Any], lang: str) -> str:
+    if told["state"] == "UNKNOWN" and told["wanted"] == "DOWN":
+        return label("stopped", lang)
+    return f"{state_words(told['state'], lang)} ({told['state']}, {told['phase'] or '-'})"
+
+
+def _core(core: dict[str, Any], lang: str) -> str:
+    if not core["pid"]:
+        return label("none", lang)
+    age = core["heartbeat_age_ms"]
+    beat = "" if age is None else f", {label('beat', lang)} {age} ms"
+    epoch = f"{label('epoch', lang)} {core['epoch']}"
+    return f"pid {core['pid']}, {epoch}{beat}, {label('in_flight', lang)} {core['in_flight']}"
+
+
+def _gateway(gateway: dict[str, Any], lang: str) -> str:
+    if not gateway["pid"]:
+        return label("none", lang)
+    return f"pid {gateway['pid']}, {label('held', lang)} {gateway['held_requests']}"
+
+
+def _cells(words: str) -> int:
+    """Return how many columns of a terminal a text takes; Hangul takes two each."""
+    return sum(2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in words)
