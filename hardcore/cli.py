@@ -179,7 +179,7 @@ def down(asked: Asked) -> None:
             asked.fail(text("down_not_stored", asked.lang, why=error.strerror))
         if ended is None:
             asked.fail(text("silent", asked.lang))
-        noted = "nothing_running" if folders.state.is_dir() else "nothing_there"
+        noted = "nothing_running" if _is_laid_out(folders) else "nothing_there"
         asked.say("stopped" if ended else noted)
         asked.tell({"ok": True, "was_running": ended > 0})
         return
@@ -191,12 +191,16 @@ def down(asked: Asked) -> None:
     asked.tell({"ok": True, "was_running": True})
 
 
+def _is_laid_out(folders: Folders) -> bool:
+    return os.path.isdir(folders.state)  # noqa: PTH112  # pathlib's raises for a name that is too long
+
+
 def _down_without_a_sentinel(folders: Folders) -> int | None:
     """Store DOWN and end what a guard that was killed has left; return how many processes that were.
 
     None: a sentinel lives that can't be reached. One whose run folder was removed makes way within moments.
     """
-    if not os.path.isdir(folders.state):  # noqa: PTH112  # pathlib's raises for a name that is too long
+    if not _is_laid_out(folders):
         return 0
     standing.store_wanted(folders, Wanted.DOWN)
     folders.run.mkdir(mode=0o700, exist_ok=True)  # somebody may have removed it under the living
