@@ -30,6 +30,7 @@ class Reason(StrEnum):
     UNKNOWN_FIELD = "unknown_field"
     WRONG_TYPE = "wrong_type"
     MALFORMED = "malformed"
+    NAMED_TWICE = "named_twice"
     UNKNOWN_VALUE = "unknown_value"
     NOT_SUPPORTED = "not_supported"
     TOO_LONG = "too_long"

@@ -6,6 +6,7 @@ words them. A library of forms was not chosen: three kinds of bodies and six par
 """
 
 import hashlib
+import json
 import re
 from typing import Final, TypeVar
 
@@ -60,7 +61,10 @@ def decode_body(body: bytes, shape: type[B]) -> B:
     """Return the body as a value of this shape, or end the request with what is wrong with it."""
     try:
         body.decode()
-        return msgspec.json.decode(body, type=shape)
+        value = msgspec.json.decode(body, type=shape)
+        # The typed decoder lets the last of two equal names win: an amount said twice would be booked as either.
+        json.loads(body, object_pairs_hook=_refuse_twins)
+        return value
     except UnicodeDecodeError as error:
         raise _malformed(error.start) from None
     except msgspec.ValidationError as error:
@@ -70,6 +74,13 @@ def decode_body(body: bytes, shape: type[B]) -> B:
         raise _malformed(_position(str(error), body)) from None
     except RecursionError:
         raise ProblemError(Problem("invalid-body", (Fault("", Reason.WRONG_TYPE),))) from None
+
+
+def _refuse_twins(pairs: list[tuple[str, object]]) -> None:
+    names = [name for name, _value in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise ProblemError(Problem("invalid-body", (Fault(f"/{name}", Reason.NAMED_TWICE),)))
 
 
 def idempotency_key(request: Request) -> str | None:

@@ -44,6 +44,8 @@ def test_what_is_no_json_is_told_with_its_place(body: bytes, position: int) -> N
         (WHOLE.replace(b'"amount":"1",', b""), "/postings/0/amount", Reason.MISSING),
         (WHOLE[:-1] + b',"colour/~":"red"}', "/colour~1~0", Reason.UNKNOWN_FIELD),
         (WHOLE[:-1] + b',"tags":["a",3]}', "/tags/1", Reason.WRONG_TYPE),
+        (WHOLE.replace(b'"1"', b'"5","amount":"7"'), "/amount", Reason.NAMED_TWICE),
+        (WHOLE[:-1] + b',"date":"2026-11-21"}', "/date", Reason.NAMED_TWICE),
         (b'{"x":' + b"[" * 100_000 + b"]" * 100_000 + b"}", "/x", Reason.UNKNOWN_FIELD),
     ],
 )
