@@ -96,11 +96,11 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
     "outcome-unknown": {
         "ko": (
             "처리됐는지 아직 알 수 없어요",
-            "응답하기 전에 서버가 멈췄어요. 다시 보내기 전에 내역을 확인해 주세요.",
+            "응답하기 전에 서버가 멈췄어요. Idempotency-Key와 함께 보냈다면 그대로 다시 보내도 한 번만 처리돼요. 없었다면 먼저 내역을 확인해 주세요.",
         ),
         "en": (
             "It is not known whether this was done",
-            "The server stopped before it answered. Please check the records before you send it again.",
+            "The server stopped before it answered. If you sent it with an Idempotency-Key, send it again as it was: it is done once. If not, please check the records first.",
         ),
     },
     "not-serving": {
@@ -125,10 +125,13 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
         ),
     },
     "core-too-slow": {
-        "ko": ("서버가 제시간에 답하지 않았어요", "처리됐는지 먼저 확인해 주세요."),
+        "ko": (
+            "서버가 제시간에 답하지 않았어요",
+            "Idempotency-Key와 함께 보냈다면 그대로 다시 보내도 한 번만 처리돼요. 없었다면 먼저 내역을 확인해 주세요.",
+        ),
         "en": (
             "The server did not answer in time",
-            "Please check whether the request was done before you send it again.",
+            "If you sent it with an Idempotency-Key, send it again as it was: it is done once. If not, please check the records first.",
         ),
     },
 }

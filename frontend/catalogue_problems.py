@@ -137,18 +137,18 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
     "outcome-unknown": {
         "ko": (
             "처리됐는지 아직 알 수 없어요",
-            "저장하는 중에 문제가 생겼어요. 다시 보내기 전에 내역을 확인해 주세요.",
+            "저장하는 중에 문제가 생겼어요. Idempotency-Key와 함께 보냈다면 그대로 다시 보내도 한 번만 처리돼요. 없었다면 먼저 내역을 확인해 주세요.",
         ),
         "en": (
             "It is not known whether this was done",
-            "Storing it failed half-way. Please check the records before you send it again.",
+            "Storing it failed half-way. If you sent it with an Idempotency-Key, send it again as it was: it is done once. If not, please check the records first.",
         ),
     },
     "internal": {
         "ko": ("서버 오류예요", "저희 쪽 문제예요. 다시 보내기 전에 내역을 확인해 주세요."),
         "en": (
             "The server made a mistake",
-            "The fault is ours. Please check the records before you send it again.",
+            "The fault is ours. If you sent it with an Idempotency-Key, send it again as it was: it is done once. If not, please check the records first.",
         ),
     },
 }
