@@ -39,6 +39,29 @@ def test_a_moved_data_folder_is_found_whole_where_it_is_now(new_house: MakeHouse
     assert house.booked() == ["before-the-move"]
 
 
+def test_an_older_ledger_put_back_is_served_only_when_the_operator_says_so(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("in-the-copy").status == 201
+    assert house.cli("down").code == 0
+    kept = house.data.with_name("kept.db")
+    shutil.copyfile(house.data / "ledger.db", kept)
+    house.up()
+    assert house.book("after-the-copy").status == 201
+    assert house.cli("down").code == 0
+    shutil.copyfile(kept, house.data / "ledger.db")
+
+    house.begin()
+    told = house.until(lambda status: status["phase"] == "FATAL", "the refusal of an older ledger")
+    assert told["waits_for"] == "STORE_CORRUPT"
+    house.url = told["url"]
+    assert "docs/recover.md" in house.cli("status").out
+    assert house.cli("resume").code == 1, "a plain resume must not serve what lost an acknowledged record"
+    assert house.cli("resume", "--accept-ledger").code == 0
+    assert house.booked() == ["in-the-copy"]
+    assert house.book("and-on").status == 201
+
+
 def test_a_copy_lives_beside_its_original_and_neither_touches_the_other(
     house: House, new_house: MakeHouse
 ) -> None:
