@@ -9,8 +9,8 @@ from typing import Final
 #: key -> (ko, en)
 CLI: Final[dict[str, tuple[str, str]]] = {
     "serving": (
-        "가계부: {url}\n끄려면 Ctrl-C를 누르세요. 상태는 `hardcore status`로 볼 수 있어요.",
-        "Ledger: {url}\nCtrl-C stops it. `hardcore status` shows how it is.",
+        "가계부: {url}\n끄려면 Ctrl-C를 누르세요. 상태는 `{command} status`로 볼 수 있어요.",
+        "Ledger: {url}\nCtrl-C stops it. `{command} status` shows how it is.",
     ),
     "attached": (
         "이미 돌고 있던 감시자에 다시 붙었어요: {url}",

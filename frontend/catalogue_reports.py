@@ -47,6 +47,10 @@ CAUSES: Mapping[str, Text] = {
     "CRASH_LOOP": _text("장부 서버가 거듭 멈췄고", "the ledger kept failing"),
     "CONFIG_INVALID": _text("설정에 잘못된 부분이 있었고", "the configuration is not usable"),
     "OPERATOR": _text("요청에 따라 장부 서버를 다시 켰고", "the ledger was restarted on purpose"),
+    "SENTINEL_LOST": _text(
+        "장부를 지키던 감시자가 멈춰서 장부 서버를 새로 켰고",
+        "the guard of the ledger had died, so the ledger was started anew",
+    ),
     "PLANNED_SWITCH": _text("계획대로 장부 서버를 다시 켰고", "the ledger was restarted as planned"),
     "UNKNOWN": _text("장부 서버에 문제가 생겼고", "something went wrong with the ledger"),
 }
@@ -272,6 +276,7 @@ WORDS: Mapping[str, Text] = {
     "suspect": _text("다시 실행하지 않고 결과만 조회", "looked up, not run again"),
     "next_step": _text("할 일", "What to do"),
     "partial": _text("증거를 쓰다가 중단됐어요.", "Its evidence was never written to the end."),
+    "none_in_flight": _text("처리 중인 요청 없음", "none in flight"),
     "nothing_recorded": _text("기록 없음", "not recorded"),
 }
 

@@ -9,6 +9,7 @@ import contextlib
 import functools
 import json
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -54,6 +55,14 @@ class Asked:
     def folders(self) -> Folders:
         """The files of the instance meant."""
         return locate(self.data)
+
+    @property
+    def command(self) -> str:
+        """How this instance is spoken to from another terminal."""
+        words = [sys.argv[0] if sys.argv[0].endswith("hardcore") else "hardcore"]
+        if self.data != Path("var"):
+            words += ["--data", str(self.data)]
+        return shlex.join(words)
 
     def say(self, key: str, **values: object) -> None:
         """Print a text, unless a program reads."""
@@ -161,7 +170,7 @@ def up(asked: Asked, host: str, port: int, policy: Path | None) -> None:
         asked.fail(ready.words, ready.code)
     if ready.warning:
         click.echo(ready.warning, err=True)
-    asked.say("attached" if ready.attached else "serving", url=ready.url)
+    asked.say("attached" if ready.attached else "serving", url=ready.url, command=asked.command)
     asked.tell({"ok": True, "url": ready.url, "attached": ready.attached})
     sys.stdout.flush()
     starting.become_launcher(ready)

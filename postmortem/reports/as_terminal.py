@@ -87,14 +87,16 @@ def print_show(story: Mapping[str, Any], language: str, write: Write, look: Look
 
 def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) -> None:
     nothing = _word("nothing_recorded", language)
+    # A recorder that was read and shows no command is knowledge, not a gap.
+    idle = nothing if story["closed_at"] is None else _word("none_in_flight", language)
     rows = [
         ("diagnosis", f"{story['diagnosis']} ({texts.GRADES[story['grade']][language]})"),
         ("outcome", _outcome(story, language)),
         ("opened", _local(story["opened_at"], language)),
         ("detection", milliseconds(story["detected_ms"], nothing)),
         ("outage", milliseconds(story["outage_ms"], nothing)),
-        ("accounts", ", ".join(story["account_ids"]) or nothing),
-        ("transactions", ", ".join(story["transaction_ids"]) or nothing),
+        ("accounts", ", ".join(story["account_ids"]) or idle),
+        ("transactions", ", ".join(story["transaction_ids"]) or idle),
         ("money", story["money_line"][language]),
     ]
     if step := story["next_step"][language]:
@@ -122,6 +124,9 @@ def _findings(story: Mapping[str, Any], language: str) -> Iterable[str]:
 
 
 def _in_flight(story: Mapping[str, Any], language: str) -> Iterable[str]:
+    if not story["in_flight"] and story["closed_at"] is None:
+        yield _word("nothing_recorded", language)
+        return
     if not story["in_flight"]:
         yield _word("nothing_in_flight", language)
     for command in story["in_flight"]:
