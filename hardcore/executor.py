@@ -246,7 +246,9 @@ class Executor:
         for life in self.leftovers:
             life.let_go()
         self.leftovers = ()
-        self._tell(seen.CoreExited(clock.now_ns(), 0, seen.Exit(signal=signal.SIGKILL), last))
+        # Without a process there was nothing to kill: how that core ended, nobody saw.
+        how = seen.Exit(signal=signal.SIGKILL) if handles else seen.Exit()
+        self._tell(seen.CoreExited(clock.now_ns(), 0, how, last))
 
     async def _take_evidence(self, order: orders.TakeEvidence, done: asyncio.Event) -> None:
         try:
