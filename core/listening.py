@@ -13,12 +13,19 @@ from pathlib import Path
 from typing import Final
 
 from starlette.types import ASGIApp
+from uvicorn._types import ASGISendEvent
 from uvicorn.config import Config
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import Server
 
 KEEP_ALIVE_S: Final = 3_600  # longer than a gateway keeps an idle connection: the side that asks closes first
 CLOSING_S: Final = 1
 TICK_S: Final = 1.0
+# A page's socket: it says nothing, so it may say little; whoever is there answers a ping.
+SAID_BYTES_MAX: Final = 4_096
+PING_EVERY_S: Final = 20.0
+PONG_WITHIN_S: Final = 20.0
+STUCK_S: Final = 10.0
 
 
 def bind_unix(path: Path) -> socket.socket | str:
@@ -45,6 +52,44 @@ def bind_loopback(port: int) -> socket.socket | str:
     return bound
 
 
+class PageSocket(WebSocketsSansIOProtocol):
+    """A WebSocket whose client takes what it is sent, or is hung up on.
+
+    Closing is not enough for one that reads nothing: the close frame would wait behind the rest.
+    """
+
+    _stuck: asyncio.TimerHandle | None = None
+
+    async def send(self, message: ASGISendEvent) -> None:
+        """Send, and know a refusal for an answer: the server takes it for a handshake that never ended."""
+        await super().send(message)
+        if self.initial_response is not None and self.close_sent:
+            self.handshake_complete = True
+
+    def pause_writing(self) -> None:
+        """The client does not read: give it a while."""
+        super().pause_writing()
+        self._stuck = self.loop.call_later(STUCK_S, self._hang_up)
+
+    def resume_writing(self) -> None:
+        """It reads again."""
+        self._forgive()
+        super().resume_writing()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """It is gone."""
+        self._forgive()
+        super().connection_lost(exc)
+
+    def _hang_up(self) -> None:
+        self.transport.abort()
+
+    def _forgive(self) -> None:
+        if self._stuck is not None:
+            self._stuck.cancel()
+            self._stuck = None
+
+
 class LedgerServer(Server):
     """Serves one application on one bound socket."""
 
@@ -53,7 +98,11 @@ class LedgerServer(Server):
             Config(
                 app,
                 http="httptools",
-                ws="none",
+                ws=PageSocket,
+                ws_max_size=SAID_BYTES_MAX,
+                ws_per_message_deflate=False,
+                ws_ping_interval=PING_EVERY_S,
+                ws_ping_timeout=PONG_WITHIN_S,
                 lifespan="off",
                 log_config=None,
                 access_log=False,

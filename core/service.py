@@ -19,6 +19,7 @@ from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from core.guarded.recorder import FlightRecorder, Stage
+from core.hub import Hub
 from core.journal.answers import Answer, LookUp, Order
 from core.journal.store import StoreError, is_interrupted, snapshot, store_error
 from core.journal.verify import GivenUp, Verdict, verify
@@ -58,6 +59,7 @@ class Service:
         """Take the started parts. `readers` is not opened before the first read."""
         self.epoch = epoch
         self.settings = settings
+        self.hub = Hub()
         self._writer = writer
         self._readers = readers
         self._recorder = recorder

@@ -88,6 +88,14 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
             "An idempotency key stands for one request. Please use a new key.",
         ),
     },
+    "subprotocol-unknown": {
+        "ko": ("이 연결의 말을 몰라요", "이 소켓에서는 {subprotocol} 프로토콜을 써요."),
+        "en": ("This socket speaks something else", "Offer the subprotocol {subprotocol}."),
+    },
+    "foreign-page": {
+        "ko": ("다른 사이트의 페이지는 연결할 수 없어요", "가계부 주소에서 직접 열어 주세요."),
+        "en": ("A page of another site may not connect", "Please open the ledger at its own address."),
+    },
     "not-found": {
         "ko": ("여기에는 아무것도 없어요", "주소를 확인해 주세요."),
         "en": ("There is nothing here", "Please check the address."),

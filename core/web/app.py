@@ -12,12 +12,13 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
-from starlette.routing import Route
+from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 
 from core.service import Service
 from core.web import handlers
 from core.web.door import Door
+from core.web.live import live
 from core.web.openapi import document
 from core.web.problems import Outcome, Problem, ProblemError, respond
 from frontend.render import language
@@ -50,7 +51,7 @@ def make_app(service: Service) -> ASGIApp:
     routes = [Route(path, _by_method(table), methods=list(table)) for path, table in ROUTES.items()]
     routes.append(Route("/api/openapi.json", openapi, methods=["GET"]))
     app = Starlette(
-        routes=routes,
+        routes=[*routes, WebSocketRoute("/ws", live)],
         exception_handlers={
             ProblemError: _tell_problem,
             HTTPException: _tell_unrouted,

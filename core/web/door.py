@@ -13,6 +13,8 @@ from core.service import Service
 
 _SLOT: Final = "core.slot"
 _UNANSWERED: Final = 500
+_SWITCHING: Final = 101
+_HEADS: Final = frozenset({"http.response.start", "websocket.accept", "websocket.http.response.start"})
 
 
 def take_slot(scope: Scope, slot: int) -> None:
@@ -35,9 +37,9 @@ class Door:
 
         async def stamp(message: Message) -> None:
             nonlocal status
-            if message["type"] == "http.response.start":
-                status = message["status"]
-                message["headers"] = [*message["headers"], (b"x-core-epoch", self._epoch)]
+            if message["type"] in _HEADS:
+                status = message.get("status", _SWITCHING)
+                message["headers"] = [*message.get("headers", ()), (b"x-core-epoch", self._epoch)]
                 if _SLOT in scope:
                     self._service.answering(scope[_SLOT])
             await send(message)

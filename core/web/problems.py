@@ -45,6 +45,8 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "malformed-json": ProblemKind(400),
     "invalid-key": ProblemKind(400),
     "invalid-parameter": ProblemKind(400),
+    "subprotocol-unknown": ProblemKind(400),
+    "foreign-page": ProblemKind(403),
     "not-found": ProblemKind(404),
     "account-not-found": ProblemKind(404),
     "transaction-not-found": ProblemKind(404),
