@@ -38,6 +38,12 @@ _HOP_BY_HOP = frozenset(
 _NOT_TO_CORE = _HOP_BY_HOP | {b"content-length", b"expect", b"host", b"x-actor", b"forwarded", b"x-real-ip"}
 _NOT_TO_CORE_PREFIXES = (b"x-forwarded-", b"x-core-")
 _NOT_TO_CLIENT = _HOP_BY_HOP | {b"content-length"}
+#: Not passed on of a navigation: its page is changed on the way back, so it is asked for plain and whole, and
+#: no copy of it can be confirmed by the tag of what the core wrote.
+_NOT_OF_A_PAGE = frozenset({b"accept-encoding", b"if-none-match", b"if-modified-since"})
+
+#: Languages that a page may put into its cookie.
+_TONGUES = frozenset({b"ko", b"en"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +51,9 @@ class RequestHead:
     """A request's head after judgement. `headers` are those that go on to the core, host not among them.
 
     `content_length` is None for a chunked body and 0 for none; `key` is the idempotency key, None if the
-    client gave none (or one that nobody could look up).
+    client gave none (or one that nobody could look up). `navigation`: a person waits before an empty tab for
+    it; `gzip`: the answer may be compressed; `accept_language` is what the pages' own switch says, else the
+    client's header.
     """
 
     method: str
@@ -56,6 +64,7 @@ class RequestHead:
     content_length: int | None
     key: bytes | None
     navigation: bool
+    gzip: bool
     expects_continue: bool
     keep_alive: bool
     http10: bool
@@ -101,11 +110,14 @@ class _Facts:
     keys: int = 0
     key: bytes = b""
     accept: bytes = b""
+    accept_encoding: bytes = b""
     accept_language: bytes = b""
     cookie: bytes = b""
     expect: bytes = b""
     origin: bytes = b""
     fetch_site: bytes = b""
+    fetch_mode: bytes = b""
+    fetch_dest: bytes = b""
     named_by_connection: frozenset[bytes] = frozenset()
 
 
@@ -135,6 +147,8 @@ def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, b
                 facts.keys, facts.key = facts.keys + 1, value.strip()
             case b"accept":
                 facts.accept = value.lower()
+            case b"accept-encoding":
+                facts.accept_encoding = value.lower()
             case b"accept-language":
                 facts.accept_language = value
             case b"cookie":
@@ -143,6 +157,10 @@ def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, b
                 facts.origin = value.strip().lower()
             case b"sec-fetch-site":
                 facts.fetch_site = value.strip().lower()
+            case b"sec-fetch-mode":
+                facts.fetch_mode = value.strip().lower()
+            case b"sec-fetch-dest":
+                facts.fetch_dest = value.strip().lower()
             case _:
                 pass
         if low not in _NOT_TO_CORE and not low.startswith(_NOT_TO_CORE_PREFIXES):
@@ -191,22 +209,48 @@ def read_request(
         return Problem.FOREIGN_PAGE
     if facts.expect not in {b"", b"100-continue"}:
         return Problem.EXPECTATION_FAILED
-    named = facts.named_by_connection
+    navigation = _is_navigation(method, facts)
+    dropped = facts.named_by_connection | (_NOT_OF_A_PAGE if navigation else frozenset())
     return RequestHead(
         method=method,
         target=target,
         path=target.split(b"?", 1)[0],
         host=facts.host,
-        headers=tuple((name, value) for low, name, value in kept if low not in named),
+        headers=tuple((name, value) for low, name, value in kept if low not in dropped),
         content_length=None if facts.chunked else facts.length,
         key=_usable_key(facts),
-        navigation=method == "GET" and b"text/html" in facts.accept,
+        navigation=navigation,
+        gzip=_takes_gzip(facts.accept_encoding),
         expects_continue=bool(facts.expect) and version == "1.1",
         keep_alive=keep_alive and not upgrade,
         http10=version == "1.0",
-        accept_language=facts.accept_language.decode("latin-1"),
+        accept_language=_tongue(facts).decode("latin-1"),
         cookie=facts.cookie,
     )
+
+
+def _is_navigation(method: str, facts: _Facts) -> bool:
+    """Whether a tab waits for a page: a browser says so itself; whoever is silent may ask for text/html."""
+    if method not in {"GET", "POST"}:
+        return False
+    if facts.fetch_mode or facts.fetch_dest or facts.fetch_site:
+        return facts.fetch_mode == b"navigate" and facts.fetch_dest in {b"", b"document"}
+    return b"text/html" in facts.accept
+
+
+def _takes_gzip(accept_encoding: bytes) -> bool:
+    """Whether gzip is named and not ruled out."""
+    for part in accept_encoding.split(b","):
+        name, _, weight = part.partition(b";")
+        if name.strip() == b"gzip":
+            return weight.replace(b" ", b"").rstrip(b"0") not in {b"q=", b"q=0."}
+    return False
+
+
+def _tongue(facts: _Facts) -> bytes:
+    """What the reader has chosen on a page of ours, else what the browser says in general."""
+    chosen = cookie_value(facts.cookie, b"lang")
+    return chosen if chosen in _TONGUES else facts.accept_language
 
 
 def _from_a_foreign_page(facts: _Facts) -> bool:
@@ -314,10 +358,15 @@ def answer_bytes(head: AnswerHead, *, length: int | None, chunked: bool, close: 
     return b"".join(parts)
 
 
-def browser_of(cookie: bytes) -> bytes | None:
-    """The value of the gateway's own cookie, which tells browsers apart; None for whoever has none."""
+def cookie_value(cookie: bytes, wanted: bytes) -> bytes | None:
+    """The first value of a cookie in a Cookie header; None if it is not there or empty."""
     for pair in cookie.split(b";"):
         name, _, value = pair.strip().partition(b"=")
-        if name == b"__hc" and value:
+        if name == wanted and value:
             return value
     return None
+
+
+def browser_of(cookie: bytes) -> bytes | None:
+    """The value of the gateway's own cookie, which tells browsers apart; None for whoever has none."""
+    return cookie_value(cookie, b"__hc")
