@@ -22,6 +22,7 @@ import msgspec
 import uvloop
 
 from core import departure
+from core.audit import audit_behind
 from core.departure import Departure, ExitCode
 from core.guarded.control import ControlUnboundError, Standing
 from core.guarded.environment import GuardedEnvironment
@@ -164,8 +165,10 @@ class Life:
         server = LedgerServer(make_app(service))
         await server.start(bound)
         self._ready(book, bound)
+        audit = loop.create_task(audit_behind(service, self._beacon))
         assert self._ended is not None
         left = await self._ended
+        audit.cancel()
         if left is not None:
             await self._leave_at_once(left, service)
         await self._leave(service, server, book)

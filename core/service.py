@@ -9,6 +9,7 @@ bound of its own.
 
 import asyncio
 import os
+import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -72,6 +73,7 @@ class Service:
         self._verifying = asyncio.Lock()
         self._next_verdict: asyncio.Task[Verdict | StoreError | GivenUp] | None = None
         self._verdicts_waiting = 0
+        self._leaving = threading.Event()
 
     @property
     def in_flight(self) -> int:
@@ -168,16 +170,25 @@ class Service:
             self._verdicts_waiting -= 1
         return Draining() if isinstance(verdict, GivenUp) else verdict
 
+    async def verify_behind(self) -> Verdict | StoreError | GivenUp:
+        """Prove the whole book for nobody who waits: it rests between slices, and gives way to whoever asks."""
+        rest_s = self.settings.verify_rest_ms / 1000
+        async with self._verifying:
+            return await self._replay(lambda: self._leaving.wait(0.0 if self._verdicts_waiting else rest_s))
+
     async def _prove(self) -> Verdict | StoreError | GivenUp:
         async with self._verifying:
             self._next_verdict = None  # who asks from now on needs another one
-            loop = asyncio.get_running_loop()
-            prove = partial(verify, self._readers, self.settings.read_ms_max, lambda: self._draining)
-            return await loop.run_in_executor(self._auditor, prove)
+            return await self._replay(self._leaving.is_set)
+
+    async def _replay(self, is_leaving: Callable[[], bool]) -> Verdict | StoreError | GivenUp:
+        prove = partial(verify, self._readers, self.settings.read_ms_max, is_leaving)
+        return await asyncio.get_running_loop().run_in_executor(self._auditor, prove)
 
     def drain(self) -> None:
         """Take nothing new from now on."""
         self._draining = True
+        self._leaving.set()
 
     async def all_answered(self, within_ms: int) -> bool:
         """Wait until every request that holds a slot is answered; return whether that came about."""

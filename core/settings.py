@@ -41,6 +41,12 @@ class Settings:
     read_ms_max: int = _setting(900, 10, 10_000, "longest statement of a read")
     readers: int = _setting(2, 1, 16, "connections and threads that read")
     tail_events: int = _setting(1_000, 1, 1_000_000, "events proven before serving when there is no witness")
+    # Proof B runs behind the serving: first come the requests that waited for this core.
+    verify_after_ms: int = _setting(200, 0, 3_600_000, "rest before the proof of the whole ledger begins")
+    verify_rest_ms: int = _setting(20, 0, 10_000, "rest between two slices of that proof")
+    verify_again_ms: int = _setting(
+        60_000, 10, 3_600_000, "rest before that proof is tried again if the store could not be read"
+    )
     # Closing connections and store comes after it, and a guard kills whoever is not gone after its own
     # `stop_timeout_ms` (5,000 unless its policy says otherwise).
     drain_ms: int = _setting(

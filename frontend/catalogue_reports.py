@@ -236,6 +236,14 @@ MONEY: Mapping[str, Text] = {
         "장부가 비어 있었어요. 잃을 기록이 없었어요.", "The ledger was empty: there was nothing to lose."
     ),
     "none": _text("아직 확인하지 않았어요.", "Not verified yet."),
+    "whole": _text(
+        "그 뒤에 장부 전체를 처음부터 {seq}번 기록까지 다시 확인했어요.",
+        "After that the whole ledger was checked, from its first record to number {seq}.",
+    ),
+    "unsound": _text(
+        "장부 전체를 확인했더니 맞지 않는 곳이 있어요. ({fault})",
+        "The whole ledger was checked, and it is not whole. ({fault})",
+    ),
 }
 
 #: Headings and small words of reports and of the terminal.

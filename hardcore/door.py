@@ -70,6 +70,7 @@ class Door:
         self.last_incident = status.last_incident(house.folders)
         self._house = house
         self._proved: seen.CoreReady | None = None
+        self._verified_ns: int | None = None
         self._launcher = _identity(os.getppid())
         self._stats: dict[str, int] = {}
         self._own_cpu = _CpuMeter()
@@ -189,9 +190,12 @@ class Door:
 
     # ---- status ----
 
-    def proved(self, fact: seen.CoreReady) -> None:
-        """Take in that a core has proven the ledger."""
-        self._proved = fact
+    def proved(self, fact: seen.CoreReady | seen.LedgerAudited) -> None:
+        """Take in that a core has proven the ledger's end, or looked at all of it."""
+        if isinstance(fact, seen.CoreReady):
+            self._proved = fact
+        elif fact.ok:
+            self._verified_ns = fact.at_ns
 
     def measure(self) -> None:
         """Take the processor's share of the last second."""
@@ -227,7 +231,7 @@ class Door:
             cpu_percent=self._core_cpu.percent,
         )
         told["last_incident"] = self.last_incident
-        told["ledger_verified_at"] = clock.wall(proved.at_ns) if proved else None
+        told["ledger_verified_at"] = clock.wall(self._verified_ns) if self._verified_ns else None
         return told
 
 

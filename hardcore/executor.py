@@ -96,6 +96,8 @@ class Executor:
                 self._release(action)
             case orders.CloseIncident():
                 self.begin(self._close(action))
+            case orders.AddAudit():
+                self.begin(self.filing.add_audit(action))
             case orders.Alert():
                 self.note("alert", diagnosis=action.diagnosis, text=action.text)
             case orders.KeepBudget():

@@ -84,6 +84,7 @@ class Runtime:
         self.notify = NotifySocket(folders.notify, NOTICE_BYTES_MAX)
         self._timer: asyncio.TimerHandle | None = None
         self._published: Mapping[str, object] = {}
+        self._published_audit: seen.LedgerAudited | None = None
 
     # ---- the loop ----
 
@@ -134,7 +135,7 @@ class Runtime:
             self.executor.begin(self.executor.filing.add_late(fact))  # its story has been told
         try:
             self.manager.receive(fact)
-            if isinstance(fact, seen.CoreReady):
+            if isinstance(fact, seen.CoreReady | seen.LedgerAudited):
                 self.door.proved(fact)
             self._obey()
         except Exception as error:  # noqa: BLE001  # half a step was made: whoever told us could not mend that
@@ -239,6 +240,8 @@ class Runtime:
             self.feed(seen.CoreReady(at_ns, life, notice.epoch, proof))
         elif notice.epoch is not None:
             self.feed(seen.EpochRaised(at_ns, life, notice.epoch))
+        if notice.verified_seq is not None or notice.unsound is not None:
+            self.feed(seen.LedgerAudited(at_ns, life, notice.verified_seq, notice.unsound or ""))
 
     # ---- the feed ----
 
@@ -261,10 +264,15 @@ class Runtime:
         }
 
     def _publish_reading(self) -> None:
-        line = self.phase_line(self.manager.reading())
+        reading = self.manager.reading()
+        line = self.phase_line(reading)
         if line != self._published:
             self._published = line
             self.publish(line)
+        if reading.audit is not self._published_audit:
+            self._published_audit = reading.audit
+            for told in _audit_lines(reading):
+                self.publish(told)
 
     def _still_ours(self) -> None:
         """End at once if the lock that others find is not the one we hold: the run folder was removed.
@@ -287,8 +295,17 @@ class Runtime:
         reading = self.manager.reading()
         lines: list[Mapping[str, object]] = [self.phase_line(reading)]
         if reading.epoch is not None:
-            lines += [{**line, "generation": self.setup.generation} for line in self.executor.serving]
+            told = (*self.executor.serving, *_audit_lines(reading))
+            lines += [{**line, "generation": self.setup.generation} for line in told]
         return lines
+
+
+def _audit_lines(reading: Reading) -> list[dict[str, object]]:
+    """Return the feed's line about the proof of the whole ledger, if the serving core has made it."""
+    audit = reading.audit
+    if audit is None:
+        return []
+    return [{"type": "verified", "epoch": reading.epoch, "ok": audit.ok, "seq": audit.seq}]
 
 
 def _ended_unasked(task: asyncio.Task[None]) -> None:

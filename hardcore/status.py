@@ -69,7 +69,7 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "incident": reading.incident,
         "stage": reading.stage,
         "waits_for": reading.waits_for,
-        "worries": [t.why for t in reading.verdict.testimonies],
+        "worries": [*_unsound(reading), *(t.why for t in reading.verdict.testimonies)],
     }
     status["sentinel"] |= {"tick_ms": policy.health_check_interval_ms, "late_ticks": reading.late_ticks}
     status["budget"] = {
@@ -78,6 +78,10 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "window_s": policy.restart_window_sec,
     }
     return status
+
+
+def _unsound(reading: Reading) -> list[str]:
+    return [reading.audit.fault] if reading.audit and not reading.audit.ok else []
 
 
 def core(

@@ -80,6 +80,18 @@ class Proof:
 
 
 @dataclass(frozen=True, slots=True)
+class Audit:
+    """What the proof of the whole ledger said, which the next core made while it served.
+
+    Whole up to number `seq`, or `fault` says why not.
+    """
+
+    ok: bool
+    seq: int | None
+    fault: str
+
+
+@dataclass(frozen=True, slots=True)
 class Death:
     """One death inside the incident."""
 
@@ -123,6 +135,7 @@ class Incident:
     suspects: tuple[str, ...]
     requests: tuple[Request, ...]
     proof: Proof | None
+    audit: Audit | None
     deaths: tuple[Death, ...]
     waits_for: str | None
 
@@ -161,6 +174,7 @@ def from_facts(incident_id: str, raw: object) -> Incident:
         suspects=texts(facts.get("suspects")),
         requests=tuple(_request(line) for line in mappings(facts.get("requests"))),
         proof=_proof(facts.get("proof")),
+        audit=_audit(facts.get("audit")),
         deaths=tuple(_death(line) for line in mappings(facts.get("deaths"))),
         waits_for=optional_text(facts.get("waits_for")),
     )
@@ -196,10 +210,11 @@ def money(incident: Incident) -> Money:
 
     A proof with a witness found every commit up to the last that was seen, with the same hash: nothing that
     was acknowledged is lost. From there to the head it also found each key with exactly one event, and keys
-    are unique in the store: nothing that carries a key is there twice.
+    are unique in the store: nothing that carries a key is there twice. Where all of the ledger was looked at
+    later and is not whole, none of that is claimed.
     """
-    proof = incident.proof
-    if proof is None or proof.seq is None:
+    proof, audit = incident.proof, incident.audit
+    if proof is None or proof.seq is None or (audit is not None and not audit.ok):
         return Money(None, None, verified=False)
     seen = proof.kind == "witness" and proof.witness_seq is not None and proof.seq >= proof.witness_seq
     return Money(0 if seen else None, 0 if seen else None, verified=True)
@@ -310,6 +325,11 @@ def _proof(raw: object) -> Proof | None:
         epoch=number(proof.get("epoch")),
         witness_seq=number(proof.get("witness_seq")),
     )
+
+
+def _audit(raw: object) -> Audit | None:
+    told = mapping(raw)
+    return Audit(told.get("ok") is True, number(told.get("seq")), text(told.get("fault"))) if told else None
 
 
 def _death(raw: Mapping[str, Any]) -> Death:

@@ -1,6 +1,6 @@
 """Tells the service manager what this core has reached, in datagrams on its notify socket.
 
-What must not get lost (the epoch, READY, leaving) is kept in order and sent again until the manager's
+What must not get lost (the epoch, READY, the proof, leaving) is kept in order and sent again until the manager's
 socket takes it: a sentinel that is just being replaced, or whose buffer is full, hears it a moment later.
 What is true for a moment only (a watchdog's sign, more time) is sent once or not at all. Nothing
 blocks and nothing raises: a core does not stall because its guard does. Not chosen: a connected socket,
@@ -11,8 +11,10 @@ import socket
 import threading
 from collections import deque
 
-#: More facts than one life has: the epoch, READY, a blocked fence, some TERMs, STOPPING.
+#: More facts than one life has: the epoch, READY, the proof, a blocked fence, some TERMs, STOPPING.
 KEPT_MAX = 32
+#: A sentence for people; even in Hangul it fits into one datagram many times.
+SENTENCE_CHARACTERS_MAX = 400
 
 
 class Beacon:
@@ -37,6 +39,14 @@ class Beacon:
         self._keep(
             f"READY=1\nX_EPOCH={epoch}\nX_SEQ={seq}\nX_HASH={hash_hex}\nX_PROOF={proof}\nX_TAIL={tail}"
         )
+
+    def verified(self, seq: int) -> None:
+        """Say that the whole ledger was proven, from its first event to `seq`."""
+        self._keep(f"X_VERIFIED={seq}")
+
+    def unsound(self, sentence: str) -> None:
+        """Say that the ledger is not whole, and where. A long sentence is cut."""
+        self._keep("X_UNSOUND=" + " ".join(sentence.split())[:SENTENCE_CHARACTERS_MAX])
 
     def fence_blocked(self) -> None:
         """Say that the fence could not be written because the store stayed busy."""

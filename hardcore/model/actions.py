@@ -5,7 +5,7 @@ The executor carries out each one and tells what came of it as an `Observation`.
 
 from dataclasses import dataclass
 
-from hardcore.model.observations import DeathNote, Exit, Proof, RequestOutcome
+from hardcore.model.observations import DeathNote, Exit, LedgerAudited, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Witness
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 
@@ -82,6 +82,7 @@ class Incident:
     proof: Proof | None
     witness: Witness | None
     next_epoch: int | None
+    audit: LedgerAudited | None
     outcome: str
     waits_for: Diagnosis | None
     closed_ns: int
@@ -92,6 +93,14 @@ class CloseIncident:
     """Write the facts down and have the report made."""
 
     incident: Incident
+
+
+@dataclass(frozen=True, slots=True)
+class AddAudit:
+    """Write what the proof of the whole ledger said into the facts of an incident that is closed."""
+
+    incident: str
+    audit: LedgerAudited
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +131,7 @@ Action = (
     | TakeEvidence
     | Release
     | CloseIncident
+    | AddAudit
     | Alert
     | KeepBudget
     | Halt

@@ -132,6 +132,21 @@ class CoreReady:
 
 
 @dataclass(frozen=True, slots=True)
+class LedgerAudited:
+    """A serving core has replayed the whole ledger: it is whole up to `seq`, or `fault` says why it is not."""
+
+    at_ns: int
+    life: int
+    seq: int | None
+    fault: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether the ledger is whole."""
+        return not self.fault
+
+
+@dataclass(frozen=True, slots=True)
 class FenceBlocked:
     """The core could not write its fence: somebody holds the store's lock."""
 
@@ -242,6 +257,7 @@ CoreObservation = (
     | EpochRaised
     | StartExtended
     | CoreReady
+    | LedgerAudited
     | FenceBlocked
     | TermReceived
     | CoreExited

@@ -29,8 +29,10 @@ from hardcore.model.phases import Phase, StartCause, Wanted
 from hardcore.model.recorder import LifeState, Witness
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony
 from hardcore.recovery import plan
+from hardcore.recovery.audit import Audit
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
 from hardcore.recovery.deadline import Deadline
+from hardcore.recovery.drill import PendingDrill
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.store import StoreKnowledge
@@ -42,8 +44,6 @@ from hardcore.sentinel.verdict import Bench
 from hardcore.sentinel.witnesses.own_stall import LATE_INTERVALS
 
 TRANSITIONS_MAX = 1024
-#: A drill that has shown no effect after this was no drill: a later death is a real one.
-DRILL_GRACE_NS = 15 * NS_PER_S
 #: A gateway that began to hold this shortly before the death was known held because of it.
 HELD_EARLY_NS = NS_PER_S
 _BOOTING = frozenset({Phase.STARTING, Phase.PROVING})
@@ -85,7 +85,8 @@ class FailoverManager:
         self._story: Story | None = None
         self._trouble: Trouble | None = None
         self._stage_max = 0
-        self._drill: tuple[str, int] | None = None
+        self._drill = PendingDrill()
+        self._audit = Audit()
         self._held_ns: int | None = None
         self._term_sent = False
         self._skip_evidence = False
@@ -102,7 +103,7 @@ class FailoverManager:
             case seen.OperatorAsked():
                 self._obey(fact)
             case seen.DrillStarted():
-                self._drill = (fact.fault, fact.at_ns) if fact.fault else None
+                self._drill.start(fact)
             case seen.GatewayHolding():
                 # A dying process closes its sockets before its pidfd wakes us: the gateway may be first.
                 self._held_ns = fact.at_ns
@@ -144,10 +145,10 @@ class FailoverManager:
 
     def reading(self) -> Reading:
         """Return what the present moment means to everybody else."""
-        shown = phases.stage(self._phase)
+        shown, yellow = phases.stage(self._phase), self._worry.shown or self._audit.worries
         return Reading(
             phase=self._phase,
-            state=phases.ha_state(self._phase, self.wanted, self._cause, yellow=self._worry.shown),
+            state=phases.ha_state(self._phase, self.wanted, self._cause, yellow=yellow),
             face=phases.face(self._phase, self.wanted),
             stage=max(shown, self._stage_max) if shown is not None else None,
             since_ns=self._since_ns,
@@ -160,6 +161,7 @@ class FailoverManager:
             waits_for=plan.waits_for(self._phase, self._hopeless),
             late_ticks=self._bench.late_ticks,
             deaths=len(self._budget.deaths_ns),
+            audit=self._audit.heard if self._phase in phases.SERVING else None,
         )
 
     # ---- facts ----
@@ -207,7 +209,7 @@ class FailoverManager:
                 self._mark("spawned", fact.at_ns)
                 self._fire(Trigger.SPAWNED, fact.at_ns, "it was told to leave before it was there")
             case seen.SpawnFailed():
-                self._drill = None  # it was told to nobody
+                self._drill.cancel()
                 told = Testimony("spawn", Colour.RED, f"no process could be started: {fact.reason}")
                 death = Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (told,))
                 self._trouble = Trouble(death, fact.at_ns)
@@ -222,6 +224,9 @@ class FailoverManager:
                     self._deadline.extend(fact.at_ns + min(fact.for_ns, most_ns))
             case seen.CoreReady():
                 self._ready(fact)
+            case seen.LedgerAudited():
+                if self._phase in phases.SERVING:
+                    self._actions += self._audit.take(fact, self._story)
             case seen.FenceBlocked():
                 if self._story:
                     blocked = Testimony("core", Colour.RED, "the store is locked by somebody else")
@@ -397,7 +402,7 @@ class FailoverManager:
 
     def _spawn(self) -> None:
         self._life += 1
-        self._drill = None  # a drill is one life's
+        self._drill.cancel()  # a drill is one life's
         self._blame = Diagnosis.OPERATOR
         self._hopeless = None
         self._term_sent = False
@@ -412,6 +417,7 @@ class FailoverManager:
         assert self._store.epoch is not None, "a core that is ready has said its epoch"
         suspects = self._story.suspects if self._story else ()
         incident = self._story.id if self._story else None
+        self._audit.begin(incident)
         self._actions.append(Release(self._life, self._store.epoch, suspects, incident))
 
     def _open(self, now_ns: int, *, planned: bool) -> None:
@@ -419,7 +425,7 @@ class FailoverManager:
         assert trouble is not None, "an incident is opened only for a trouble that was named"
         death = trouble.death
         self._blame = death.diagnosis
-        drill = self._take_drill(now_ns)
+        drill = self._drill.take(now_ns)
         if self._phase is Phase.PROBATION:
             self._close(now_ns, recovered=True)  # a proven core had served: what comes now is another story
         if self._story is None or self._story.planned:
@@ -442,10 +448,6 @@ class FailoverManager:
             self._cause = StartCause.UNPLANNED
         if death.diagnosis is not Diagnosis.SENTINEL_LOST:
             self._count(death.diagnosis, now_ns, free=drill is not None)
-
-    def _take_drill(self, now_ns: int) -> str | None:
-        drill, self._drill = self._drill, None
-        return drill[0] if drill and now_ns - drill[1] <= DRILL_GRACE_NS else None
 
     def _count(self, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
         """Put an unplanned death on the budget and judge whether another try makes sense."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from hardcore.model.observations import LedgerAudited
 from hardcore.model.phases import Face, HAState, Phase, Wanted
 from hardcore.model.verdicts import Verdict
 from hardcore.recovery.transitions import Trigger
@@ -36,3 +37,4 @@ class Reading:
     waits_for: str | None
     late_ticks: int
     deaths: int
+    audit: LedgerAudited | None

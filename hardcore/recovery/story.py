@@ -8,7 +8,7 @@ with three tries the outage ends with the third.
 from dataclasses import dataclass, field
 
 from hardcore.model.actions import Incident
-from hardcore.model.observations import DeathNote, Exit, Proof, RequestOutcome
+from hardcore.model.observations import DeathNote, Exit, LedgerAudited, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Page, Witness
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 from hardcore.recovery import trial
@@ -56,6 +56,7 @@ class Story:
     proof: Proof | None = None
     witness: Witness | None = None
     next_epoch: int | None = None
+    audit: LedgerAudited | None = None
 
     def mark(self, name: str, at_ns: int) -> None:
         """Note a step of the timeline."""
@@ -65,7 +66,7 @@ class Story:
 
     def add_death(self, diagnosis: Diagnosis, how: Exit | None, at_ns: int) -> None:
         """Note one death, the first or a further one; what its predecessor had proven is over."""
-        self.proof, self.next_epoch = None, None
+        self.proof, self.next_epoch, self.audit = None, None, None
         if len(self.deaths) < DEATHS_MAX:
             self.deaths.append(DeathNote(at_ns, diagnosis, how))
 
@@ -119,6 +120,7 @@ class Story:
             proof=self.proof,
             witness=self.witness,
             next_epoch=self.next_epoch,
+            audit=self.audit,
             outcome=outcome,
             waits_for=waits_for,
             closed_ns=now_ns,

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 NOTICE_BYTES_MAX = 4096
 LINES_MAX = 64
 STATUS_CHARACTERS_MAX = 200
+SENTENCE_CHARACTERS_MAX = 400
 _NUMBER_MAX = 2**63 - 1
 _NUMBER = re.compile(r"[0-9]{1,19}")
 _HASH = re.compile(r"[0-9a-f]{64}")
@@ -23,6 +24,7 @@ _NUMBERS = {
     "X_TAIL": "tail",
     "EXTEND_TIMEOUT_USEC": "extend_usec",
     "X_TERM": "term_pid",
+    "X_VERIFIED": "verified_seq",
 }
 _FLAGS = {
     "READY": ("1", "ready"),
@@ -30,7 +32,7 @@ _FLAGS = {
     "STOPPING": ("1", "stopping"),
     "X_FENCE": ("BLOCKED", "fence_blocked"),
 }
-_OURS = frozenset({*_NUMBERS, *_FLAGS, "X_HASH", "X_PROOF", "STATUS"})
+_OURS = frozenset({*_NUMBERS, *_FLAGS, "X_HASH", "X_PROOF", "X_UNSOUND", "STATUS"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,8 @@ class Notice:
 
     A notice with `ready` has `epoch`, `seq`, `hash` (64 hex digits), `proof` (`witness` or `chain`) and
     `tail` (events checked) all set for a ledger, or none of `seq`, `hash`, `proof`, `tail` for another
-    kind of guest. `extend_usec`: microseconds. `term_pid`: sender of a TERM, 0 when unknown.
+    kind of guest. `extend_usec`: microseconds. `term_pid`: sender of a TERM, 0 when unknown. `verified_seq`:
+    the whole ledger is proven up to there; `unsound`: a sentence that says why it is not.
     """
 
     ready: bool = False
@@ -53,6 +56,8 @@ class Notice:
     extend_usec: int | None = None
     fence_blocked: bool = False
     term_pid: int | None = None
+    verified_seq: int | None = None
+    unsound: str | None = None
     status: str | None = None
 
 
@@ -103,6 +108,9 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
     given = sum(part is not None for part in (digest, proof, numbers["seq"], numbers["tail"]))
     if given not in {0, 4} or (given and (numbers["epoch"] is None or not flags["ready"])):
         return MalformedNotice("a part of a proof")
+    unsound = _words(said.get("X_UNSOUND"), SENTENCE_CHARACTERS_MAX)
+    if unsound == "" or (unsound is not None and numbers["verified_seq"] is not None):
+        return MalformedNotice("X_UNSOUND says nothing, or the opposite of X_VERIFIED")
     return Notice(
         ready=flags["ready"],
         epoch=numbers["epoch"],
@@ -115,7 +123,9 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
         extend_usec=numbers["extend_usec"],
         fence_blocked=flags["fence_blocked"],
         term_pid=numbers["term_pid"],
-        status=_status(said.get("STATUS")),
+        verified_seq=numbers["verified_seq"],
+        unsound=unsound,
+        status=_words(said.get("STATUS"), STATUS_CHARACTERS_MAX),
     )
 
 
@@ -123,6 +133,6 @@ def _number(text: str) -> int | None:
     return int(text) if _NUMBER.fullmatch(text) and int(text) <= _NUMBER_MAX else None
 
 
-def _status(text: str | None) -> str | None:
-    """Return the line for people without anything that could move a terminal's cursor."""
-    return None if text is None else "".join(c for c in text if c.isprintable())[:STATUS_CHARACTERS_MAX]
+def _words(text: str | None, characters_max: int) -> str | None:
+    """Return a line for people without anything that could move a terminal's cursor."""
+    return None if text is None else "".join(c for c in text if c.isprintable())[:characters_max]

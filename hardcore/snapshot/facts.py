@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from hardcore.model.actions import Incident
-from hardcore.model.observations import Exit, RequestOutcome
+from hardcore.model.observations import Exit, LedgerAudited, RequestOutcome
 from hardcore.model.recorder import CommandNote
 from hardcore.model.verdicts import Grade
 from hardcore.snapshot.masking import mask_line
@@ -49,6 +49,7 @@ def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int],
         "suspects": list(incident.suspects),
         "requests": requests(incident.requests),
         "proof": _proof(incident),
+        "audit": audit(incident.audit, wall) if incident.audit else None,
         "deaths": [
             {"at": wall(death.at_ns), "diagnosis": str(death.diagnosis), "exit": _exit(death.exit)}
             for death in incident.deaths
@@ -71,6 +72,11 @@ def requests(settled: Iterable[RequestOutcome]) -> list[dict[str, Any]]:
         }
         for request in settled
     ]
+
+
+def audit(told: LedgerAudited, wall: Callable[[int], str]) -> dict[str, Any]:
+    """Return what the proof of the whole ledger said, in the form of the facts."""
+    return {"at": wall(told.at_ns), "ok": told.ok, "seq": told.seq, "fault": told.fault or None}
 
 
 def abandoned(incident_id: str, closed_at: str, page: Mapping[str, Any]) -> dict[str, Any]:

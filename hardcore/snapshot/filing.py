@@ -12,10 +12,10 @@ from typing import Any, Protocol
 from weakref import WeakValueDictionary
 
 from hardcore.host import clock
-from hardcore.model.actions import Incident
+from hardcore.model.actions import AddAudit, Incident
 from hardcore.model.observations import RequestOutcome, RequestsSettled
 from hardcore.snapshot import writer
-from hardcore.snapshot.facts import facts, requests
+from hardcore.snapshot.facts import audit, facts, requests
 
 #: Pauses before facts that could not be written are tried again.
 RETRY_PAUSES_S = (1.0, 5.0, 30.0, 120.0, 600.0)
@@ -87,6 +87,14 @@ class Filing:
         async with self._alone(fact.incident):
             told = requests(self._late.pop(fact.incident))
             if told and await self._persist(fact.incident, writer.add_requests, folder, told):
+                await self._have_report(folder)
+
+    async def add_audit(self, order: AddAudit) -> None:
+        """Add what the proof of the whole ledger said after the incident was closed."""
+        folder = self._incidents / order.incident
+        told = audit(order.audit, clock.wall)
+        async with self._alone(order.incident):
+            if await self._persist(order.incident, writer.add_audit, folder, told):
                 await self._have_report(folder)
 
     async def close_abandoned(self, found: Sequence[writer.Abandoned]) -> None:

@@ -93,6 +93,12 @@ def add_requests(path: Path, requests: Sequence[Mapping[str, Any]]) -> bundle.Bu
     return write_facts(path, {**facts, "requests": [*before, *requests][:REQUESTS_MAX]})
 
 
+def add_audit(path: Path, audit: Mapping[str, Any]) -> bundle.BundleFailed | None:
+    """Add to the facts of a closed incident what the proof of the whole ledger said."""
+    facts = _read(path, bundle.FACTS)
+    return facts if isinstance(facts, bundle.BundleFailed) else write_facts(path, {**facts, "audit": audit})
+
+
 def is_id(text: str) -> bool:
     """Tell whether `text`, which somebody else said, may be the id of an incident."""
     return bundle.is_incident_id(text)

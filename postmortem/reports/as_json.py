@@ -67,5 +67,6 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
         },
         "deaths": [asdict(death) for death in incident.deaths],
         "proof": asdict(incident.proof) if incident.proof else None,
+        "audit": asdict(incident.audit) if incident.audit else None,
         "bundle": asdict(report.contents) | {"faults": list(report.contents.faults)},
     }

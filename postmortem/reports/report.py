@@ -81,6 +81,16 @@ def summarise(incident: Incident, language: str) -> str:
 
 def money_line(report: Report, language: str) -> str:
     """Return the verdict on the money as a sentence that claims no more than the recorded proof."""
+    audit = report.incident.audit
+    if audit is None:
+        return _proven_line(report, language)
+    if not audit.ok:
+        return texts.MONEY["unsound"][language].format(fault=audit.fault)
+    whole = texts.MONEY["whole"][language].format(seq=audit.seq if audit.seq is not None else "?")
+    return f"{_proven_line(report, language)} {whole}"
+
+
+def _proven_line(report: Report, language: str) -> str:
     proof, verdict = report.incident.proof, report.money
     if proof is None or not verdict.verified:
         return texts.MONEY["none"][language]

@@ -42,6 +42,8 @@ def test_every_word_of_the_beacon_is_understood(ear: tuple[socket.socket, str]) 
     beacon.watchdog()
     beacon.fence_blocked()
     beacon.term_from(4321)
+    beacon.verified(1234)
+    beacon.unsound("event 5 is\nodd. " + "말" * 1000)
     beacon.stopping()
     beacon.close()
     assert heard(listening) == [
@@ -51,6 +53,8 @@ def test_every_word_of_the_beacon_is_understood(ear: tuple[socket.socket, str]) 
         Notice(watchdog=True),
         Notice(fence_blocked=True),
         Notice(term_pid=4321),
+        Notice(verified_seq=1234),
+        Notice(unsound=("event 5 is odd. " + "말" * 1000)[:400]),
         Notice(stopping=True),
     ]
 

@@ -63,6 +63,21 @@ def test_money_says_only_what_a_recorded_proof_says(proof: object, expected: Mon
     assert incident.money(incident.from_facts(story.ID, story.facts(proof=proof))) == expected
 
 
+@pytest.mark.parametrize(
+    ("audit", "expected"),
+    [
+        ({"ok": True, "seq": 40, "fault": None}, Money(0, 0, verified=True)),
+        ({"ok": False, "seq": None, "fault": "event 5 is odd"}, Money(None, None, verified=False)),
+        ({"seq": "forty"}, Money(None, None, verified=False)),
+        (None, Money(0, 0, verified=True)),
+    ],
+)
+def test_nothing_is_claimed_of_the_money_once_the_whole_ledger_was_found_unsound(
+    audit: object, expected: Money
+) -> None:
+    assert incident.money(incident.from_facts(story.ID, story.facts(audit=audit))) == expected
+
+
 def test_commands_at_work_are_named_before_those_that_waited() -> None:
     read = incident.from_facts(story.ID, story.facts())
     assert [one.command_id for one in incident.at_work(read)] == ["cmd-1", "cmd-2"]

@@ -48,6 +48,7 @@ def hostile() -> Report:
         planned=True,
         evidence=[{"kind": HOSTILE, "text": HOSTILE}],
         timeline=[step],
+        audit={"ok": False, "seq": HOSTILE, "fault": HOSTILE},
         in_flight=[command],
         suspects=[HOSTILE],
         requests=[request],
@@ -75,6 +76,15 @@ def test_an_item_and_a_story_have_the_fields_that_programs_rely_on() -> None:
     assert item["command_ids"] == ["cmd-1", "cmd-2"]
     assert whole["timeline"][1] == {"step": "detected", "at": "2026-11-21T14:08:15.001Z", "offset_ms": 0.8}
     json.dumps(whole)
+
+
+def test_the_proof_of_the_whole_ledger_is_told_beside_the_first_one() -> None:
+    one = report(audit={"ok": True, "seq": 40, "fault": None})
+    assert money_line(one, "en").endswith("the whole ledger was checked, from its first record to number 40.")
+    assert money_line(one, "en").startswith("No acknowledged record is lost")
+    unsound = report(audit={"ok": False, "seq": None, "fault": "Event 5 is odd."})
+    assert money_line(unsound, "en") == "The whole ledger was checked, and it is not whole. (Event 5 is odd.)"
+    assert money_line(unsound, "ko").endswith("(Event 5 is odd.)")
 
 
 def test_the_summary_is_one_plain_sentence_in_both_languages() -> None:

@@ -13,7 +13,7 @@ from hardcore.model.recorder import (
     Witness,
 )
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery.failover import DRILL_GRACE_NS
+from hardcore.recovery.drill import DRILL_GRACE_NS
 from hardcore.recovery.policy import Policy, Word
 from tests.unit.recovery.play import MS, PROOF, Play, S, a_page, deciding, kinds
 

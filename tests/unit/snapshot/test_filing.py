@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from hardcore.model.actions import Incident
-from hardcore.model.observations import RequestOutcome, RequestsSettled
+from hardcore.model.actions import AddAudit, Incident
+from hardcore.model.observations import LedgerAudited, RequestOutcome, RequestsSettled
 from hardcore.model.verdicts import Diagnosis, Grade
 from hardcore.snapshot import writer
 from hardcore.snapshot.filing import Filing
@@ -57,6 +57,7 @@ def incident() -> Incident:
         proof=None,
         witness=None,
         next_epoch=None,
+        audit=None,
         outcome="manual",
         waits_for=Diagnosis.DB_LOCKED,
         closed_ns=2,
@@ -125,6 +126,27 @@ def test_requests_that_come_late_join_the_facts_in_order_and_up_to_a_maximum(tmp
     assert paths[:3] == ["/a", "/b", "/c"]
     assert hands.reported == [ID, ID], "once when it was closed, once for all that came late"
     assert bundle.verify_bundle(tmp_path / ID) == []
+
+
+def test_the_proof_of_the_whole_ledger_joins_the_facts_of_its_incident_and_waits_for_them(
+    tmp_path: Path,
+) -> None:
+    async def settle() -> Hands:
+        hands = Hands(lambda: None)
+        filing = Filing(tmp_path, hands, hands.report, ())
+        evidence = asyncio.Event()
+        async with asyncio.TaskGroup() as group:
+            group.create_task(filing.close(incident(), None, "", [evidence]))
+            group.create_task(filing.add_audit(AddAudit(ID, LedgerAudited(5, 2, None, "event 5 is odd"))))
+            await asyncio.sleep(0)  # both have begun before the evidence is there
+            evidence.set()
+        return hands
+
+    hands = asyncio.run(settle())
+    told = facts(tmp_path / ID)
+    assert (told["audit"]["ok"], told["audit"]["fault"]) == (False, "event 5 is odd")
+    assert told["waits_for"] == "DB_LOCKED"
+    assert hands.reported == [ID, ID]
 
 
 def test_an_incident_left_open_is_closed_as_soon_as_its_folder_can_be_written(tmp_path: Path) -> None:

@@ -1,0 +1,65 @@
+"""Proof B behind the serving: the core that serves says whether all of the ledger is whole, and everybody hears it."""
+
+import json
+import socket
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from tests.integration.conftest import MakeHouse
+from tests.integration.house import START_S, House
+
+
+def verified(house: House, epoch: int) -> dict[str, Any]:
+    """What the feed says of the whole ledger under this epoch, to somebody who begins to listen now."""
+    for line in _feed(house.folders.control):
+        if line["type"] == "verified" and line["epoch"] == epoch:
+            return line
+    raise AssertionError("the feed ended")
+
+
+def _feed(path: Path) -> Iterator[dict[str, Any]]:
+    with socket.socket(socket.AF_UNIX) as feed:
+        feed.settimeout(START_S)
+        feed.connect(str(path))
+        feed.sendall(b'{"verb": "subscribe", "who": "test"}\n')
+        with feed.makefile("rb") as lines:
+            for line in lines:
+                yield json.loads(line)
+
+
+def change_an_old_line(house: House) -> None:
+    """Change one old booking line as somebody with a database tool would."""
+    with closing(sqlite3.connect(house.folders.data / "ledger.db", isolation_level=None)) as file:
+        for (name,) in file.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            file.execute(f"DROP TRIGGER {name}")
+        file.execute("UPDATE posting SET amount = amount + 1 WHERE seq = 4 AND line = 0")
+
+
+def test_a_ledger_that_is_not_whole_is_served_and_told_to_everybody(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    for number in range(5):
+        assert house.book(f"booked-{number}").status == 201
+    whole = verified(house, house.status()["core"]["epoch"])
+    assert whole["ok"] is True
+    told = house.until(lambda s: s["ledger_verified_at"], "the proof to be in the status")
+    assert told["state"] == "OPERATIONAL"
+
+    change_an_old_line(house)
+    house.hit("core")
+    house.closed(1)
+    house.running()
+    broken = verified(house, house.status()["core"]["epoch"])
+    assert (broken["ok"], broken["seq"]) == (False, None)
+    assert verified(house, broken["epoch"]) == broken, "whoever comes later hears it too"
+    told = house.until(lambda s: s["state"] == "DEGRADED", "the worry to be shown")
+    assert "what is listed for event 4 is not what the event says" in told["worries"][0]
+    assert house.book("still-served").status == 201
+
+    def money() -> bool:
+        return any(item["money"]["verified"] is False for item in house.incidents())
+
+    house.until(lambda _: money(), "the incident to claim nothing about the money")
