@@ -14,6 +14,8 @@ from hardcore.model.phases import Face
 
 #: The longest line either side may say. Suspects come in as many lines as they need, and add up.
 LINE_BYTES_MAX = 64 << 10
+#: Stages of a recovery that people are shown.
+STAGES = 4
 #: Requests in one line of outcomes; with paths cut at PATH_CHARS_MAX a line stays under LINE_BYTES_MAX.
 OUTCOMES_PER_LINE = 64
 PATH_CHARS_MAX = 200
@@ -28,6 +30,9 @@ class PhaseHeard:
     state: str
     face: Face
     incident: str | None
+    stage: int | None = None
+    since_ns: int = 0  # when the phase began, monotonic; 0: the line did not say
+    planned: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +62,31 @@ class ReleaseHeard:
 
 
 @dataclass(frozen=True, slots=True)
+class VerifiedHeard:
+    """The whole ledger was proven behind the serving of `epoch`, or was found not to be whole."""
+
+    generation: int
+    epoch: int
+    ok: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Unreadable:
     """A line that is none of the above, and why."""
 
     why: str
 
 
-Heard = PhaseHeard | ServingHeard | SuspectsHeard | ReleaseHeard
+Heard = PhaseHeard | ServingHeard | SuspectsHeard | ReleaseHeard | VerifiedHeard
 
 
 def _text_or_none(value: object) -> str | None:
     return value if isinstance(value, str) else None
+
+
+def _stage(value: object) -> int | None:
+    """A stage of the recovery. One that this version does not know is none: it is only shown."""
+    return value if isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= STAGES else None
 
 
 def _number(fields: Mapping[str, Any], name: str) -> int:
@@ -94,6 +113,9 @@ def _message(fields: Mapping[str, Any]) -> Heard:
                 _text(fields, "state"),
                 Face(_text(fields, "face")),
                 _text_or_none(fields.get("incident")),
+                _stage(fields.get("stage")),
+                _number(fields, "since_ns") if "since_ns" in fields else 0,
+                fields.get("planned") is True,
             )
         case "serving":
             return ServingHeard(generation, _text(fields, "socket"), _number(fields, "epoch"))
@@ -101,6 +123,8 @@ def _message(fields: Mapping[str, Any]) -> Heard:
             return SuspectsHeard(generation, tuple(str(key) for key in fields["keys"]))
         case "release":
             return ReleaseHeard(generation, _number(fields, "epoch"), _text_or_none(fields.get("incident")))
+        case "verified":
+            return VerifiedHeard(generation, _number(fields, "epoch"), fields.get("ok") is True)
         case other:
             raise ValueError(f"unknown type {other!r}")
 

@@ -5,7 +5,10 @@ here, so an ambiguity that two parsers read differently cannot survive (request 
 of a body is always said by us. Passing the raw head on and patching it was not chosen for that reason.
 """
 
+import base64
+import binascii
 import hashlib
+import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
@@ -18,6 +21,8 @@ METHODS = SAFE_METHODS | {"POST", "PUT", "PATCH", "DELETE"}
 ALLOW = "GET, HEAD, POST, PUT, PATCH, DELETE, OPTIONS"
 
 HEADERS_MAX = 128
+#: What a name in a header may be made of (RFC 9110 5.6.2).
+_TOKEN = re.compile(r"[!#$%&'*+.^_`|~0-9A-Za-z-]+")
 #: A longer key is passed on but counts as none: the ledger's own limit is shorter.
 KEY_BYTES_MAX = 255
 
@@ -36,7 +41,7 @@ _HOP_BY_HOP = frozenset(
 )
 #: Not passed on to the core: hop-by-hop, said anew by us, or a claim that only we may make.
 _NOT_TO_CORE = _HOP_BY_HOP | {b"content-length", b"expect", b"host", b"x-actor", b"forwarded", b"x-real-ip"}
-_NOT_TO_CORE_PREFIXES = (b"x-forwarded-", b"x-core-")
+_NOT_TO_CORE_PREFIXES = (b"x-forwarded-", b"x-core-", b"sec-websocket-")
 _NOT_TO_CLIENT = _HOP_BY_HOP | {b"content-length"}
 #: Not passed on of a navigation: its page is changed on the way back, so it is asked for plain and whole, and
 #: no copy of it can be confirmed by the tag of what the core wrote.
@@ -44,6 +49,14 @@ _NOT_OF_A_PAGE = frozenset({b"accept-encoding", b"if-none-match", b"if-modified-
 
 #: Languages that a page may put into its cookie.
 _TONGUES = frozenset({b"ko", b"en"})
+
+
+@dataclass(frozen=True, slots=True)
+class Handshake:
+    """What a client says that asks for a WebSocket: its key, and the subprotocols it would speak."""
+
+    key: str
+    protocols: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +83,7 @@ class RequestHead:
     http10: bool
     accept_language: str
     cookie: bytes
+    handshake: Handshake | None = None
 
     @property
     def safe(self) -> bool:
@@ -118,6 +132,10 @@ class _Facts:
     fetch_site: bytes = b""
     fetch_mode: bytes = b""
     fetch_dest: bytes = b""
+    upgrade: bytes = b""
+    ws_key: tuple[bytes, ...] = ()
+    ws_version: tuple[bytes, ...] = ()
+    ws_protocols: tuple[bytes, ...] = ()
     named_by_connection: frozenset[bytes] = frozenset()
 
 
@@ -155,6 +173,14 @@ def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, b
                 facts.cookie = value
             case b"origin":
                 facts.origin = value.strip().lower()
+            case b"upgrade":
+                facts.upgrade = value.strip().lower()
+            case b"sec-websocket-key":
+                facts.ws_key += (value.strip(),)
+            case b"sec-websocket-version":
+                facts.ws_version += (value.strip(),)
+            case b"sec-websocket-protocol":
+                facts.ws_protocols += tuple(value.split(b","))
             case b"sec-fetch-site":
                 facts.fetch_site = value.strip().lower()
             case b"sec-fetch-mode":
@@ -205,8 +231,13 @@ def read_request(
         return Problem.BAD_REQUEST
     if host_name(facts.host) not in hosts:
         return Problem.WRONG_HOST
-    if method not in SAFE_METHODS and _from_a_foreign_page(facts):
+    socket = upgrade and facts.upgrade == b"websocket"
+    # No browser keeps a page of another origin from opening a WebSocket here: only we can.
+    if (socket or method not in SAFE_METHODS) and _from_a_foreign_page(facts):
         return Problem.FOREIGN_PAGE
+    handshake = _handshake(method, target, version, facts) if socket else None
+    if isinstance(handshake, Problem):
+        return handshake
     if facts.expect not in {b"", b"100-continue"}:
         return Problem.EXPECTATION_FAILED
     navigation = _is_navigation(method, facts)
@@ -226,7 +257,23 @@ def read_request(
         http10=version == "1.0",
         accept_language=_tongue(facts).decode("latin-1"),
         cookie=facts.cookie,
+        handshake=handshake,
     )
+
+
+def _handshake(method: str, target: bytes, version: str, facts: _Facts) -> Handshake | Problem:
+    """What a client asks for that wants a WebSocket, if it asks as it should (RFC 6455 4.2.1)."""
+    if method != "GET" or version != "1.1" or not target.isascii() or facts.ws_version != (b"13",):
+        return Problem.BAD_REQUEST
+    names = tuple(name.strip().decode("latin-1") for name in facts.ws_protocols)
+    if len(facts.ws_key) != 1 or not all(map(_TOKEN.fullmatch, names)):
+        return Problem.BAD_REQUEST
+    key = facts.ws_key[0]
+    try:
+        whole = len(base64.b64decode(key, validate=True)) == 16
+    except binascii.Error:
+        whole = False
+    return Handshake(key.decode("ascii"), names) if whole else Problem.BAD_REQUEST
 
 
 def _is_navigation(method: str, facts: _Facts) -> bool:

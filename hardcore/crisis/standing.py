@@ -10,7 +10,14 @@ kernel still accepts): the gateway asks only to end a doubt of its own.
 from dataclasses import dataclass, replace
 from typing import assert_never
 
-from hardcore.crisis.feed import Heard, PhaseHeard, ReleaseHeard, ServingHeard, SuspectsHeard
+from hardcore.crisis.feed import (
+    Heard,
+    PhaseHeard,
+    ReleaseHeard,
+    ServingHeard,
+    SuspectsHeard,
+    VerifiedHeard,
+)
 from hardcore.model.phases import Face, HAState
 
 #: Suspects remembered; the oldest are forgotten first. One death names at most as many as a core has slots.
@@ -30,14 +37,22 @@ class Serving:
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Everything the gateway knows about the guarded process. `heard_ns` 0: the feed was never heard."""
+    """Everything the gateway knows about the guarded process.
+
+    `heard_ns` 0: the feed was never heard. `since_ns`: when the phase began, 0 if that was not said.
+    `sound`: what the proof of the whole ledger said of the serving epoch, None while it runs.
+    """
 
     generation: int = 0
     phase: str = ""
     state: str = ""
     face: Face = Face.HOLD
     incident: str | None = None
+    stage: int | None = None
+    since_ns: int = 0
+    planned: bool = False
     serving: Serving | None = None
+    sound: bool | None = None
     released: int | None = None
     suspects: tuple[str, ...] = ()
     doubted: bool = False
@@ -50,23 +65,39 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
         return None
     known = replace(standing, generation=message.generation, heard_ns=now_ns)
     match message:
-        case PhaseHeard(phase=phase, state=state, face=face, incident=incident):
+        case PhaseHeard(face=face, incident=incident):
             # Whoever stops forwarding takes his release back: the next one may be of another core.
             released = known.released if face is Face.FORWARD else None
             named = incident or (known.incident if face is not Face.FORWARD else None)
-            return replace(known, phase=phase, state=state, face=face, incident=named, released=released)
+            return replace(
+                known,
+                phase=message.phase,
+                state=message.state,
+                face=face,
+                incident=named,
+                stage=message.stage,
+                since_ns=message.since_ns,
+                planned=message.planned,
+                released=released,
+            )
         case ServingHeard(socket=socket, epoch=epoch):
             serving = Serving(socket, epoch)
             if serving == known.serving:
                 return known
-            return replace(known, serving=serving, released=None, doubted=False)
+            return replace(known, serving=serving, released=None, doubted=False, sound=None)
         case SuspectsHeard(keys=keys):
             merged = dict.fromkeys((*known.suspects, *keys))
             return replace(known, suspects=tuple(merged)[-SUSPECTS_MAX:])
         case ReleaseHeard(epoch=epoch, incident=incident):
             return replace(known, released=epoch, incident=incident or known.incident, doubted=False)
+        case VerifiedHeard(epoch=epoch, ok=ok):
+            return replace(known, sound=ok) if _serves(known, epoch) else known
         case _:
             assert_never(message)
+
+
+def _serves(standing: Standing, epoch: int) -> bool:
+    return standing.serving is not None and standing.serving.epoch == epoch
 
 
 def doubt(standing: Standing) -> Standing:

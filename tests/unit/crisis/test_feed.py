@@ -15,6 +15,7 @@ from hardcore.crisis.feed import (
     Settled,
     SuspectsHeard,
     Unreadable,
+    VerifiedHeard,
     outcomes_lines,
     parse_line,
 )
@@ -27,12 +28,23 @@ def test_each_line_of_the_wire_becomes_its_message() -> None:
         b'{"type": "phase", "generation": 3, "phase": "RUNNING", "state": "DEGRADED", "face": "FORWARD",'
         b' "stage": null, "since_ns": 12, "incident": null, "planned": false}'
     )
-    assert parse_line(phase) == PhaseHeard(3, "RUNNING", "DEGRADED", Face.FORWARD, None)
+    assert parse_line(phase) == PhaseHeard(
+        3, "RUNNING", "DEGRADED", Face.FORWARD, None, None, 12, planned=False
+    )
     serving = b'{"type": "serving", "generation": 3, "socket": "/run/x", "epoch": 7}'
     assert parse_line(serving) == ServingHeard(3, "/run/x", 7)
     assert parse_line(b'{"type": "suspects", "generation": 3, "keys": ["aa"]}') == SuspectsHeard(3, ("aa",))
     release = b'{"type": "release", "generation": 3, "epoch": 7, "incident": "i"}'
     assert parse_line(release) == ReleaseHeard(3, 7, "i")
+    verified = b'{"type": "verified", "generation": 3, "epoch": 7, "ok": true, "seq": 12}'
+    assert parse_line(verified) == VerifiedHeard(3, 7, ok=True)
+
+
+def test_a_stage_that_nobody_knows_is_none() -> None:
+    line = '{"type": "phase", "generation": 3, "phase": "P", "state": "S", "face": "HOLD", "stage": %s}'
+    heard = [parse_line((line % stage).encode()) for stage in ("1", "4", "5", "0", "true", '"2"')]
+    stages = [one.stage for one in heard if isinstance(one, PhaseHeard)]
+    assert stages == [1, 4, None, None, None, None]
 
 
 @pytest.mark.parametrize(
