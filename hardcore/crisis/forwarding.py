@@ -3,14 +3,17 @@
 An answer counts only if it names the serving epoch; one of another epoch is no answer at all. Answers to
 unsafe requests are kept whole before the first byte leaves, so that a core that dies in the middle of a
 201 leaves nothing half said; safe ones are kept up to a bound and then streamed. Streaming everything was
-not chosen: half an answer can be neither repeated nor taken back.
+not chosen: half an answer can be neither repeated nor taken back. A page for a tab gets the crisis script here
+(`injection`), before anything of it has left.
 """
 
+import secrets
 from typing import Protocol
 
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.heads import AnswerHead
 from hardcore.crisis.holding import Life
+from hardcore.crisis.injection import WITHIN_BYTES, fitted, is_page
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.upstream import Pool, UpstreamConnection
 
@@ -46,6 +49,7 @@ class Forwarding:
         "_head",
         "_limits",
         "_over",
+        "_page",
         "_parts",
         "_pool",
         "_reader",
@@ -68,6 +72,7 @@ class Forwarding:
         self._head: AnswerHead | None = None
         self._parts: list[bytes] = []
         self._size = 0
+        self._page = False  # what came is a page whose head is not fitted yet
         self._over = False
 
     def headed(self, head: AnswerHead) -> None:
@@ -83,6 +88,7 @@ class Forwarding:
             self._reader.not_run(self._exchange, self._pool)
         else:
             self._head = head
+            self._page = is_page(self._exchange.head, head)
             if head.live and self._exchange.head.method == "GET":
                 self._begin()
 
@@ -99,15 +105,14 @@ class Forwarding:
             if self._size > self._limits.unsafe_answer_bytes_max:
                 self._stop()
                 self._reader.answer_garbled(self._exchange)
-        elif self._size > self._limits.answer_buffer_bytes_max:
+        elif self._size > self._kept_bytes_max():
             self._begin()
 
     def ended(self) -> None:
         """Pass the whole answer on."""
         if not self._over:
             self._over = True
-            assert self._head is not None, "an answer ended that never began"
-            self._reader.answered(self._exchange, self._head, b"".join(self._parts))
+            self._reader.answered(self._exchange, *self._take())
 
     def lost(self) -> None:
         """The connection ended first."""
@@ -128,9 +133,22 @@ class Forwarding:
             self._exchange.client.flow()
 
     def _begin(self) -> None:
-        assert self._head is not None
-        parts, self._parts = self._parts, []
-        self._reader.begun(self._exchange, self._head, b"".join(parts))
+        self._reader.begun(self._exchange, *self._take())
+
+    def _kept_bytes_max(self) -> int:
+        """A page is kept until the end of its head must have come."""
+        kept = self._limits.answer_buffer_bytes_max
+        return max(kept, WITHIN_BYTES) if self._page else kept
+
+    def _take(self) -> tuple[AnswerHead, bytes]:
+        """What came and was not passed on yet, as the client gets it."""
+        assert self._head is not None, "an answer ended that never began"
+        head, body = self._head, b"".join(self._parts)
+        self._parts = []
+        if not self._page:
+            return head, body
+        self._page = False
+        return fitted(self._exchange.head, head, body, secrets.token_hex(16).encode())
 
     def _stop(self) -> None:
         self._over = True

@@ -20,6 +20,7 @@ PURE_ROOMS: Final = (
     "hardcore/snapshot/recipe.py",
     "hardcore/crisis/routing.py",
     "hardcore/crisis/holding.py",
+    "hardcore/crisis/injection.py",
     "hardcore/crisis/lifeline.py",
     "hardcore/crisis/face.py",
     "hardcore/control/protocol.py",
