@@ -1,0 +1,190 @@
+"""What a page is told of an outage: when it began, how far the recovery is, which text is true now.
+
+An outage is folded from what the gateway knows (`standing`), so that it begins with the gateway's own doubt as
+well as with the guard's word, and ends only with a released core. What is shown follows from it and the time:
+the stage never goes back, a promised time never grows, and a text is said only where its facts are. Passing the
+feed's fields on as they come was not chosen: stage and begin are of the phase there, and a page needs the outage's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from hardcore.crisis.estimate import Range, Sample, estimate, in_seconds, narrowed, sample
+from hardcore.crisis.standing import Standing, posture
+from hardcore.model.phases import Face, HAState
+
+NS_PER_MS = 1_000_000
+STAGES = 4
+
+
+class Text(StrEnum):
+    """Which text of the catalogue is true. R7 (an alert was delivered) needs a channel, which there is not yet."""
+
+    RECOVERING = "R1"
+    PLANNED = "R2"
+    LONGER = "R7b"
+    STOPPED_TRYING = "R8"
+    OFF = "OFF"
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """When a wait counts as long: without a promise after `longer_than_ms`, with one never before `floor_ms`."""
+
+    longer_than_ms: int
+    floor_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Outage:
+    """One time without a core. Times are monotonic nanoseconds.
+
+    `epoch`: the core that served before it, None if this gateway saw none; `reached`: when each stage was first
+    reached; `told`: the narrowest promise so far; `plain`: neither the operator nor a last resort was part of it.
+    """
+
+    began_ns: int
+    epoch: int | None
+    reached: tuple[tuple[int, int], ...]
+    planned: bool = False
+    plain: bool = True
+    told: Range | None = None
+
+    @property
+    def stage(self) -> int:
+        """The highest stage so far."""
+        return self.reached[-1][0]
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """One moment of an outage as a page is told it; `text` None: the ledger is being served."""
+
+    state: str
+    phase: str
+    incident: str | None = None
+    stage: int | None = None
+    began_ns: int | None = None
+    elapsed_ms: int = 0
+    eta: Range | None = None
+    samples: int = 0
+    planned: bool = False
+    text: Text | None = None
+
+
+def follow(
+    outage: Outage | None, before: Standing, known: Standing, samples: Sequence[Sample], now_ns: int
+) -> Outage | None:
+    """The outage after something was learned (`before` became `known`); None while a core serves."""
+    if posture(known) is Face.FORWARD:
+        return None
+    if outage is None:
+        served = before.serving.epoch if before.serving and posture(before) is Face.FORWARD else None
+        outage = Outage(now_ns, served, ())
+    if known.face is not Face.FORWARD:
+        # The guard knows better than we when it began; a doubt of our own may have been earlier still.
+        began_ns = min(outage.began_ns, known.since_ns or now_ns)
+        plain = outage.plain and known.face is Face.HOLD
+        outage = replace(outage, began_ns=began_ns, planned=known.planned, plain=plain)
+    return _reach(outage, known.stage or 1, samples, now_ns)
+
+
+def _reach(outage: Outage, stage: int, samples: Sequence[Sample], now_ns: int) -> Outage:
+    if outage.reached and stage <= outage.stage:
+        return outage
+    promise = estimate(samples, stage, _elapsed_ms(outage, now_ns))
+    return replace(outage, reached=(*outage.reached, (stage, now_ns)), told=narrowed(outage.told, promise))
+
+
+def _elapsed_ms(outage: Outage, now_ns: int) -> int:
+    return max(0, now_ns - outage.began_ns) // NS_PER_MS
+
+
+def finished(outage: Outage, epoch: int, now_ns: int) -> Sample | None:
+    """What an outage that is over teaches; None if its length says nothing about the next.
+
+    That is so where nobody saw its begin, where a person took part in it, and where the same core went on.
+    """
+    if outage.epoch is None or outage.epoch == epoch or not outage.plain:
+        return None
+    reached = [(stage, max(0, at_ns - outage.began_ns) // NS_PER_MS) for stage, at_ns in outage.reached]
+    return sample(_elapsed_ms(outage, now_ns), reached)
+
+
+def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_ns: int) -> Shown:
+    """What a page is told at this moment."""
+    if outage is None:
+        return Shown(known.state, known.phase, known.incident, samples=samples)
+    elapsed_ms = _elapsed_ms(outage, now_ns)
+    late = elapsed_ms > _limit_ms(outage, pace)
+    past = outage.told is not None and elapsed_ms > _promised_ms(outage.told)
+    text = _text(outage, known.face, late=late)
+    open_ended = past or text not in {Text.RECOVERING, Text.PLANNED}
+    return Shown(
+        # The guard may not have said anything yet of what we saw ourselves.
+        state=known.state if known.face is not Face.FORWARD else HAState.RECOVERY,
+        phase=known.phase,
+        incident=known.incident,
+        stage=outage.stage,
+        began_ns=outage.began_ns,
+        elapsed_ms=elapsed_ms,
+        eta=None if open_ended else outage.told,
+        samples=samples,
+        planned=outage.planned,
+        text=text,
+    )
+
+
+def _text(outage: Outage, face: Face, *, late: bool) -> Text:
+    if face is Face.CLOSED:
+        return Text.OFF
+    if face is Face.REFUSE:
+        return Text.STOPPED_TRYING
+    if late:
+        return Text.LONGER
+    return Text.PLANNED if outage.planned else Text.RECOVERING
+
+
+def _promised_ms(told: Range) -> int:
+    """The end of what was promised, as it was said."""
+    return in_seconds(told)[1] * 1000
+
+
+def _limit_ms(outage: Outage, pace: Pace) -> int:
+    if outage.told is None:
+        return pace.longer_than_ms
+    return max(_promised_ms(outage.told), pace.floor_ms)
+
+
+def due_ms(outage: Outage, pace: Pace, now_ns: int) -> int | None:
+    """In how many milliseconds what is shown changes by time alone; None: not any more."""
+    elapsed_ms = _elapsed_ms(outage, now_ns)
+    marks = [_limit_ms(outage, pace)] + ([_promised_ms(outage.told)] if outage.told else [])
+    ahead = [mark - elapsed_ms for mark in marks if mark >= elapsed_ms]
+    return min(ahead) + 1 if ahead else None
+
+
+def fields(shown: Shown, held: int, since: str | None) -> dict[str, object]:
+    """The `state` frame for a browser of which `held` requests wait. `since`: the begin as RFC 3339."""
+    eta = None
+    if shown.eta is not None:
+        low_s, high_s = in_seconds(shown.eta)
+        eta = {"low_s": low_s, "high_s": high_s, "samples": shown.samples}
+    return {
+        "v": 1,
+        "type": "state",
+        "state": shown.state or "UNKNOWN",
+        "phase": shown.phase or "UNKNOWN",
+        "stage": shown.stage,
+        "stages": STAGES,
+        "since": since,
+        "elapsed_ms": shown.elapsed_ms,
+        "eta": eta,
+        "samples": shown.samples,
+        "incident": shown.incident,
+        "held": held,
+        "planned": shown.planned,
+        "alerted_at": None,
+        "text": shown.text,
+    }
