@@ -75,6 +75,14 @@ class Pulse:
         self._words[page.THREAD_NS_AT >> 3] = now_ns
         self._words[page.THREAD_COUNT_AT >> 3] = self._thread_beats
 
+    def beat_importer(self, now_ns: int) -> None:
+        """Say that the importer gets on with its work. Loop thread only."""
+        self._words[page.IMPORTER_NS_AT >> 3] = now_ns
+
+    def importer_works(self, on: bool) -> None:  # noqa: FBT001  there is nothing else to say
+        """Say that the importer has something to do, or nothing any more. Loop thread only."""
+        self._words[page.IMPORTER_SINCE_AT >> 3] = self._clock() if on else 0
+
     def in_store(self, on: bool) -> None:  # noqa: FBT001  there is nothing else to say
         """Say that a transaction is open (from BEGIN to COMMIT) or no longer. Writer thread only."""
         self._words[page.IN_STORE_AT >> 3] = self._clock() if on else 0

@@ -51,7 +51,7 @@ SHAPES = (SLOTS, FINISHED, EVENTS, WITNESSES, LAST_WORDS)
 
 _MADE = Struct("<8s8Q36s4x16s")
 _OWNER = Struct("<6Q")
-_BEATS = Struct("<11Q")
+_BEATS = Struct("<11Q8x2Q")
 _WORD = Struct("<Q")
 _SLOT_NUMBERS = Struct("<3Q24x4Q")  # started, deadline, payload length; stage, since, thread, ordinal
 _FINISHED_NUMBERS = Struct("<4Q")  # finished, outcome, index, started
@@ -117,7 +117,7 @@ def beats(head: bytes) -> Beats | None:
     """Return the beat block, or None when it holds a life state that no core of this version writes."""
     words = _BEATS.unpack_from(head, 256)
     loop_ns, loop_count, thread_ns, thread_count, submitted, completed, completed_ns, *rest = words
-    in_store_since_ns, gc_since_ns, epoch, state = rest
+    in_store_since_ns, gc_since_ns, epoch, state, importer_ns, importer_since_ns = rest
     if state > LifeState.STOPPING:
         return None
     return Beats(
@@ -132,6 +132,8 @@ def beats(head: bytes) -> Beats | None:
         gc_since_ns=gc_since_ns,
         epoch=epoch,
         state=LifeState(state),
+        importer_ns=importer_ns,
+        importer_since_ns=importer_since_ns,
     )
 
 

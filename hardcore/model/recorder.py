@@ -43,6 +43,8 @@ class Beats:
     gc_since_ns: int = 0
     epoch: int = 0
     state: LifeState = LifeState.STARTING
+    importer_ns: int = 0
+    importer_since_ns: int = 0
 
     @property
     def waiting(self) -> int:

@@ -107,18 +107,22 @@ def test_every_beat_is_read_as_it_was_written(path: Path) -> None:
     recorder.set_epoch(7)
     recorder.set_state(LifeState.DRAINING)
     recorder.finish(begin(recorder), 201)
+    recorder.beat_importer(14)
+    recorder.importer_works(True)
     reader = PageReader(path, "nonce-1")
     beats = reader.beats()
     assert beats is not None
+    assert (beats.importer_ns, beats.importer_since_ns) == (14, 1400)
     assert (beats.loop_ns, beats.loop_count, beats.thread_ns, beats.thread_count) == (12, 2, 13, 1)
     assert (beats.submitted, beats.completed, beats.completed_ns) == (1, 1, 1300)
     assert (beats.in_store_since_ns, beats.gc_since_ns) == (1000, 1100)
     assert (beats.epoch, beats.state) == (7, LifeStateRead.DRAINING)
     recorder.in_store(False)
     recorder.gc(False)
+    recorder.importer_works(False)
     beats = reader.beats()
     assert beats is not None
-    assert (beats.in_store_since_ns, beats.gc_since_ns) == (0, 0)
+    assert (beats.in_store_since_ns, beats.gc_since_ns, beats.importer_since_ns) == (0, 0, 0)
     reader.close()
     recorder.close()
 
