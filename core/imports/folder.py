@@ -1,0 +1,183 @@
+"""The folder of imports: what is kept of each, written so that a death leaves the old or the new, never half.
+
+`DATA/imports/<id>/` holds the file as it came (`file`), its rows as plain text (`rows.jsonl`), and three records
+beside them. A folder is made under another name and takes its own once it is whole, so an id that can be
+found is an import. The process's umask makes
+everything its owner's alone. A table in the ledger's database was not chosen: twenty
+megabytes of a stranger's bytes have no place beside the books, and the ledger would have to be open to look.
+"""
+
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final, TypeVar
+
+import msgspec
+
+from core.imports.records import Manifest, Progress, Survey
+from core.imports.states import State
+
+IMPORTS: Final = "imports"
+UNFINISHED: Final = ".new"
+
+_ID: Final = re.compile(r"[0-9a-f-]{36}")
+_MANIFEST: Final = "manifest.json"
+_SURVEY: Final = "survey.json"
+_PROGRESS: Final = "progress.json"
+
+R = TypeVar("R")
+
+
+def is_import_id(text: str) -> bool:
+    """Whether `text` may name an import; nothing else becomes part of a path."""
+    return _ID.fullmatch(text) is not None
+
+
+class ImportFolder:
+    """One import's place on the disk. Every method blocks."""
+
+    def __init__(self, path: Path) -> None:
+        """Look at a folder; it need not exist yet."""
+        self._path = path
+
+    @property
+    def file(self) -> Path:
+        """The file as it came."""
+        return self._path / "file"
+
+    @property
+    def rows(self) -> Path:
+        """Its rows, as reading has left them."""
+        return self._path / "rows.jsonl"
+
+    def manifest(self) -> Manifest | None:
+        """Return the wish, None where there is no import."""
+        return _read(self._path / _MANIFEST, Manifest)
+
+    def survey(self) -> Survey:
+        """Return what the last look found; nothing if there was none."""
+        return _read(self._path / _SURVEY, Survey) or Survey(0)
+
+    def progress(self) -> Progress:
+        """Return how far the booking is known to be."""
+        return _read(self._path / _PROGRESS, Progress) or Progress()
+
+    def keep_manifest(self, manifest: Manifest) -> None:
+        """Keep the wish; once this returns, a power cut does not lose it."""
+        _write(self._path / _MANIFEST, manifest, durable=True)
+
+    def keep_survey(self, survey: Survey) -> None:
+        """Keep what a look found."""
+        _write(self._path / _SURVEY, survey, durable=False)
+
+    def keep_progress(self, progress: Progress) -> None:
+        """Keep how far it is. May be lost: the rows' keys in the ledger know better."""
+        _write(self._path / _PROGRESS, progress, durable=False)
+
+    def bytes_kept(self) -> int:
+        """Return how much room it takes."""
+        return sum(entry.stat().st_size for entry in os.scandir(self._path) if entry.is_file())
+
+
+class Imports:
+    """All imports of a data folder. Every method blocks."""
+
+    def __init__(self, data: Path) -> None:
+        """Take the data folder; it exists."""
+        self._path = data / IMPORTS
+
+    def open(self, import_id: str) -> ImportFolder:
+        """Return the place of an import, which need not exist."""
+        assert is_import_id(import_id), "an id is looked at before it becomes a path"
+        return ImportFolder(self._path / import_id)
+
+    def begin(self, import_id: str) -> Path:
+        """Make the place in which an import is put together; what was left there is thrown away."""
+        path = self._unfinished(import_id)
+        shutil.rmtree(path, ignore_errors=True)
+        path.mkdir(mode=0o700, parents=True)
+        return path
+
+    def finish(self, import_id: str) -> ImportFolder:
+        """Give what was put together its name."""
+        final = self._path / import_id
+        self._unfinished(import_id).rename(final)
+        _flush_folder(self._path)
+        return ImportFolder(final)
+
+    def abandon(self, import_id: str) -> None:
+        """Throw away what was begun."""
+        shutil.rmtree(self._unfinished(import_id), ignore_errors=True)
+
+    def newest_first(self) -> list[Manifest]:
+        """Return all imports, newest first."""
+        found = [manifest for _, manifest in self._all()]
+        return sorted(found, key=lambda one: (one.made_ns, one.id), reverse=True)
+
+    def clear_unfinished(self) -> None:
+        """Remove what a death left half put together. Only while nothing is being put together."""
+        for left in self._path.glob("*" + UNFINISHED):
+            shutil.rmtree(left, ignore_errors=True)
+
+    def tidy(self, previews_before_ns: int, bytes_max: int, imports_max: int) -> None:
+        """Remove old previews, and the oldest imports where it is too much.
+
+        `previews_before_ns` is wall time. One that is being committed is never removed.
+        """
+        kept = []
+        for folder, manifest in self._all():
+            if manifest.state is State.PREVIEW and manifest.made_ns < previews_before_ns:
+                self._remove(manifest.id)
+            elif manifest.state is not State.COMMITTING:
+                kept.append((manifest.made_ns, manifest.id, folder.bytes_kept()))
+        kept.sort(reverse=True)
+        total = 0
+        for count, (_, import_id, size) in enumerate(kept, 1):
+            total += size
+            if total > bytes_max or count > imports_max:
+                self._remove(import_id)
+
+    def _all(self) -> Iterator[tuple[ImportFolder, Manifest]]:
+        if not self._path.is_dir():
+            return
+        for path in self._path.iterdir():
+            folder = ImportFolder(path)
+            manifest = folder.manifest() if is_import_id(path.name) else None
+            if manifest is not None:
+                yield folder, manifest
+
+    def _unfinished(self, import_id: str) -> Path:
+        assert is_import_id(import_id), "as above"
+        return self._path / (import_id + UNFINISHED)
+
+    def _remove(self, import_id: str) -> None:
+        shutil.rmtree(self._path / import_id, ignore_errors=True)
+
+
+def _read(path: Path, shape: type[R]) -> R | None:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=shape)
+    except (OSError, msgspec.DecodeError):
+        return None  # not there, or of another version: as if it had not been written
+
+
+def _write(path: Path, record: msgspec.Struct, *, durable: bool) -> None:
+    fresh = path.with_name(path.name + UNFINISHED)
+    with fresh.open("wb") as file:
+        file.write(msgspec.json.encode(record))
+        if durable:
+            file.flush()
+            os.fsync(file.fileno())
+    fresh.rename(path)
+    if durable:
+        _flush_folder(path.parent)
+
+
+def _flush_folder(path: Path) -> None:
+    fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
