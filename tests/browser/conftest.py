@@ -1,0 +1,148 @@
+"""One real Chromium for all of these tests, a fresh profile for each of them, and a house to look at.
+
+The browser is the machine's own (`scripts/browser` finds it); Playwright downloads nothing. Where there is none
+the tests are skipped with the sentence that says how to get one, unless BROWSER_TESTS=required, as on the
+machine that checks every change: there a missing browser is a failure.
+"""
+
+import os
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from psutil import Process
+
+from tests import leftovers, waiting
+from tests.browser.tabs import Watch
+from tests.integration.house import House
+
+ARGUMENTS: Final = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+LEAVING_S: Final = 5.0
+#: What a page may take to show what is waited for, on a machine that does much else.
+PATIENCE_MS: Final = 20_000
+
+MakeHouse = Callable[..., House]
+OpenTab = Callable[..., Page]
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    """The browser."""
+    found = subprocess.run(
+        ["sh", str(Path(__file__).parents[2] / "scripts" / "browser")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if found.returncode:
+        missing = pytest.fail if os.environ.get("BROWSER_TESTS") == "required" else pytest.skip
+        missing(found.stderr.strip())
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found.stdout.strip(), args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left_behind(
+    request: pytest.FixtureRequest, chromium: Browser, shared_house: House
+) -> Iterator[None]:
+    """As for all tests, but the browser's own processes and the house that a module shares stay."""
+    assert chromium.is_connected()
+    folder = request.getfixturevalue("tmp_path") if "tmp_path" in request.fixturenames else None
+    yield
+
+    def left() -> set[Process]:
+        found = leftovers.children() | (leftovers.at_work_in(folder) if folder else set())
+        stays = leftovers.at_work_in(shared_house.data)
+        return {process for process in found - stays if not _is_the_browsers(process)}
+
+    try:
+        waiting.until(lambda: not left(), "everything the test started to end", LEAVING_S)
+    except AssertionError:
+        told = leftovers.end(left())
+        pytest.fail("left running after the test: " + "; ".join(told), pytrace=False)
+
+
+@pytest.fixture(scope="module")
+def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    """The house of a module."""
+    house = House(tmp_path_factory.mktemp("house") / "data")
+    try:
+        house.up()
+        yield house
+    finally:
+        house.end()
+
+
+@pytest.fixture
+def house(shared_house: House) -> House:
+    """The module's house, running and without an open incident, whatever the test before did to it."""
+    shared_house.running()
+    return shared_house
+
+
+@pytest.fixture
+def new_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MakeHouse]:
+    """Make houses of the test's own; policy settings are named arguments. They are not started yet."""
+    made: list[House] = []
+
+    def make(**policy: Any) -> House:
+        made.append(House(tmp_path_factory.mktemp("own") / "data", policy))
+        return made[-1]
+
+    yield make
+    for house in made:
+        house.end()
+
+
+@pytest.fixture
+def watch() -> Iterator[Watch]:
+    """What the tabs of this test complain about; nothing, or the test fails."""
+    watch = Watch()
+    yield watch
+    assert watch.troubles == []
+    assert watch.dialogs == []
+
+
+@pytest.fixture
+def open_tab(chromium: Browser, watch: Watch) -> Iterator[OpenTab]:
+    """Open tabs of a house, each in a profile of its own unless one is given; options are Playwright's."""
+    contexts: list[BrowserContext] = []
+
+    def open_one(
+        house: House, path: str = "/", *, lang: str = "en", beside: Page | None = None, **options: Any
+    ) -> Page:
+        if beside is not None:
+            page = beside.context.new_page()
+        else:
+            contexts.append(chromium.new_context(base_url=house.url, locale=lang, **options))
+            contexts[-1].set_default_timeout(PATIENCE_MS)
+            page = contexts[-1].new_page()
+        watch.on(page)
+        page.goto(path)
+        return page
+
+    yield open_one
+    for context in contexts:
+        context.close()
+
+
+def _is_the_browsers(process: Process) -> bool:
+    """Whether it is the browser, Playwright's driver, or one of theirs."""
+    try:
+        names = [process.name(), *(parent.name() for parent in process.parents())]
+    except leftovers._GONE:
+        return True  # it has ended
+    return any(name.startswith(("chrom", "node", "google-chrome")) for name in names)

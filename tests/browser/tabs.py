@@ -1,0 +1,42 @@
+"""Tabs of a real browser, and what goes wrong in them: errors on the console, refusals of the page's own policy.
+
+A tab is watched from its first moment to its last. What a browser writes on its console about an outage (an
+answer with 503, a socket that was closed) is what the outage is; everything else is our mistake and fails the
+test that saw it, even where nothing else looks wrong.
+"""
+
+import re
+from dataclasses import dataclass, field
+from typing import Final
+
+from playwright.sync_api import ConsoleMessage, Dialog, Error, Page
+
+#: What the browser itself says of answers that are meant, and of a server that is not there.
+OUTAGE: Final = re.compile(
+    r"Failed to load resource: .*(status of (4(?!04)\d\d|503)|net::ERR_)|WebSocket connection to .* failed"
+)
+
+
+@dataclass
+class Watch:
+    """What a tab has complained about, and every dialog that a script has opened in it."""
+
+    troubles: list[str] = field(default_factory=list)
+    dialogs: list[str] = field(default_factory=list)
+
+    def on(self, page: Page) -> None:
+        """Begin to watch a tab."""
+        page.on("console", self._console)
+        page.on("pageerror", self._error)
+        page.on("dialog", self._dialog)
+
+    def _console(self, message: ConsoleMessage) -> None:
+        if message.type in {"error", "warning"} and not OUTAGE.search(message.text):
+            self.troubles.append(f"{message.type}: {message.text} ({message.location['url']})")
+
+    def _error(self, error: Error) -> None:
+        self.troubles.append(f"not caught: {error}")
+
+    def _dialog(self, dialog: Dialog) -> None:
+        self.dialogs.append(dialog.message)
+        dialog.dismiss()
