@@ -36,6 +36,10 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
             "Only pages of this address, or a program of yours, may change this ledger.",
         ),
     },
+    "not-found": {
+        "ko": ("이 주소에는 아무것도 없어요", "주소를 다시 확인해 주세요."),
+        "en": ("There is nothing at this address", "Please check the address."),
+    },
     "method-not-allowed": {
         "ko": ("이 방식은 쓸 수 없어요", "여기서 쓸 수 있는 방식은 Allow 헤더에 있어요."),
         "en": ("This method is not used here", "The methods that are used here stand in the Allow header."),
@@ -133,5 +137,19 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
             "The server did not answer in time",
             "If you sent it with an Idempotency-Key, send it again as it was: it is done once. If not, please check the records first.",
         ),
+    },
+    "drill-refused": {
+        "ko": (
+            "지금은 서버를 일부러 멈출 수 없어요",
+            "서버가 정상으로 돌아온 뒤에 다시 해 주세요. 정책 파일에서 훈련을 꺼 두었는지도 확인해 주세요.",
+        ),
+        "en": (
+            "The server cannot be broken on purpose now",
+            "Please try again once it runs as usual, and check that the policy file allows drills.",
+        ),
+    },
+    "guard-away": {
+        "ko": ("감시자가 대답하지 않아요", "시작됐는지 아직 알 수 없어요. 잠시 뒤에 다시 해 주세요."),
+        "en": ("The guard does not answer", "Whether it has begun is not known. Please try again in a moment."),
     },
 }

@@ -21,9 +21,12 @@ import uvloop
 
 from hardcore.crisis.client import Census, ClientConnection
 from hardcore.crisis.desk import Desk
+from hardcore.crisis.drills import DrillDoor
 from hardcore.crisis.feed import stats_line
 from hardcore.crisis.limits import GatewayLimits, limits_from
 from hardcore.crisis.link import FeedLink
+from hardcore.crisis.mishap import describe
+from hardcore.crisis.shelf import stock
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,6 +52,8 @@ class Gateway:
         control: str,
         hosts: Sequence[str],
         limits: GatewayLimits,
+        *,
+        demo: bool,
     ) -> None:
         self._loop = loop
         self._listener = listener
@@ -59,7 +64,8 @@ class Gateway:
         names = frozenset(name.lower() for name in (*LOOPBACK_NAMES, *_address(listener), *hosts))
         self._census = Census(names, time.monotonic_ns, self._connections_changed, set())
         self._link = FeedLink(loop, control, os.getpid(), limits)
-        self._desk = Desk(loop, limits, self._link, time.monotonic_ns)
+        drills = DrillDoor(loop, control) if demo else None
+        self._desk = Desk(loop, limits, self._link, time.monotonic_ns, drills)
 
     async def serve(self) -> None:
         """Serve until SIGTERM, then drain."""
@@ -70,12 +76,23 @@ class Gateway:
             backlog=BACKLOG,
         )
         self._link.start(self._desk.heard)
+        stocking = self._loop.create_task(self._stock())
         upkeep = self._loop.create_task(self._upkeep())
         await self._leaving.wait()
+        stocking.cancel()
         server.close()
         await self._drain()
         upkeep.cancel()
         self._link.close()
+
+    async def _stock(self) -> None:
+        """Render the gateway's own pages and files, beside the serving."""
+        try:
+            shelf = await self._loop.run_in_executor(None, stock)
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with the paper: requests are answered
+            _LOG.error("the recovery pages could not be made, plain ones are shown: %s", describe(error))
+            return
+        self._desk.moves.shelf = shelf
 
     async def _drain(self) -> None:
         _LOG.info("leaving: %d connections", len(self._census.connections))
@@ -127,6 +144,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--allow-host", action="append", default=[], help="another name this server answers to"
     )
+    parser.add_argument("--demo", action="store_true", help="let pages of this address break the core")
     return parser.parse_args(arguments)
 
 
@@ -158,7 +176,8 @@ def main(arguments: Sequence[str]) -> int:
 
     async def run() -> None:
         loop = asyncio.get_running_loop()
-        await Gateway(loop, listener, options.control, options.allow_host, limits).serve()
+        names = options.allow_host
+        await Gateway(loop, listener, options.control, names, limits, demo=options.demo).serve()
 
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.run(run())

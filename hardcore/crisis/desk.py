@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import assert_never
 
 from hardcore.crisis import pages
+from hardcore.crisis.drills import Begun, Declined, DrillDoor, Said, Unheard, fault_of
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.feed import Heard, PhaseHeard, ReleaseHeard, Teller
 from hardcore.crisis.heads import RequestHead, browser_of
@@ -30,10 +31,12 @@ class Desk:
         limits: GatewayLimits,
         teller: Teller,
         now_ns: Callable[[], int],
+        drills: DrillDoor | None = None,
     ) -> None:
         self.limits = limits
         self.moves = Moves(loop, limits, teller, now_ns)
         self._now_ns = now_ns
+        self._drills = drills  # in a demo only
 
     @property
     def room(self) -> WaitingRoom:
@@ -45,7 +48,7 @@ class Desk:
         exchange.browser = browser_of(exchange.head.cookie)
         way = self.moves.way(exchange.head.path)
         match way:
-            case Route.LIVE | Route.READY:
+            case Route.LIVE | Route.READY | Route.OWN | Route.DRILL:
                 self._own_page(exchange, way)
             case Route.FORWARD if self.moves.core_has_room():
                 self.moves.move(exchange, Trigger.PASS)
@@ -124,12 +127,43 @@ class Desk:
     def _own_page(self, exchange: Exchange, way: Route) -> None:
         exchange.life = Life.ANSWERED  # it never was on its way to a core
         self.moves.release_bytes(exchange)
-        standing = self.moves.outlook.standing
-        if exchange.head.method not in {"GET", "HEAD"}:
-            answer = pages.problem(Problem.METHOD_NOT_ALLOWED, exchange.head.accept_language)
-        elif way is Route.LIVE:
-            heard = alive(standing, self._now_ns(), self.limits.feed_silence_ms)
-            answer = pages.live(heard=heard)
+        head, tongue = exchange.head, exchange.head.accept_language
+        fault = fault_of(head.path) if way is Route.DRILL else None
+        if fault is not None and self._drills is not None and exchange.client.is_near:
+            if head.method == "POST":
+                self._drills.ask(fault, lambda said: self._drilled(exchange, said))
+                return
+            answer = pages.problem(Problem.METHOD_NOT_ALLOWED, tongue)
+        elif way is Route.DRILL:
+            answer = pages.problem(Problem.NOT_FOUND, tongue)
+        elif head.method not in {"GET", "HEAD"}:
+            answer = pages.problem(Problem.METHOD_NOT_ALLOWED, tongue)
         else:
-            answer = pages.ready(standing.state, serving=ready(standing))
+            answer = self._own_answer(head, way)
+        exchange.client.answer(answer.head, answer.body)
+
+    def _own_answer(self, head: RequestHead, way: Route) -> pages.Answer:
+        standing = self.moves.outlook.standing
+        if way is Route.LIVE:
+            heard = alive(standing, self._now_ns(), self.limits.feed_silence_ms)
+            return pages.live(heard=heard)
+        if way is Route.READY:
+            return pages.ready(standing.state, serving=ready(standing))
+        sheet = self.moves.shelf.own(head.path, head.accept_language)
+        if sheet is None:
+            return pages.problem(Problem.NOT_FOUND, head.accept_language)
+        return pages.own_page(sheet, head) if sheet.policy else pages.own_file(sheet, head)
+
+    def _drilled(self, exchange: Exchange, said: Said) -> None:
+        """The sentinel has answered who asked for a drill."""
+        tongue = exchange.head.accept_language
+        match said:
+            case Begun(fault=fault):
+                answer = pages.drill_begun(fault)
+            case Declined(code=code):
+                answer = pages.problem(Problem.DRILL_REFUSED, tongue, reason=code)
+            case Unheard():
+                answer = pages.problem(Problem.GUARD_AWAY, tongue)
+            case _:
+                assert_never(said)
         exchange.client.answer(answer.head, answer.body)

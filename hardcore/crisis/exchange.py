@@ -17,6 +17,7 @@ class Client(Protocol):
     """What the desk may do with the connection a request came from. All of it is safe after its end."""
 
     limit: Alarm
+    is_near: bool  # the client sits at this machine
 
     def answer(self, head: AnswerHead, body: bytes, *, close: bool = False) -> None:
         """Give a whole answer."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from hardcore.crisis import pages
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.feed import Settled, Teller
+from hardcore.crisis.heads import RequestHead
 from hardcore.crisis.holding import (
     OVER,
     TABLE,
@@ -27,10 +28,12 @@ from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.mishap import describe
 from hardcore.crisis.outcomes import OutageBook
 from hardcore.crisis.outlook import Outlook, Ties
+from hardcore.crisis.plight import cover
 from hardcore.crisis.problems import STATUS, Outcome, Problem
 from hardcore.crisis.returns import Returns
 from hardcore.crisis.routing import Route, route
 from hardcore.crisis.sending import Courier
+from hardcore.crisis.shelf import Shelf
 from hardcore.model.phases import Face
 
 _LOG = logging.getLogger(__name__)
@@ -59,6 +62,7 @@ class Moves:
         now_ns: Callable[[], int],
     ) -> None:
         self.leaving = False
+        self.shelf = Shelf()  # empty until it was rendered
         self.room = WaitingRoom(limits)
         self.book = OutageBook()
         self.outlook = Outlook(loop, limits, Ties(self._changed, self._pump_soon, teller, now_ns))
@@ -264,7 +268,8 @@ class Moves:
         self._lost[exchange] = None
         exchange.upstream = None
         exchange.lost_ns = exchange.lost_ns or self._now_ns()
-        self._limit_from(exchange, exchange.lost_ns, self._limits.hold_ms)
+        limit_ms = hold_limit_ms(self._limits, navigation=exchange.head.navigation)
+        self._limit_from(exchange, exchange.lost_ns, limit_ms)
         self._pump_soon()  # another core may serve already
 
     def _limit_from(self, exchange: Exchange, since_ns: int, limit_ms: int) -> None:
@@ -292,9 +297,18 @@ class Moves:
 
     def _say(self, exchange: Exchange, problem: Problem, outcome: Outcome, word: str | None = None) -> None:
         self._settle(exchange, word or outcome, STATUS[problem])
-        answer = pages.problem(problem, exchange.head.accept_language, outcome)
+        answer = self._words(exchange.head, problem, outcome)
         close = word == "gone" or problem in _CLOSES
         exchange.client.answer(answer.head, answer.body, close=close)
+
+    def _words(self, head: RequestHead, problem: Problem, outcome: Outcome) -> pages.Answer:
+        """A problem as its reader can use it: a page for a tab, fields for a program."""
+        if not head.navigation:
+            return pages.problem(problem, head.accept_language, outcome)
+        planned = self.outlook.standing.planned
+        told = cover(problem, outcome, self.outlook.posture, safe=head.safe, planned=planned)
+        sheet = self.shelf.cover(told, head.accept_language) if told is not None else None
+        return pages.plain(problem, head) if sheet is None else pages.recovery(sheet, problem, head)
 
     # -- the end of a request --------------------------------------------------------------------------
 

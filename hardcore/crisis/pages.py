@@ -1,9 +1,11 @@
-"""The answers the gateway gives in its own name: problems, and whether it is alive and ready.
+"""The answers the gateway gives in its own name: problems, pages, its files, and whether it is alive and ready.
 
 Everything here is made from texts in memory, because it is needed exactly when nothing else works. The
-health answers say in their status all that a machine needs; the body is for the person who looks.
+health answers say in their status all that a machine needs; the body is for the person who looks. Whoever waits
+before a tab gets a page; a program gets the same facts as problem+json.
 """
 
+import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +14,9 @@ from http import HTTPStatus
 
 from frontend.catalogue_gateway import PROBLEMS
 from frontend.render import language
-from hardcore.crisis.heads import ALLOW, AnswerHead, Header
+from hardcore.crisis.heads import ALLOW, AnswerHead, Header, RequestHead
 from hardcore.crisis.problems import RETRY_AFTER_S, STATUS, Outcome, Problem
+from hardcore.crisis.shelf import HTML, Sheet
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,19 +27,31 @@ class Answer:
     body: bytes
 
 
-def _answer(status: int, kind: bytes, body: bytes, extra: Sequence[Header] = ()) -> Answer:
+#: Of the page that is shown when none was rendered: it needs nothing but itself.
+_PLAIN_POLICY = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+_PLAIN = (
+    '<!doctype html><html lang="{lang}"><head><meta charset="utf-8">'
+    '<meta name="viewport" content="width=device-width"><meta name="color-scheme" content="light dark">'
+    "{again}<title>{title}</title></head><body><h1>{title}</h1><p>{detail}</p></body></html>"
+)
+
+
+def _answer(
+    status: int, kind: bytes, body: bytes, extra: Sequence[Header] = (), *, kept: bytes = b"no-store"
+) -> Answer:
     headers = (
         (b"Date", formatdate(usegmt=True).encode()),
         (b"Content-Type", kind),
-        (b"Cache-Control", b"no-store"),
+        (b"Cache-Control", kept),
         (b"X-Content-Type-Options", b"nosniff"),
         *extra,
     )
-    return Answer(AnswerHead(status, HTTPStatus(status).phrase.encode(), headers, len(body)), body)
+    length = None if status == 304 else len(body)
+    return Answer(AnswerHead(status, HTTPStatus(status).phrase.encode(), headers, length), body)
 
 
-def problem(what: Problem, accept_language: str, outcome: Outcome | None = None) -> Answer:
-    """The answer for a problem, in the language its reader asked for."""
+def problem(what: Problem, accept_language: str, outcome: Outcome | None = None, **more: str) -> Answer:
+    """The answer for a problem, in the language its reader asked for; `more` are further fields."""
     tongue = language(accept_language)
     title, detail = PROBLEMS[what][tongue]
     status = STATUS[what]
@@ -49,6 +64,7 @@ def problem(what: Problem, accept_language: str, outcome: Outcome | None = None)
     extra = [(b"Content-Language", tongue.encode()), (b"Vary", b"Accept-Language")]
     if outcome is not None:
         fields["outcome"] = outcome
+    fields |= more
     if (seconds := RETRY_AFTER_S.get(what)) is not None:
         fields["retry_after"] = seconds
         extra.append((b"Retry-After", b"%d" % seconds))
@@ -56,6 +72,69 @@ def problem(what: Problem, accept_language: str, outcome: Outcome | None = None)
         extra.append((b"Allow", ALLOW.encode()))
     body = json.dumps(fields, ensure_ascii=False).encode()
     return _answer(status, b"application/problem+json", body, extra)
+
+
+def plain(what: Problem, head: RequestHead) -> Answer:
+    """A problem as a bare page. One that only reads comes back by itself; nothing is ever sent again."""
+    tongue = language(head.accept_language)
+    title, detail = (html.escape(words) for words in PROBLEMS[what][tongue])
+    seconds = RETRY_AFTER_S.get(what)
+    again = f'<meta http-equiv="refresh" content="{seconds}">' if head.safe and seconds else ""
+    body = _PLAIN.format(lang=tongue, again=again, title=title, detail=detail).encode()
+    return _answer(STATUS[what], HTML, body, _of_a_page(tongue, _PLAIN_POLICY, what))
+
+
+def recovery(sheet: Sheet, what: Problem, head: RequestHead) -> Answer:
+    """The recovery page on the URL that was asked for."""
+    extra = _of_a_page(language(head.accept_language), sheet.policy, what)
+    body = _packed(sheet, head, extra)
+    return _answer(STATUS[what], sheet.kind, body, extra)
+
+
+def _of_a_page(tongue: str, policy: str, what: Problem | None = None) -> list[Header]:
+    extra: list[Header] = [
+        (b"Content-Language", tongue.encode()),
+        (b"Content-Security-Policy", policy.encode()),
+        (b"Referrer-Policy", b"same-origin"),
+    ]
+    if what in RETRY_AFTER_S:
+        extra.append((b"Retry-After", b"%d" % RETRY_AFTER_S[what]))
+    return extra
+
+
+def _packed(sheet: Sheet, head: RequestHead, extra: list[Header]) -> bytes:
+    """The sheet as this client can read it; what it is packed in is added to `extra`."""
+    if not head.gzip:
+        return sheet.plain
+    extra.append((b"Content-Encoding", b"gzip"))
+    return sheet.zipped
+
+
+def own_page(sheet: Sheet, head: RequestHead) -> Answer:
+    """A page of the gateway's own, as it always is."""
+    extra = _of_a_page(language(head.accept_language), sheet.policy)
+    body = _packed(sheet, head, extra)
+    return _answer(200, sheet.kind, body, extra)
+
+
+def own_file(sheet: Sheet, head: RequestHead) -> Answer:
+    """A file of the gateway's own; 304 if the client has it. It is asked for anew each time, and cheaply."""
+    tag = f'"{sheet.tag}{"-gz" if head.gzip else ""}"'.encode()
+    extra: list[Header] = [
+        (b"ETag", tag),
+        (b"Vary", b"Accept-Encoding"),
+        (b"Cross-Origin-Resource-Policy", b"same-origin"),
+    ]
+    known = [value for name, value in head.headers if name.lower() == b"if-none-match"]
+    if any(tag in value or value.strip() == b"*" for value in known):
+        return _answer(304, sheet.kind, b"", extra, kept=b"no-cache")
+    body = _packed(sheet, head, extra)
+    return _answer(200, sheet.kind, body, extra, kept=b"no-cache")
+
+
+def drill_begun(fault: str) -> Answer:
+    """The guard was told, and the core is being broken."""
+    return _answer(202, b"application/json", json.dumps({"ok": True, "fault": fault}).encode())
 
 
 def stored(status: int, answer: object) -> Answer:

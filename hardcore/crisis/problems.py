@@ -14,6 +14,7 @@ class Problem(StrEnum):
     BAD_REQUEST = "bad-request"
     WRONG_HOST = "wrong-host"
     FOREIGN_PAGE = "foreign-page"
+    NOT_FOUND = "not-found"
     METHOD_NOT_ALLOWED = "method-not-allowed"
     REQUEST_TIMEOUT = "request-timeout"
     BODY_TOO_LARGE = "body-too-large"
@@ -28,6 +29,8 @@ class Problem(StrEnum):
     SHUTTING_DOWN = "shutting-down"
     TOO_BUSY = "too-busy"
     CORE_TOO_SLOW = "core-too-slow"
+    DRILL_REFUSED = "drill-refused"
+    GUARD_AWAY = "guard-away"
 
 
 class Outcome(StrEnum):
@@ -41,6 +44,7 @@ STATUS: dict[Problem, int] = {
     Problem.BAD_REQUEST: 400,
     Problem.WRONG_HOST: 421,
     Problem.FOREIGN_PAGE: 403,
+    Problem.NOT_FOUND: 404,
     Problem.METHOD_NOT_ALLOWED: 405,
     Problem.REQUEST_TIMEOUT: 408,
     Problem.BODY_TOO_LARGE: 413,
@@ -55,6 +59,8 @@ STATUS: dict[Problem, int] = {
     Problem.SHUTTING_DOWN: 503,
     Problem.TOO_BUSY: 503,
     Problem.CORE_TOO_SLOW: 504,
+    Problem.DRILL_REFUSED: 409,
+    Problem.GUARD_AWAY: 503,
 }
 
 #: Seconds after which asking again makes sense; a problem not named here carries no `Retry-After`.
@@ -65,4 +71,5 @@ RETRY_AFTER_S: dict[Problem, int] = {
     Problem.NOT_SERVING: 30,
     Problem.SHUTTING_DOWN: 10,
     Problem.TOO_BUSY: 1,
+    Problem.GUARD_AWAY: 2,
 }

@@ -1,7 +1,7 @@
 """Where a request goes: to the core, into the waiting room, to a page of our own, or back.
 
-Three lines of a table rather than a router: in this part the gateway owns two paths, and everything else
-belongs to the core. The face is asked after the path, because our own pages answer in every phase.
+A few lines of a table rather than a router: the gateway owns the health paths and what stands under `/__hc/`,
+and everything else belongs to the core. The face is asked after the path, because our own pages answer in every phase.
 """
 
 from enum import Enum
@@ -15,6 +15,8 @@ class Route(Enum):
 
     LIVE = "answer whether the guard is alive"
     READY = "answer whether a core may be sent traffic"
+    OWN = "answer with a file or a page of our own"
+    DRILL = "ask the guard to break the core, in a demo"
     FORWARD = "send it to the serving core"
     HOLD = "keep it until a core serves"
     REFUSE = "answer at once that nobody knows when a core comes"
@@ -22,12 +24,17 @@ class Route(Enum):
 
 
 OWN_PAGES = {b"/livez": Route.LIVE, b"/readyz": Route.READY}
+#: Everything under it is the gateway's; a core never sees it.
+OWN_PREFIX = b"/__hc/"
+DRILL_PREFIX = b"/__hc/drill/"
 
 
 def route(path: bytes, posture: Face, *, leaving: bool) -> Route:
     """The way of a request for `path`. `leaving`: the gateway itself is being stopped."""
     if (own := OWN_PAGES.get(path)) is not None:
         return own
+    if path.startswith(OWN_PREFIX):
+        return Route.DRILL if path.startswith(DRILL_PREFIX) else Route.OWN
     if leaving:
         return Route.CLOSE
     match posture:

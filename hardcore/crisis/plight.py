@@ -1,0 +1,72 @@
+"""What a tab is told while its page cannot come: which of the recovery pages is the true one. Pure.
+
+Two facts make the page: how things stand (the posture, and whether it is planned) and what became of the
+request itself. The plight is read from the posture and never from the problem, because one problem
+(`outcome-unknown`) is told in the middle of an outage, after it, and when everything is being stopped.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import assert_never
+
+from hardcore.crisis.problems import Outcome, Problem
+from hardcore.model.phases import Face
+
+
+class Plight(StrEnum):
+    """How things stand."""
+
+    RECOVERING = "recovering"
+    PLANNED = "planned"
+    STOPPED_TRYING = "stopped_trying"
+    OFF = "off"
+
+
+class Asked(StrEnum):
+    """What became of the request the tab waits for."""
+
+    GET = "get"  # it only reads: asking again is all there is to it
+    NOT_DONE = "not_done"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Cover:
+    """Names one recovery page."""
+
+    plight: Plight
+    asked: Asked
+
+
+#: Problems that are an outage's. TOO_BUSY is one of them only while nobody serves.
+_OF_AN_OUTAGE = frozenset(
+    {
+        Problem.RECOVERING,
+        Problem.NOT_SERVING,
+        Problem.SHUTTING_DOWN,
+        Problem.OUTCOME_UNKNOWN,
+        Problem.NOT_DONE,
+    }
+)
+
+
+def plight(posture: Face, *, planned: bool) -> Plight:
+    """How things stand. FORWARD too is an outage here: a core died under the request, and the next one serves."""
+    match posture:
+        case Face.REFUSE:
+            return Plight.STOPPED_TRYING
+        case Face.CLOSED:
+            return Plight.OFF
+        case Face.HOLD | Face.FORWARD:
+            return Plight.PLANNED if planned else Plight.RECOVERING
+        case _:
+            assert_never(posture)
+
+
+def cover(problem: Problem, outcome: Outcome, posture: Face, *, safe: bool, planned: bool) -> Cover | None:
+    """The recovery page for a request that ends in `problem`; None if it is no outage's problem."""
+    busy_outage = problem is Problem.TOO_BUSY and posture is not Face.FORWARD
+    if problem not in _OF_AN_OUTAGE and not busy_outage:
+        return None
+    asked = Asked.GET if safe else Asked.UNKNOWN if outcome is Outcome.UNKNOWN else Asked.NOT_DONE
+    return Cover(plight(posture, planned=planned), asked)

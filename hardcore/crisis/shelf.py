@@ -1,0 +1,88 @@
+"""What the gateway can show without asking anybody: the recovery pages, the crisis script and its files.
+
+All of it is rendered once, in peace, and kept as compressed bytes, so that an answer in a crisis is a look into
+a table. Rendering needs a template engine and files; it happens on a thread after the gateway has begun to
+serve, and until it is done (or if it fails) the gateway has its own plain page (`pages.plain`). Only the
+compressed form is kept: nearly every browser takes it, and for the rest a page is unpacked in a moment.
+"""
+
+import gzip
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import product
+from typing import Final, get_args
+
+from frontend.render import Language, language
+from hardcore.crisis.plight import Asked, Cover, Plight
+from hardcore.crisis.routing import OWN_PREFIX
+
+DEMO = OWN_PREFIX + b"demo"
+_LANGUAGES: Final[tuple[Language, ...]] = get_args(Language)
+HTML = b"text/html; charset=utf-8"
+
+_COMMON_POLICY = "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
+_DEMO_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
+    + _COMMON_POLICY
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """One text as it is kept. `tag` names its content; `policy` is its Content-Security-Policy, if it is a page."""
+
+    zipped: bytes
+    kind: bytes
+    tag: str
+    policy: str = ""
+
+    @property
+    def plain(self) -> bytes:
+        """The text itself."""
+        return gzip.decompress(self.zipped)
+
+
+@dataclass(frozen=True, slots=True)
+class Shelf:
+    """All sheets: files by path, recovery pages by language and cover, the demo's page by language."""
+
+    files: Mapping[bytes, Sheet] = field(default_factory=dict)
+    covers: Mapping[tuple[str, Cover], Sheet] = field(default_factory=dict)
+    demo: Mapping[str, Sheet] = field(default_factory=dict)
+
+    def cover(self, told: Cover, accept_language: str) -> Sheet | None:
+        """The recovery page that says so to this reader; None if none was rendered."""
+        return self.covers.get((language(accept_language), told))
+
+    def own(self, path: bytes, accept_language: str) -> Sheet | None:
+        """What stands under a path of the gateway's own, or None."""
+        return self.demo.get(language(accept_language)) if path == DEMO else self.files.get(path)
+
+
+def _sheet(text: bytes, kind: bytes, policy: str = "") -> Sheet:
+    tag = hashlib.sha256(text).hexdigest()[:32]
+    return Sheet(gzip.compress(text, mtime=0), kind, tag, policy)
+
+
+def stock() -> Shelf:
+    """Render everything. Takes a moment and may raise whatever templates and files raise: not for the loop."""
+    # The template engine behind it takes longer to import than a gateway takes to serve.
+    from frontend import crisis_paper as paper
+
+    files = {
+        path.encode(): _sheet(one.body, one.content_type.encode()) for path, one in paper.own_files().items()
+    }
+    covers: dict[tuple[str, Cover], Sheet] = {}
+    for lang, kind, outcome in product(_LANGUAGES, paper.KINDS, paper.OUTCOMES):
+        page = paper.recovery_page(lang, kind, outcome)
+        policy = _policy(page.script_hash, page.style_hash)
+        covers[lang, Cover(Plight(kind), Asked(outcome))] = _sheet(page.body, HTML, policy)
+    return Shelf(files, covers)
+
+
+def _policy(script_hash: str, style_hash: str) -> str:
+    return (
+        f"default-src 'none'; script-src '{script_hash}'; style-src '{style_hash}'; connect-src 'self'; "
+        f"img-src data:; {_COMMON_POLICY}"
+    )
