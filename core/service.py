@@ -25,7 +25,7 @@ from core.journal.answers import Answer, LookUp, Order
 from core.journal.store import StoreError, is_interrupted, snapshot, store_error
 from core.journal.verify import GivenUp, Verdict, verify
 from core.journal.writer import Writer
-from core.ledger.commands import Command, PostTransaction, accounts_of, fingerprint_of
+from core.ledger.commands import Command, accounts_of, fingerprint_of, transaction_of
 from core.ledger.ids import ENTROPY_BYTES, uuid7
 from core.settings import Settings
 
@@ -81,6 +81,11 @@ class Service:
         return self._in_flight
 
     @property
+    def draining(self) -> bool:
+        """Whether nothing new is taken any more."""
+        return self._draining
+
+    @property
     def head_seq(self) -> int:
         """The last event this core knows of, without asking the store."""
         return self._writer.head_seq
@@ -128,7 +133,7 @@ class Service:
     ) -> Answer:
         """Put the command in the writer's line and return its answer, which is durable if it says so."""
         # Plain strings in this frame, for whoever reads a dump of a stuck request.
-        transaction_id = command.id if isinstance(command, PostTransaction) else ""
+        transaction_id = transaction_of(command)
         account_ids = accounts_of(command)
         fingerprint = fingerprint_of(command)
         order = Order(command, key, fingerprint, digest, command_id, transaction_id, account_ids, slot)

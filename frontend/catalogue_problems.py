@@ -78,6 +78,32 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
         "ko": ("금액이 너무 커요", "{account} 계정이 담을 수 있는 금액을 넘어요."),
         "en": ("The amount is too large", "It is more than {account} can hold."),
     },
+    "currency-needed": {
+        "ko": ("통화를 알 수 없어요", "currency에 통화 코드를 적어서 다시 보내 주세요. 예: KRW."),
+        "en": ("The currency is not clear", "Please name it in currency, for example KRW."),
+    },
+    "not-a-money-account": {
+        "ko": (
+            "돈이 오가는 계정이 아니에요",
+            "자산이나 부채 계정을 골라 주세요. 보낸 계정: {account}.",
+        ),
+        "en": (
+            "No money is kept in this account",
+            "Please choose an asset or a liability instead of {account}.",
+        ),
+    },
+    "entry-not-found": {
+        "ko": ("없는 내역이에요", "주소에 있는 번호를 확인해 주세요."),
+        "en": ("There is no such entry", "Please check the id in the address."),
+    },
+    "entry-reversed": {
+        "ko": ("이미 취소한 내역이에요", "취소한 내역은 바꿀 수 없어요. 새로 적어 주세요."),
+        "en": ("This entry has been reversed", "It can no longer be changed. Please write a new one."),
+    },
+    "already-imported": {
+        "ko": ("이미 가져온 내역이에요", "같은 줄이 장부에 있어서 다시 적지 않았어요."),
+        "en": ("This row is in the ledger already", "It was not written down a second time."),
+    },
     "key-reused": {
         "ko": (
             "이미 다른 요청에 쓴 키예요",

@@ -115,7 +115,13 @@ class KeyRow(msgspec.Struct, frozen=True):
 
 def status_of(slug: Slug) -> int:
     """Return the HTTP status of a refusal."""
-    return 409 if slug is Slug.ACCOUNT_EXISTS else 422
+    match slug:
+        case Slug.ENTRY_NOT_FOUND:
+            return 404
+        case Slug.ACCOUNT_EXISTS | Slug.ENTRY_REVERSED | Slug.ALREADY_IMPORTED:
+            return 409
+        case _:
+            return 422
 
 
 def keep(answer: Done | Refused, order: Order, seq: int | None) -> KeyRow:

@@ -6,7 +6,7 @@ store. What the store raises comes back as a value: before BEGIN has returned no
 COMMIT included, nobody can say, and such a journal never writes again.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,7 +18,6 @@ from core.journal import schema
 from core.journal.answers import (
     Answer,
     DecisionFailed,
-    KeyRow,
     LookUp,
     Order,
     OutcomeUnknown,
@@ -27,19 +26,25 @@ from core.journal.answers import (
     Work,
 )
 from core.journal.batch import Batch
+from core.journal.shelf import fetch_book, fetch_keys
 from core.journal.store import StoreError, StoreFault, store_error
-from core.ledger.accounts import Account, AccountType
+from core.ledger.accounts import Account
+from core.ledger.book import KnownEntry
 from core.ledger.events import Event
+from core.ledger.fields import folded
 
 NAMED_IN_FRAME_MAX: Final = 8  # ids kept in a frame's locals; a stack dump shows no more of a line anyway
-VARIABLES_MAX: Final = 20_000  # names asked for in one SELECT, below SQLite's limit of 32,766
 
 
 @dataclass(frozen=True, slots=True)
 class Committed:
-    """The batch is in the store (or needed nothing of it), one answer for each of its works."""
+    """The batch is in the store (or needed nothing of it), one answer for each of its works.
+
+    `events` are those that came of it, each with its number.
+    """
 
     answers: tuple[Answer, ...]
+    events: tuple[tuple[int, Event], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +137,8 @@ class Journal:
             self._epoch,
             meta.head_seq,
             meta.head_hash,
-            self._accounts(name for work in works if isinstance(work, Order) for name in work.account_ids),
-            self._keys(work.key for work in works if work.key is not None),
+            fetch_book(self._connection, works),
+            fetch_keys(self._connection, works),
         )
         answers = tuple([self._answer(batch, work) for work in works])
         if batch.is_empty:
@@ -145,7 +150,7 @@ class Journal:
         if batch.events:
             self.head_seq = batch.head_seq
             self._recorder.witness(batch.head_seq, batch.epoch, batch.head_hash)
-        return Committed(answers)
+        return Committed(answers, tuple(batch.happened))
 
     def _answer(self, batch: Batch, work: Work) -> Answer:
         self._recorder.stage(work.slot, Stage.DECIDING)
@@ -161,7 +166,7 @@ class Journal:
             return DecisionFailed(f"deciding {transaction_id or account_id} raised {error!r}")
         # It waits again, for the rest of its batch: DECIDING must name one command and no other.
         self._recorder.stage(work.slot, Stage.QUEUED)
-        if isinstance(decision, Event):
+        if isinstance(decision, tuple):
             return batch.take(work, decision, self._wall_ns())
         if isinstance(decision, Refused):
             batch.refuse(work, decision)
@@ -175,14 +180,21 @@ class Journal:
         account_id = " ".join(  # noqa: F841  for stack dumps
             dict.fromkeys(name for order in orders for name in order.account_ids)
         )
-        connection = self._connection
+        connection, book = self._connection, batch.book
         for statement, rows in (
             (_EVENTS, batch.events),
             (_KEYS, batch.key_rows),
-            (_OPEN, [_account_row(batch.book[name]) for name in sorted(batch.opened)]),
-            (_CHANGE, [_change_row(batch.book[name]) for name in sorted(batch.changed - batch.opened)]),
+            (_OPEN, [_account_row(book.accounts[name]) for name in sorted(batch.opened)]),
+            (_NAME, [_name_row(book.accounts[name]) for name in sorted(batch.opened)]),
+            (_CHANGE, [_change_row(book.accounts[name]) for name in sorted(batch.changed - batch.opened)]),
             (_BOOKINGS, batch.bookings),
             (_POSTINGS, batch.postings),
+            (_REVERSALS, batch.reversals),
+            # After the postings: what stands no longer may have been booked in this very batch.
+            (_FALL, [{"reversed_seq": seq} for seq in batch.reversed_seqs]),
+            (_ENTER, [_entry_row(book.entries[name]) for name in sorted(batch.entered)]),
+            (_ALTER, [_altered_row(book.entries[name]) for name in sorted(batch.altered - batch.entered)]),
+            (_ORIGINS, batch.origins),
         ):
             if rows:
                 connection.execute(statement, rows)
@@ -192,38 +204,6 @@ class Journal:
             )
             assert moved.rowcount == 1, "the epoch changed under an exclusive lock"
         connection.exec_driver_sql("COMMIT").close()
-
-    def _accounts(self, names: Iterable[str]) -> dict[str, Account]:
-        book: dict[str, Account] = {}
-        for part in _parts(names):
-            for row in self._connection.execute(_ACCOUNTS, {"names": part}):
-                book[row.id] = account_of(row)
-        return book
-
-    def _keys(self, names: Iterable[str]) -> dict[str, KeyRow]:
-        keys: dict[str, KeyRow] = {}
-        for part in _parts(names):
-            for row in self._connection.execute(_KNOWN_KEYS, {"names": part}):
-                keys[row.key] = KeyRow(row.fingerprint, row.seq, row.status, row.reply, row.digest)
-        return keys
-
-
-def account_of(row: Any) -> Account:
-    """Return the account in a row of the table of accounts."""
-    return Account(
-        row.id,
-        row.name,
-        AccountType(row.type),
-        row.currency,
-        bool(row.no_overdraft),
-        row.posted,
-        bool(row.closed),
-    )
-
-
-def _parts(names: Iterable[str]) -> Iterable[list[str]]:
-    distinct = list(dict.fromkeys(names))
-    return [distinct[start : start + VARIABLES_MAX] for start in range(0, len(distinct), VARIABLES_MAX)]
 
 
 def _account_row(account: Account) -> dict[str, Any]:
@@ -238,20 +218,54 @@ def _account_row(account: Account) -> dict[str, Any]:
     }
 
 
+def _name_row(account: Account) -> dict[str, Any]:
+    return {"folded": folded(account.name), "account_id": account.id}
+
+
+def _entry_row(known: KnownEntry) -> dict[str, Any]:
+    money, category = known.event.postings
+    return {
+        "id": known.event.entry,
+        "seq": known.seq,
+        "date": known.event.date,
+        "account_id": money.account,
+        "category_id": category.account,
+        "reversed": int(known.reversed),
+    }
+
+
+def _altered_row(known: KnownEntry) -> dict[str, Any]:
+    return {f"new_{name}": value for name, value in _entry_row(known).items()}
+
+
 def _change_row(account: Account) -> dict[str, Any]:
     return {"which": account.id, "new_posted": account.posted, "new_closed": int(account.closed)}
 
 
 _META: Final = select(schema.meta.c.epoch, schema.meta.c.head_seq, schema.meta.c.head_hash)
-_ACCOUNTS: Final = select(schema.account).where(schema.account.c.id.in_(bindparam("names", expanding=True)))
-_KNOWN_KEYS: Final = select(schema.idempotency).where(
-    schema.idempotency.c.key.in_(bindparam("names", expanding=True))
-)
 _EVENTS: Final = insert(schema.event)
 _KEYS: Final = insert(schema.idempotency)
 _BOOKINGS: Final = insert(schema.booking)
 _POSTINGS: Final = insert(schema.posting)
 _OPEN: Final = insert(schema.account)
+_NAME: Final = insert(schema.account_name)
+_REVERSALS: Final = insert(schema.reversal)
+_FALL: Final = (
+    update(schema.posting).where(schema.posting.c.seq == bindparam("reversed_seq")).values(standing=0)
+)
+_ENTER: Final = insert(schema.entry)
+_ALTER: Final = (
+    update(schema.entry)
+    .where(schema.entry.c.id == bindparam("new_id"))
+    .values(
+        seq=bindparam("new_seq"),
+        date=bindparam("new_date"),
+        account_id=bindparam("new_account_id"),
+        category_id=bindparam("new_category_id"),
+        reversed=bindparam("new_reversed"),
+    )
+)
+_ORIGINS: Final = insert(schema.origin)
 _CHANGE: Final = (
     update(schema.account)
     .where(schema.account.c.id == bindparam("which"))

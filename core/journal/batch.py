@@ -3,10 +3,14 @@
 Pure: it is given what the store knows (head, the accounts and keys the batch may touch) and makes what the
 store is to be told. Each command sees the effects of those before it, keys included, so the same key twice in
 one batch is answered twice and carried out once. A refused command changes nothing but the row of its key.
+A command may take several events (an account that is opened for an entry, the reversal before what replaces
+it): they get numbers one after the other in the same transaction, and the last of them carries the key.
+Commands of their own for each were not chosen: a death between two of them would leave half a wish.
 """
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, assert_never
 
 import msgspec
 
@@ -25,38 +29,51 @@ from core.journal.answers import (
     replay,
 )
 from core.journal.chain import EventRow, hash_of
-from core.ledger.accounts import Account
+from core.ledger.book import Book, KnownEntry
 from core.ledger.decider import decide, evolve
+from core.ledger.entries import RecordEntry
 from core.ledger.events import (
     AccountClosed,
     AccountOpened,
+    Booking,
+    EntryPosted,
     Event,
     TransactionPosted,
+    TransactionReversed,
     encode,
     kind_of,
     postings_of,
 )
 from core.ledger.reasons import Rejection
-from core.ledger.views import Place, answer_account, view_transaction
+from core.ledger.views import Place, answer_account, answer_reversal, view_entry, view_transaction
 
 Row = dict[str, Any]
 
 
 @dataclass(slots=True)
 class Batch:
-    """Head, accounts and keys as they stand after the commands taken so far, and the rows to be written."""
+    """Head, book and keys as they stand after the commands taken so far, and the rows to be written.
+
+    `happened` are the events with their numbers; `reversed_seqs` those whose postings stand no longer.
+    """
 
     epoch: int
     head_seq: int
     head_hash: bytes
-    book: dict[str, Account]
+    book: Book
     keys: dict[str, KeyRow]
     events: list[Row] = field(default_factory=list)
     key_rows: list[Row] = field(default_factory=list)
     bookings: list[Row] = field(default_factory=list)
     postings: list[Row] = field(default_factory=list)
+    reversals: list[Row] = field(default_factory=list)
+    origins: list[Row] = field(default_factory=list)
+    happened: list[tuple[int, Event]] = field(default_factory=list)
+    reversed_seqs: list[int] = field(default_factory=list)
     opened: set[str] = field(default_factory=set)
     changed: set[str] = field(default_factory=set)
+    entered: set[str] = field(default_factory=set)
+    altered: set[str] = field(default_factory=set)
 
     def look_up(self, work: LookUp) -> Answer:
         """Return what became of a key. Another request's answer is never told for the one that is meant."""
@@ -65,28 +82,29 @@ class Batch:
             return KeyUnknown()
         return replay(row) if work.digest in {None, row.digest} else KeyTaken()
 
-    def decide(self, order: Order) -> Event | Done | Refused | KeyTaken:
-        """Return the event that carries the command out, or the answer that needs none. Changes nothing."""
+    def decide(self, order: Order) -> tuple[Event, ...] | Done | Refused | KeyTaken:
+        """Return the events that carry the command out, or the answer that needs none. Changes nothing."""
         known = self.keys.get(order.key) if order.key is not None else None
         if known is not None:
             return replay(known) if known.fingerprint == order.fingerprint else KeyTaken()
         decision = decide(order.command, self.book)
-        if isinstance(decision, Rejection):
-            return Refused(decision)
-        (event,) = decision  # one command, one event, one number: what a key stands for
-        return event
+        return Refused(decision) if isinstance(decision, Rejection) else decision
 
     def refuse(self, order: Order, refused: Refused) -> None:
         """Keep a refusal under the key of its command, so that a retry can't be told anything else."""
         if not refused.replayed:
             self._keep(order, refused, None)
 
-    def take(self, order: Order, event: Event, wall_ns: int) -> Done:
-        """Append the event at wall time `wall_ns`, take its effects into the view and return the answer."""
-        place = self._append(order, event, wall_ns)
-        self.book.update(evolve(self.book, event))
-        self._project(event, place.seq)
-        answer = self._tell(event, place)
+    def take(self, order: Order, events: Sequence[Event], wall_ns: int) -> Done:
+        """Append the events at wall time `wall_ns`, take their effects into the view and return the answer.
+
+        The last event is the one that was wished for: it carries the key and makes the answer.
+        """
+        assert events, "a command that is carried out happens"
+        for event in events[:-1]:
+            self._happen(order, event, None, wall_ns)
+        place = self._happen(order, events[-1], order.key, wall_ns)
+        answer = self._tell(order, events[-1], place)
         self._keep(order, answer, place.seq)
         return answer
 
@@ -95,10 +113,16 @@ class Batch:
         """Whether there is nothing to write."""
         return not self.events and not self.key_rows
 
-    def _append(self, order: Order, event: Event, wall_ns: int) -> Place:
+    def _happen(self, order: Order, event: Event, key: str | None, wall_ns: int) -> Place:
+        place = self._append(order.command_id, event, key, wall_ns)
+        self.happened.append((place.seq, event))
+        self.book.update(evolve(self.book.accounts, event))
+        self._project(event, place.seq)
+        return place
+
+    def _append(self, command_id: str, event: Event, key: str | None, wall_ns: int) -> Place:
         seq = self.head_seq + 1
-        body = encode(event)
-        row = EventRow(seq, self.epoch, wall_ns, kind_of(event), order.command_id, order.key, body)
+        row = EventRow(seq, self.epoch, wall_ns, kind_of(event), command_id, key, encode(event))
         digest = hash_of(self.head_hash, row)
         self.events.append(
             {
@@ -108,21 +132,31 @@ class Batch:
                 "kind": row.kind,
                 "command_id": row.command_id,
                 "key": row.key,
-                "body": body,
+                "body": row.body,
                 "hash": digest,
             }
         )
         self.head_seq, self.head_hash = seq, digest
         return Place(seq, self.epoch, wall_ns, digest)
 
-    def _tell(self, event: Event, place: Place) -> Done:
+    def _tell(self, order: Order, event: Event, place: Place) -> Done:
         match event:
             case TransactionPosted():
                 return Done(CREATED, msgspec.json.encode(view_transaction(event, place)))
+            case EntryPosted():
+                money = self.book.accounts[event.postings[0].account]
+                status = CREATED if isinstance(order.command, RecordEntry) else OK
+                return Done(status, msgspec.json.encode(view_entry(event, place, money.name)))
+            case TransactionReversed():
+                return Done(OK, msgspec.json.encode(answer_reversal(event, place)))
             case AccountOpened():
-                return Done(CREATED, msgspec.json.encode(answer_account(self.book[event.id], place)))
+                account = self.book.accounts[event.id]
+                return Done(CREATED, msgspec.json.encode(answer_account(account, place)))
             case AccountClosed():
-                return Done(OK, msgspec.json.encode(answer_account(self.book[event.id], place)))
+                account = self.book.accounts[event.id]
+                return Done(OK, msgspec.json.encode(answer_account(account, place)))
+            case _:
+                assert_never(event)
 
     def _project(self, event: Event, seq: int) -> None:
         match event:
@@ -131,14 +165,47 @@ class Batch:
             case AccountClosed(id=name):
                 self.changed.add(name)
             case TransactionPosted():
-                self.bookings.append(
-                    {"id": event.id, "seq": seq, "date": event.date, "description": event.description}
-                )
-                for line, posting in enumerate(postings_of(event)):
-                    self.changed.add(posting.account)
-                    self.postings.append(
-                        {"seq": seq, "line": line, "account_id": posting.account, "amount": posting.amount}
-                    )
+                self._book(event, seq, standing=1)
+            case EntryPosted():
+                self._book(event, seq, standing=1)
+                self._enter(event, seq)
+            case TransactionReversed():
+                self._book(event, seq, standing=0)
+                self._take_back(event, seq)
+            case _:
+                assert_never(event)
+
+    def _book(self, event: Booking, seq: int, *, standing: int) -> None:
+        self.bookings.append(
+            {"id": event.id, "seq": seq, "date": event.date, "description": event.description}
+        )
+        for line, posting in enumerate(postings_of(event)):
+            self.changed.add(posting.account)
+            self.postings.append(
+                {
+                    "seq": seq,
+                    "line": line,
+                    "account_id": posting.account,
+                    "amount": posting.amount,
+                    "date": event.date,
+                    "standing": standing,
+                }
+            )
+
+    def _enter(self, event: EntryPosted, seq: int) -> None:
+        (self.altered if event.entry in self.book.entries else self.entered).add(event.entry)
+        self.book.entries[event.entry] = KnownEntry(seq, event)
+        if event.origin is not None:
+            self.book.fingerprints.add(event.origin.fingerprint)
+            self.origins.append({"seq": seq, "fingerprint": event.origin.fingerprint})
+
+    def _take_back(self, event: TransactionReversed, seq: int) -> None:
+        assert event.entry is not None, "only entries are reversed"
+        known = self.book.entries[event.entry]
+        self.book.entries[event.entry] = replace(known, reversed=True)
+        self.altered.add(event.entry)
+        self.reversals.append({"seq": seq, "reversed_seq": known.seq})
+        self.reversed_seqs.append(known.seq)
 
     def _keep(self, order: Order, answer: Done | Refused, seq: int | None) -> None:
         if order.key is None:

@@ -41,7 +41,7 @@ class StoreWentBack:
 
 @dataclass(frozen=True, slots=True)
 class NotOurs:
-    """The file is no ledger of this version: `found` is its schema version, None if it has none."""
+    """The file is no ledger that this version knows: `found` is its schema version, None if it has none."""
 
     found: int | None
 
@@ -52,7 +52,8 @@ FenceOutcome = Raised | Fenced | StoreWentBack | NotOurs | StoreError
 def fence(connection: Connection, expected: int | None) -> FenceOutcome:
     """Raise the epoch from `expected` (None: from whatever stands in the store) and return what came of it.
 
-    An empty file becomes a new ledger, unless a predecessor is expected to have written one. On anything but
+    An empty file becomes a new ledger, unless a predecessor is expected to have written one; a ledger of an
+    older version is brought to this one, and no older program will open it again. On anything but
     `Raised` nothing has been changed; after an error of COMMIT itself that is not known, and no core may
     serve from this store before another fence has succeeded.
     """
@@ -77,10 +78,12 @@ def _compare_and_set(connection: Connection, expected: int | None) -> FenceOutco
             return StoreWentBack(0, expected)
         _found(connection)
     row = connection.execute(select(schema.meta.c.schema_version, schema.meta.c.epoch)).one_or_none()
-    if row is None or row.schema_version != schema.SCHEMA_VERSION:
+    if row is None or not schema.SCHEMA_VERSION_OLDEST <= row.schema_version <= schema.SCHEMA_VERSION:
         return NotOurs(row.schema_version if row else None)
     if expected is not None and row.epoch != expected:
         return Fenced(row.epoch) if row.epoch > expected else StoreWentBack(row.epoch, expected)
+    if row.schema_version < schema.SCHEMA_VERSION:
+        schema.bring_up(connection, row.schema_version)
     raised = connection.execute(
         update(schema.meta).where(schema.meta.c.epoch == row.epoch).values(epoch=row.epoch + 1)
     )

@@ -10,15 +10,23 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from msgspec import Raw
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, func, select
 
 from core.journal import schema
-from core.journal.append import account_of
 from core.journal.chain import EventRow
 from core.journal.proof import Tail, Witness, tail_start
+from core.journal.shelf import VARIABLES_MAX, account_of
 from core.ledger.accounts import Account
-from core.ledger.events import TransactionPosted, decode
-from core.ledger.views import EventView, Place, TransactionView, timestamp, view_transaction
+from core.ledger.events import Booking, decode
+from core.ledger.views import (
+    CommittedEvent,
+    EventView,
+    Place,
+    TransactionView,
+    tell,
+    timestamp,
+    view_transaction,
+)
 
 ACCOUNTS_MAX: Final = 10_000
 
@@ -91,6 +99,27 @@ def list_events(connection: Connection, after_seq: int, limit: int) -> list[Even
     ]
 
 
+def committed_after(connection: Connection, after_seq: int, limit: int) -> list[CommittedEvent]:
+    """Return what a writer's listener would have been told of the events after a sequence, in order."""
+    told = []
+    for row in event_rows(connection, after_seq, limit):
+        event = decode(row.body)
+        assert event is not None, f"event {row.seq} can't be read"
+        told.append(tell(event, row.seq))
+    return told
+
+
+def known_fingerprints(connection: Connection, fingerprints: Iterable[str]) -> set[str]:
+    """Return those rows of bank files that were ever booked, also if they were reversed since."""
+    distinct = list(dict.fromkeys(fingerprints))
+    known: set[str] = set()
+    for start in range(0, len(distinct), VARIABLES_MAX):
+        part = distinct[start : start + VARIABLES_MAX]
+        query = select(schema.origin.c.fingerprint).where(schema.origin.c.fingerprint.in_(part))
+        known |= set(connection.execute(query).scalars())
+    return known
+
+
 def event_rows(connection: Connection, after_seq: int, limit: int | None = None) -> Iterator[EventRow]:
     """Return the events after a sequence, in order."""
     query = select(schema.event).where(schema.event.c.seq > after_seq).order_by(schema.event.c.seq)
@@ -121,6 +150,16 @@ def balances_by_currency(accounts: Iterable[Account]) -> dict[str, int]:
 def all_accounts(connection: Connection) -> Iterator[Account]:
     """Return every account, without a bound: for proofs."""
     return (account_of(row) for row in connection.execute(select(schema.account)))
+
+
+def account_names(connection: Connection) -> set[tuple[str, str]]:
+    """Return every folded name with its account, without a bound: for proofs."""
+    return {(row.folded, row.account_id) for row in connection.execute(select(schema.account_name))}
+
+
+def count_entries(connection: Connection) -> int:
+    """Return how many entries there are, reversed ones too."""
+    return connection.execute(select(func.count()).select_from(schema.entry)).scalar_one()
 
 
 def keys_between(connection: Connection, first_seq: int, last_seq: int | None = None) -> dict[int, str]:
@@ -159,27 +198,5 @@ _EVENTS_OF_BOOKINGS: Final = select(
 
 def _transaction(row: Any) -> TransactionView:
     event = decode(row.body)
-    assert isinstance(event, TransactionPosted), f"event {row.seq} is listed as a booking and is none"
+    assert isinstance(event, Booking), f"event {row.seq} is listed as a booking and is none"
     return view_transaction(event, Place(row.seq, row.epoch, row.booked_ns, row.hash))
-
-
-def postings_between(
-    connection: Connection, first_seq: int, last_seq: int
-) -> dict[int, list[tuple[str, int]]]:
-    """Return the readings of postings in this range (both ends in it): account and amount, by sequence."""
-    stored = schema.posting.c
-    query = select(stored.seq, stored.account_id, stored.amount).where(
-        stored.seq.between(first_seq, last_seq)
-    )
-    lines: dict[int, list[tuple[str, int]]] = {}
-    for row in connection.execute(query.order_by(stored.seq, stored.line)):
-        lines.setdefault(row.seq, []).append((row.account_id, row.amount))
-    return lines
-
-
-def bookings_between(
-    connection: Connection, first_seq: int, last_seq: int
-) -> dict[int, tuple[str, str, str]]:
-    """Return the readings of transactions (id, date, description) in this range, both ends in it."""
-    query = select(schema.booking).where(schema.booking.c.seq.between(first_seq, last_seq))
-    return {row.seq: (row.id, row.date, row.description) for row in connection.execute(query)}

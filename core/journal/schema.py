@@ -2,8 +2,14 @@
 
 STRICT tables and triggers are the second line of defence: no program that opens this file, ours after a bug
 included, can change an event, skip a number, write in an old epoch or overdraw an account that may not be.
-The readings (accounts, transactions, postings) can be rebuilt from the events; keys can't and are kept for
-ever. A version per table was not chosen: one number for the whole is what the fence can check.
+The readings (accounts, transactions, postings, entries) can be rebuilt from the events; keys can't and are
+kept for ever. A version per table was not chosen: one number for the whole is what the fence can check.
+
+A ledger of an older version is taken along, step by step, inside the fence's transaction: the step adds tables
+and readings and never touches an event, so a chain that was proven before is the same chain after it.
+
+What *stands* is a posting whose transaction was neither reversed nor is a reversal. Those alone make the
+register and the sums of a month; the two halves of a reversal are on the same day and add up to nothing.
 """
 
 from typing import Final
@@ -20,9 +26,16 @@ from sqlalchemy import (
     MetaData,
     Table,
     Text,
+    insert,
+    select,
+    text,
+    update,
 )
 
-SCHEMA_VERSION: Final = 2
+from core.ledger.fields import folded
+
+SCHEMA_VERSION: Final = 3
+SCHEMA_VERSION_OLDEST: Final = 2  # the oldest one that is taken along
 
 metadata: Final = MetaData()
 
@@ -99,10 +112,58 @@ posting: Final = Table(
     Column("line", Integer, primary_key=True),
     Column("account_id", ForeignKey("account.id"), nullable=False),
     Column("amount", BigInteger().with_variant(Integer, "sqlite"), nullable=False),
+    Column("date", Text, nullable=False, server_default=""),  # of its booking; a default for the step from 2
+    Column("standing", Integer, CheckConstraint("standing IN (0, 1)"), nullable=False, server_default="1"),
     Index("posting_by_account", "account_id", "seq"),
+    # Everything a balance at some day needs, so that adding up reads the index alone.
+    Index(
+        "posting_standing", "account_id", "date", "seq", "line", "amount", sqlite_where=text("standing = 1")
+    ),
     sqlite_strict=True,
     sqlite_with_rowid=False,
 )
+
+account_name: Final = Table(
+    "account_name",  # accounts by name, in the form in which two spellings are equal
+    metadata,
+    Column("folded", Text, primary_key=True),
+    Column("account_id", ForeignKey("account.id"), primary_key=True),
+    sqlite_strict=True,
+    sqlite_with_rowid=False,
+)
+
+entry: Final = Table(
+    "entry",  # the newest content of each of the household's entries: where it is booked
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("seq", ForeignKey("event.seq"), nullable=False, unique=True),
+    Column("date", Text, nullable=False),
+    Column("account_id", ForeignKey("account.id"), nullable=False),
+    Column("category_id", ForeignKey("account.id"), nullable=False),
+    Column("reversed", Integer, CheckConstraint("reversed IN (0, 1)"), nullable=False),
+    Index("entry_by_date", "date", "seq"),
+    Index("entry_by_account", "account_id", "date", "seq"),
+    sqlite_strict=True,
+)
+
+reversal: Final = Table(
+    "reversal",
+    metadata,
+    Column("seq", ForeignKey("event.seq"), primary_key=True),
+    Column("reversed_seq", ForeignKey("event.seq"), nullable=False, unique=True),  # once and never again
+    sqlite_strict=True,
+)
+
+origin: Final = Table(
+    "origin",  # the rows of bank files that were ever booked; what was reversed stays known
+    metadata,
+    Column("seq", ForeignKey("event.seq"), primary_key=True),
+    Column("fingerprint", Text, nullable=False),
+    Index("origin_by_fingerprint", "fingerprint"),
+    sqlite_strict=True,
+)
+
+_OF_VERSION_3: Final = (account_name, entry, reversal, origin)
 
 _TRIGGERS: Final = (
     """CREATE TRIGGER event_is_never_changed BEFORE UPDATE ON event
@@ -126,9 +187,48 @@ _TRIGGERS: Final = (
        BEGIN SELECT RAISE(ABORT, 'a key is never deleted'); END""",
 )
 
+_TRIGGERS_OF_VERSION_3: Final = (
+    """CREATE TRIGGER reversal_is_never_changed BEFORE UPDATE ON reversal
+       BEGIN SELECT RAISE(ABORT, 'a reversal is never changed'); END""",
+    """CREATE TRIGGER reversal_is_never_deleted BEFORE DELETE ON reversal
+       BEGIN SELECT RAISE(ABORT, 'a reversal is never deleted'); END""",
+    """CREATE TRIGGER origin_is_never_changed BEFORE UPDATE ON origin
+       BEGIN SELECT RAISE(ABORT, 'a known row is never changed'); END""",
+    """CREATE TRIGGER origin_is_never_deleted BEFORE DELETE ON origin
+       BEGIN SELECT RAISE(ABORT, 'a known row is never forgotten'); END""",
+)
+
 
 def lay_out(connection: Connection) -> None:
     """Create tables and triggers in the transaction that is open on `connection`."""
     metadata.create_all(connection, checkfirst=False)
-    for trigger in _TRIGGERS:
+    for trigger in (*_TRIGGERS, *_TRIGGERS_OF_VERSION_3):
         connection.exec_driver_sql(trigger).close()
+
+
+def bring_up(connection: Connection, version: int) -> None:
+    """Bring a ledger of an older version to this one, in the transaction that is open on `connection`."""
+    assert SCHEMA_VERSION_OLDEST <= version < SCHEMA_VERSION
+    _from_2_to_3(connection)
+    connection.execute(update(meta).values(schema_version=SCHEMA_VERSION))
+
+
+def _from_2_to_3(connection: Connection) -> None:
+    for change in (
+        "ALTER TABLE posting ADD COLUMN date TEXT NOT NULL DEFAULT ''",
+        "ALTER TABLE posting ADD COLUMN standing INTEGER NOT NULL DEFAULT '1' CHECK (standing IN (0, 1))",
+        "UPDATE posting SET date = (SELECT date FROM booking WHERE booking.seq = posting.seq)",
+    ):
+        connection.exec_driver_sql(change).close()
+    metadata.create_all(connection, tables=_OF_VERSION_3, checkfirst=False)
+    for index in posting.indexes:
+        if index.name == "posting_standing":
+            index.create(connection)
+    for trigger in _TRIGGERS_OF_VERSION_3:
+        connection.exec_driver_sql(trigger).close()
+    names = [
+        {"folded": folded(row.name), "account_id": row.id}
+        for row in connection.execute(select(account.c.id, account.c.name))
+    ]
+    if names:
+        connection.execute(insert(account_name), names)

@@ -11,16 +11,25 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import msgspec
-from sqlalchemy import Connection, Engine, select
+from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
-from core.journal import queries, schema
+from core.journal import queries
 from core.journal.chain import GENESIS, Broken, EventRow, check_link
 from core.journal.proof import check_key, check_sums
+from core.journal.readings import listed_after, read_between
 from core.journal.store import StoreError, snapshot, store_error
 from core.ledger.accounts import Account
 from core.ledger.decider import evolve
-from core.ledger.events import Event, TransactionPosted, decode, kind_of, postings_of
+from core.ledger.events import (
+    Booking,
+    EntryPosted,
+    Event,
+    decode,
+    kind_of,
+    postings_of,
+)
+from core.ledger.fields import folded
 from core.ledger.money import format_amount
 
 SLICE_EVENTS: Final = 2_000
@@ -47,6 +56,7 @@ class _Replay:
 
     last: EventRow | None = None
     book: dict[str, Account] = field(default_factory=dict)
+    entries: int = 0
 
     @property
     def seq(self) -> int:
@@ -81,26 +91,26 @@ def _slice(connection: Connection, replay: _Replay) -> Broken | None:
         return None
     first, last = replay.seq + 1, rows[-1].seq
     keys = queries.keys_between(connection, first, last)
-    bookings = queries.bookings_between(connection, first, last)
-    lines = queries.postings_between(connection, first, last)
+    readings = read_between(connection, first, last)
     for row in rows:
         event = decode(row.body)
         broken = check_link(replay.last, row) or check_key(row, keys) or _check_event(replay, row, event)
         if broken is not None:
             return broken
         assert event is not None
-        if (bookings.pop(row.seq, None), lines.pop(row.seq, [])) != _readings_of(event):
+        if not readings.take(event, row.seq):
             return Broken(row.seq, f"what is listed for event {row.seq} is not what the event says")
         replay.book.update(evolve(replay.book, event))
+        replay.entries += isinstance(event, EntryPosted) and event.entry == event.id
         replay.last = row
-    orphans = [*keys, *bookings, *lines]
+    orphans = [*keys, *readings.left()]
     return Broken(min(orphans), f"event {min(orphans)} is listed and does not exist") if orphans else None
 
 
 def _check_event(replay: _Replay, row: EventRow, event: Event | None) -> Broken | None:
     if event is None or kind_of(event) != row.kind:
         return Broken(row.seq, f"event {row.seq} can't be read")
-    if isinstance(event, TransactionPosted):
+    if isinstance(event, Booking):
         sums: dict[str, int] = {}
         for posting in postings_of(event):
             account = replay.book.get(posting.account)
@@ -112,13 +122,6 @@ def _check_event(replay: _Replay, row: EventRow, event: Event | None) -> Broken 
     return None
 
 
-def _readings_of(event: Event) -> tuple[tuple[str, str, str] | None, list[tuple[str, int]]]:
-    if not isinstance(event, TransactionPosted):
-        return None, []
-    lines = [(posting.account, posting.amount) for posting in postings_of(event)]
-    return (event.id, event.date, event.description), lines
-
-
 def _check_readings(connection: Connection, replay: _Replay) -> Broken | None:
     meta = queries.head(connection)
     seq, last_hash = meta.head_seq, replay.last.hash if replay.last else GENESIS
@@ -126,18 +129,19 @@ def _check_readings(connection: Connection, replay: _Replay) -> Broken | None:
         return Broken(min(replay.seq, seq) + 1, f"the store's head is {seq}, its last event {replay.seq}")
     if last_hash != meta.head_hash:
         return Broken(seq, f"event {seq} is not the head that the store remembers")
-    beyond = (
-        *queries.keys_between(connection, seq + 1),
-        *connection.execute(
-            select(schema.posting.c.seq).where(schema.posting.c.seq > seq).limit(1)
-        ).scalars(),
-    )
+    beyond = [*queries.keys_between(connection, seq + 1), *listed_after(connection, seq)]
     if beyond:
         return Broken(min(beyond), f"event {min(beyond)} is listed and does not exist")
     accounts = {account.id: account for account in queries.all_accounts(connection)}
     for name in sorted(accounts.keys() | replay.book.keys()):
         if accounts.get(name) != replay.book.get(name):
             return Broken(None, f"account {name} does not stand where its events have left it")
+    if queries.account_names(connection) != {
+        (folded(account.name), name) for name, account in accounts.items()
+    }:
+        return Broken(None, "the accounts are not listed under their names")
+    if queries.count_entries(connection) != replay.entries:
+        return Broken(None, "the entries that are listed are not those that were booked")
     return check_sums(queries.balances_by_currency(accounts.values()))
 
 

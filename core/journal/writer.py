@@ -15,10 +15,13 @@ from typing import Final, assert_never
 from core.guarded.recorder import FlightRecorder
 from core.journal.answers import Answer, Leaving, Work
 from core.journal.append import Committed, Failed, FencedBy, Journal, NotBegun
+from core.ledger.events import Event
+from core.ledger.views import CommittedEvent, tell
 
 BATCH_MAX: Final = 256  # as many as there are slots
 
 Waiting = tuple[Work, "asyncio.Future[Answer]"]
+Listener = Callable[[Sequence[CommittedEvent]], None]
 
 
 class Writer:
@@ -46,6 +49,7 @@ class Writer:
         self._on_failed = on_failed
         self._on_fenced = on_fenced
         self._on_bug = on_bug
+        self._listener: Listener | None = None
         self._waiting: deque[Waiting] = deque()
         self._changed = threading.Condition()
         self._stopping = False
@@ -55,6 +59,13 @@ class Writer:
     def head_seq(self) -> int:
         """The last event that is committed, as far as this process knows."""
         return self._journal.head_seq
+
+    def listen(self, listener: Listener | None) -> None:
+        """Have `listener` called on the loop with the events of each batch, in order; None: nobody listens.
+
+        It is called after COMMIT and after the batch was answered. It must not raise and must not wait.
+        """
+        self._listener = listener
 
     def start(self) -> None:
         """Start the thread."""
@@ -91,7 +102,9 @@ class Writer:
             works = [work for work, _ in batch]
             outcome = self._journal.write(works)
             match outcome:
-                case Committed(answers) | NotBegun(answers):
+                case Committed(answers, events):
+                    self._loop.call_soon_threadsafe(self._publish, batch, answers, events)
+                case NotBegun(answers):
                     self._loop.call_soon_threadsafe(_give, batch, answers)
                 case Failed(answers, error):
                     self._recorder.last_words("COMMIT_FAILED", error.text)
@@ -109,6 +122,13 @@ class Writer:
         with self._changed:
             self._changed.wait_for(lambda: self._waiting or self._stopping)
             return [self._waiting.popleft() for _ in range(min(len(self._waiting), BATCH_MAX))]
+
+    def _publish(
+        self, batch: Sequence[Waiting], answers: Sequence[Answer], events: Sequence[tuple[int, Event]]
+    ) -> None:
+        _give(batch, answers)
+        if self._listener is not None and events:
+            self._listener([tell(event, seq) for seq, event in events])
 
     def _fail(self, batch: Sequence[Waiting], answers: Sequence[Answer], text: str) -> None:
         self._stopping = True

@@ -6,28 +6,20 @@ exist, is there money) is the decider's. The line matters: a malformed wish is f
 refused is remembered under its key. All faults of a body are told at once.
 """
 
-import datetime as dt
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, assert_never
 
 import msgspec
 
-from core.ledger.accounts import AccountType, is_account_id
-from core.ledger.money import format_amount, is_currency, parse_amount
+from core.ledger import fields
+from core.ledger.accounts import AccountType
+from core.ledger.entries import EntryCommand, EntryDetails, RecordEntry, ReplaceEntry, ReverseEntry
+from core.ledger.money import format_amount, is_currency, parse_amount, shortest
 from core.ledger.reasons import Fault, Reason, Rejection, Slug, reject
 
 POSTINGS_MIN: Final = 2
 POSTINGS_MAX: Final = 500
-TAGS_MAX: Final = 50
-TAG_CHARACTERS_MAX: Final = 64
-NAME_CHARACTERS_MAX: Final = 200
-DESCRIPTION_CHARACTERS_MAX: Final = 2_000
-
-_DATE: Final = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}")
-_CONTROL: Final = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
-_CONTROL_BUT_LINES: Final = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 
 class AccountBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -100,12 +92,15 @@ class PostTransaction:
     postings: tuple[Posting, ...]
 
 
-Command = OpenAccount | CloseAccount | PostTransaction
+Command = OpenAccount | CloseAccount | PostTransaction | EntryCommand
 
 
 def open_account(body: AccountBody) -> OpenAccount | Rejection:
     """Return the command in `body`, or everything that is wrong with it."""
-    faults = [*_name_faults("/id", body.id), *_text_faults("/name", body.name, NAME_CHARACTERS_MAX)]
+    faults = [
+        *fields.id_faults("/id", body.id),
+        *fields.text_faults("/name", body.name, fields.NAME_CHARACTERS_MAX),
+    ]
     if not body.name.strip():
         faults.append(Fault("/name", Reason.EMPTY))
     if body.type not in set(AccountType):
@@ -139,48 +134,68 @@ def post_transaction(body: TransactionBody, transaction_id: str) -> PostTransact
 def fingerprint_of(command: Command) -> bytes:
     """Return the bytes that two requests share exactly if they wish the same.
 
-    Spelling is left out on purpose ("12" and "12.00" dollars, the order of the members, spaces), and so is
-    the id that the server gives: a client that builds its body anew for a retry must be recognised.
+    Spelling is left out on purpose ("12" and "12.00" dollars, the order of the members, spaces), and so are
+    the ids that the server gives: a client that builds its body anew for a retry must be recognised.
     """
-    wish: object = command
-    if isinstance(command, PostTransaction):
-        wish = (command.date, command.description, command.tags, command.postings)
-    return msgspec.json.encode([type(command).__name__, wish])
+    return msgspec.json.encode([type(command).__name__, _wish(command)])
 
 
 def accounts_of(command: Command) -> tuple[str, ...]:
-    """Return the accounts that the command touches, each once, in its own order."""
-    if isinstance(command, PostTransaction):
-        return tuple(dict.fromkeys(posting.account for posting in command.postings))
-    return (command.id,)
+    """Return the accounts that the command names by their ids, each once, in its own order."""
+    match command:
+        case PostTransaction():
+            return tuple(dict.fromkeys(posting.account for posting in command.postings))
+        case OpenAccount() | CloseAccount():
+            return (command.id,)
+        case RecordEntry(details=details) | ReplaceEntry(details=details):
+            return (details.account,) if details.account is not None else ()
+        case ReverseEntry():
+            return ()
+        case _:
+            assert_never(command)
 
 
-def is_date(text: str) -> bool:
-    """Whether `text` is a day of the calendar, written YYYY-MM-DD."""
-    if _DATE.fullmatch(text) is None:
-        return False
-    try:
-        dt.date.fromisoformat(text)
-    except ValueError:
-        return False
-    return True
+def transaction_of(command: Command) -> str:
+    """Return the transaction (of an entry that exists: the entry) by which evidence names the command."""
+    match command:
+        case PostTransaction() | RecordEntry():
+            return command.id
+        case ReplaceEntry() | ReverseEntry():
+            return command.entry
+        case OpenAccount() | CloseAccount():
+            return ""
+        case _:
+            assert_never(command)
+
+
+def _wish(command: Command) -> object:
+    match command:
+        case PostTransaction():
+            return (command.date, command.description, command.tags, command.postings)
+        case RecordEntry():
+            return (_meant(command.details), command.origin, command.duplicates_wanted)
+        case ReplaceEntry():
+            return (command.entry, _meant(command.details))
+        case ReverseEntry():
+            return command.entry
+        case OpenAccount() | CloseAccount():
+            return command
+        case _:
+            assert_never(command)
+
+
+def _meant(details: EntryDetails) -> EntryDetails:
+    return replace(details, amount=shortest(details.amount))
 
 
 def _head_faults(body: TransactionBody) -> Iterator[Fault]:
-    if not is_date(body.date):
-        yield Fault("/date", Reason.MALFORMED)
-    if len(body.description) > DESCRIPTION_CHARACTERS_MAX:
-        yield Fault("/description", Reason.TOO_LONG)
-    if _CONTROL_BUT_LINES.search(body.description):
-        yield Fault("/description", Reason.CONTROL_CHARACTER)
+    yield from fields.date_faults("/date", body.date)
+    yield from fields.description_faults("/description", body.description)
     if body.state == "pending":
         yield Fault("/state", Reason.NOT_SUPPORTED)
     elif body.state != "posted":
         yield Fault("/state", Reason.UNKNOWN_VALUE)
-    if len(body.tags) > TAGS_MAX:
-        yield Fault("/tags", Reason.TOO_MANY)
-    for index, tag in enumerate(body.tags[:TAGS_MAX]):
-        yield from _text_faults(f"/tags/{index}", tag, TAG_CHARACTERS_MAX)
+    yield from fields.tag_faults("/tags", body.tags)
 
 
 def _postings(bodies: list[PostingBody]) -> tuple[list[Posting], list[Fault]]:
@@ -190,7 +205,7 @@ def _postings(bodies: list[PostingBody]) -> tuple[list[Posting], list[Fault]]:
     faults = [Fault("/postings", Reason.TOO_FEW)] if len(bodies) < POSTINGS_MIN else []
     for index, body in enumerate(bodies):
         here = f"/postings/{index}"
-        faults.extend(_name_faults(f"{here}/account", body.account))
+        faults.extend(fields.id_faults(f"{here}/account", body.account))
         if not is_currency(body.currency):
             faults.append(Fault(f"{here}/currency", Reason.MALFORMED))
             continue
@@ -207,15 +222,3 @@ def _imbalance(postings: list[Posting]) -> tuple[str, int] | None:
     for posting in postings:
         sums[posting.currency] = sums.get(posting.currency, 0) + posting.amount
     return next(((currency, total) for currency, total in sums.items() if total != 0), None)
-
-
-def _name_faults(pointer: str, text: str) -> Iterator[Fault]:
-    if not is_account_id(text):
-        yield Fault(pointer, Reason.MALFORMED)
-
-
-def _text_faults(pointer: str, text: str, characters_max: int) -> Iterator[Fault]:
-    if len(text) > characters_max:
-        yield Fault(pointer, Reason.TOO_LONG)
-    if _CONTROL.search(text):
-        yield Fault(pointer, Reason.CONTROL_CHARACTER)

@@ -57,11 +57,11 @@ def parse_amount(text: str, code: str) -> int | Reason:
     Fewer digits than the currency has are fine ("12" dollars); more are refused, also when they are zeros,
     because nobody can have meant them.
     """
-    if len(text) > AMOUNT_CHARACTERS_MAX:
-        return Reason.TOO_LONG
+    malformed = amount_fault(text)
+    if malformed is not None:
+        return malformed
     match = _AMOUNT.fullmatch(text)
-    if match is None:
-        return Reason.MALFORMED
+    assert match is not None
     sign, whole, fraction = match.group(1), match.group(2), match.group(3) or ""
     digits = digits_of(code)
     if len(fraction) > digits:
@@ -69,6 +69,26 @@ def parse_amount(text: str, code: str) -> int | Reason:
     minor = int(whole + fraction.ljust(digits, "0"))
     minor = -minor if sign else minor
     return minor if fits(minor) else Reason.OUT_OF_RANGE
+
+
+def amount_fault(text: str) -> Reason | None:
+    """Say why `text` is no amount of any currency; how many digits it may have is the currency's to say."""
+    if len(text) > AMOUNT_CHARACTERS_MAX:
+        return Reason.TOO_LONG
+    return None if _AMOUNT.fullmatch(text) else Reason.MALFORMED
+
+
+def is_zero(text: str) -> bool:
+    """Whether a well-formed amount is nothing in any currency."""
+    return not text.strip("-0.")
+
+
+def shortest(text: str) -> str:
+    """Return a well-formed amount as briefly as it can be written: "12.50" as "12.5", "-0" as "0"."""
+    whole, _, fraction = text.partition(".")
+    fraction = fraction.rstrip("0")
+    brief = f"{whole}.{fraction}" if fraction else whole
+    return "0" if is_zero(brief) else brief
 
 
 def format_amount(minor: int, code: str) -> str:

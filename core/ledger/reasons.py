@@ -21,6 +21,11 @@ class Slug(StrEnum):
     CURRENCY_DIFFERS = "currency-differs"
     OVERDRAFT = "overdraft"
     BALANCE_OUT_OF_RANGE = "balance-out-of-range"
+    CURRENCY_NEEDED = "currency-needed"
+    NOT_A_MONEY_ACCOUNT = "not-a-money-account"
+    ENTRY_NOT_FOUND = "entry-not-found"
+    ENTRY_REVERSED = "entry-reversed"
+    ALREADY_IMPORTED = "already-imported"
 
 
 class Reason(StrEnum):
@@ -40,12 +45,15 @@ class Reason(StrEnum):
     TOO_MANY = "too_many"
     TOO_MANY_DIGITS = "too_many_digits"
     OUT_OF_RANGE = "out_of_range"
+    ZERO = "zero"
     NOT_ZERO_SUM = "not_zero_sum"
     UNKNOWN_ACCOUNT = "unknown_account"
     EXISTS = "exists"
     CLOSED = "closed"
     CURRENCY_DIFFERS = "currency_differs"
     OVERDRAFT = "overdraft"
+    UNKNOWN_ENTRY = "unknown_entry"
+    REVERSED = "reversed"
 
 
 class Fault(msgspec.Struct, frozen=True):

@@ -11,7 +11,16 @@ from dataclasses import dataclass
 import msgspec
 
 from core.ledger.accounts import Account
-from core.ledger.events import PostingLine, TransactionPosted
+from core.ledger.events import (
+    Booking,
+    EntryPosted,
+    Event,
+    PostingLine,
+    TransactionPosted,
+    TransactionReversed,
+    kind_of,
+    postings_of,
+)
 from core.ledger.money import format_amount
 
 
@@ -62,7 +71,10 @@ class AccountAnswer(msgspec.Struct, frozen=True):
 
 
 class TransactionView(msgspec.Struct, frozen=True):
-    """A booked transaction as answers show it."""
+    """A booked transaction as answers show it.
+
+    `entry`: the household's entry it belongs to; `reverses`: the transaction it takes back.
+    """
 
     id: str
     seq: int
@@ -74,6 +86,61 @@ class TransactionView(msgspec.Struct, frozen=True):
     state: str
     tags: tuple[str, ...]
     postings: tuple[PostingLine, ...]
+    entry: str | None
+    reverses: str | None
+
+
+class EntryView(msgspec.Struct, frozen=True):
+    """An entry as answers show it: its newest content, and the event that made it so.
+
+    `amount` is minus for what was spent; `category` and `payment_method` are names or null; `transaction` is
+    the one beneath it that stands.
+    """
+
+    id: str
+    seq: int
+    epoch: int
+    hash: str
+    booked_at: str
+    date: str
+    amount: str
+    currency: str
+    account: str
+    account_name: str
+    category: str | None
+    category_account: str
+    description: str
+    payment_method: str | None
+    tags: tuple[str, ...]
+    transaction: str
+
+
+class EntryReversal(msgspec.Struct, frozen=True):
+    """The answer to the reversal of an entry: the transaction that took back the one that stood."""
+
+    id: str
+    seq: int
+    epoch: int
+    hash: str
+    booked_at: str
+    transaction: str
+    reverses: str
+
+
+@dataclass(frozen=True, slots=True)
+class CommittedEvent:
+    """What is told of an event to whoever listens: enough to know whether to read anew, and not its content.
+
+    `id` is that of the transaction or the account; `date` is None where nothing was booked; `accounts` are the
+    ones it touched.
+    """
+
+    seq: int
+    kind: str
+    id: str
+    date: str | None
+    description: str
+    accounts: tuple[str, ...]
 
 
 class EventView(msgspec.Struct, frozen=True):
@@ -114,7 +181,7 @@ def answer_account(account: Account, place: Place) -> AccountAnswer:
     )
 
 
-def view_transaction(event: TransactionPosted, place: Place) -> TransactionView:
+def view_transaction(event: Booking, place: Place) -> TransactionView:
     """Return a booked transaction as answers show it."""
     return TransactionView(
         id=event.id,
@@ -125,9 +192,56 @@ def view_transaction(event: TransactionPosted, place: Place) -> TransactionView:
         date=event.date,
         description=event.description,
         state="posted",
-        tags=event.tags,
+        tags=() if isinstance(event, TransactionReversed) else event.tags,
         postings=event.postings,
+        entry=None if isinstance(event, TransactionPosted) else event.entry,
+        reverses=event.reverses if isinstance(event, TransactionReversed) else None,
     )
+
+
+def view_entry(event: EntryPosted, place: Place, account_name: str) -> EntryView:
+    """Return an entry as answers show it; `account_name` is that of the account its money moved on."""
+    money, category = event.postings
+    return EntryView(
+        id=event.entry,
+        seq=place.seq,
+        epoch=place.epoch,
+        hash=place.hash.hex(),
+        booked_at=timestamp(place.booked_ns),
+        date=event.date,
+        amount=money.amount,
+        currency=money.currency,
+        account=money.account,
+        account_name=account_name,
+        category=event.category,
+        category_account=category.account,
+        description=event.description,
+        payment_method=event.payment_method,
+        tags=event.tags,
+        transaction=event.id,
+    )
+
+
+def answer_reversal(event: TransactionReversed, place: Place) -> EntryReversal:
+    """Return the answer to a command that took back what stood of an entry."""
+    assert event.entry is not None, "only entries are reversed"
+    return EntryReversal(
+        id=event.entry,
+        seq=place.seq,
+        epoch=place.epoch,
+        hash=place.hash.hex(),
+        booked_at=timestamp(place.booked_ns),
+        transaction=event.id,
+        reverses=event.reverses,
+    )
+
+
+def tell(event: Event, seq: int) -> CommittedEvent:
+    """Return what is told of a committed event to whoever listens."""
+    if not isinstance(event, Booking):
+        return CommittedEvent(seq, kind_of(event), event.id, None, "", (event.id,))
+    accounts = tuple(dict.fromkeys(posting.account for posting in postings_of(event)))
+    return CommittedEvent(seq, kind_of(event), event.id, event.date, event.description, accounts)
 
 
 def balances_of(account: Account) -> Balances:

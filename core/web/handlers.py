@@ -38,6 +38,7 @@ from core.ledger.commands import (
     close_account,
     open_account,
     post_transaction,
+    transaction_of,
 )
 from core.ledger.reasons import Rejection
 from core.ledger.views import view_account
@@ -202,7 +203,7 @@ async def _carry_out(request: Request, kind: str, command: Command, body: bytes)
     key = idempotency_key(request)
     service = service_of(request)
     command_id = service.new_id()
-    transaction_id = command.id if kind == "transaction.post" else ""
+    transaction_id = transaction_of(command)
     account_ids = accounts_of(command)
     slot = _slot(
         request,

@@ -14,7 +14,7 @@ import msgspec
 from starlette.requests import Request
 
 from core.ledger.accounts import is_account_id
-from core.ledger.commands import is_date
+from core.ledger.fields import is_date
 from core.ledger.reasons import Fault, Reason
 from core.web.problems import Problem, ProblemError
 

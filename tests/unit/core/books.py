@@ -5,6 +5,7 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from sqlalchemy import Connection
 
@@ -22,6 +23,16 @@ from core.ledger.commands import (
     PostTransaction,
     accounts_of,
     fingerprint_of,
+    transaction_of,
+)
+from core.ledger.entries import (
+    EntryBody,
+    RecordEntry,
+    ReplaceEntry,
+    ReverseEntry,
+    record_entry,
+    replace_entry,
+    reverse_entry,
 )
 
 _numbers = itertools.count(1)
@@ -42,8 +53,28 @@ def moving(amount: int, to: str, source: str, currency: str = "KRW") -> PostTran
     return PostTransaction(f"tx-{next(_numbers)}", "2026-11-21", "moved", (), lines)
 
 
+def entering(amount: str, account: str | None = "bank", **changes: Any) -> RecordEntry:
+    """An entry on an account; `origin`, `duplicates_wanted` and every member of the body can be set."""
+    named = {name: changes.pop(name) for name in ("origin", "duplicates_wanted") if name in changes}
+    body = EntryBody(**({"date": "2026-11-21", "amount": amount, "account": account} | changes))
+    command = record_entry(body, f"entry-{next(_numbers)}", **named)
+    assert isinstance(command, RecordEntry), command
+    return command
+
+
+def replacing(entry: str, amount: str, account: str | None = "bank", **changes: Any) -> ReplaceEntry:
+    body = EntryBody(**({"date": "2026-11-21", "amount": amount, "account": account} | changes))
+    command = replace_entry(entry, body, f"tx-{next(_numbers)}", f"back-{next(_numbers)}")
+    assert isinstance(command, ReplaceEntry), command
+    return command
+
+
+def reversing(entry: str) -> ReverseEntry:
+    return reverse_entry(entry, f"back-{next(_numbers)}")
+
+
 def order(command: Command, key: str | None = None, slot: int = 0, digest: bytes = b"d") -> Order:
-    transaction_id = command.id if isinstance(command, PostTransaction) else ""
+    transaction_id = transaction_of(command)
     command_id = f"cmd-{next(_numbers)}"
     fingerprint = fingerprint_of(command)
     return Order(command, key, fingerprint, digest, command_id, transaction_id, accounts_of(command), slot)

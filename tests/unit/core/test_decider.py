@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from core.ledger.accounts import Account, AccountType, is_overdrawn
+from core.ledger.book import Book
 from core.ledger.commands import Command, Posting, PostTransaction
 from core.ledger.decider import decide, evolve
 from core.ledger.events import AccountClosed, AccountOpened, TransactionPosted, decode, encode, kind_of
@@ -23,7 +24,7 @@ BOOK = {
 
 
 def refused(command: Command) -> Rejection:
-    found = decide(command, BOOK)
+    found = decide(command, Book.of(BOOK.values()))
     assert isinstance(found, Rejection), found
     return found
 
@@ -67,14 +68,14 @@ def test_an_account_holds_one_currency() -> None:
 
 
 def test_an_asset_may_go_down_to_zero_and_no_further() -> None:
-    assert not isinstance(decide(moving(100, "food", "cash"), BOOK), Rejection)
+    assert not isinstance(decide(moving(100, "food", "cash"), Book.of(BOOK.values())), Rejection)
     found = refused(moving(101, "food", "cash"))
     assert found.slug is Slug.OVERDRAFT
     assert found.values == {"account": "cash", "balance": "-1", "currency": "KRW"}
 
 
 def test_a_debt_may_be_paid_back_and_not_more() -> None:
-    assert not isinstance(decide(moving(50, "card", "food"), BOOK), Rejection)
+    assert not isinstance(decide(moving(50, "card", "food"), Book.of(BOOK.values())), Rejection)
     assert refused(moving(51, "card", "food")).slug is Slug.OVERDRAFT
 
 
@@ -84,12 +85,14 @@ def test_lines_of_one_account_are_judged_together() -> None:
         Posting("cash", 60, "KRW"),
         Posting("food", 90, "KRW"),
     )
-    assert not isinstance(decide(PostTransaction("t", "2026-11-21", "", (), lines), BOOK), Rejection)
+    assert not isinstance(
+        decide(PostTransaction("t", "2026-11-21", "", (), lines), Book.of(BOOK.values())), Rejection
+    )
 
 
 def test_a_balance_never_leaves_64_bits() -> None:
     book = BOOK | {"food": replace(BOOK["food"], posted=INT64_MAX)}
-    found = decide(moving(1, "food", "cash"), book)
+    found = decide(moving(1, "food", "cash"), Book.of(book.values()))
     assert isinstance(found, Rejection)
     assert found.slug is Slug.BALANCE_OUT_OF_RANGE
 
@@ -115,7 +118,7 @@ class BookAgainstModel(RuleBasedStateMachine):
 
     def carry_out(self, command: Command) -> bool:
         before = dict(self.book)
-        decision = decide(command, self.book)
+        decision = decide(command, Book.of(self.book.values()))
         assert self.book == before, "deciding changes nothing"
         if isinstance(decision, Rejection):
             return False

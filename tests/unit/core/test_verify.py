@@ -54,7 +54,7 @@ def test_an_empty_book_is_whole(tmp_path: Path) -> None:
         ("INSERT INTO idempotency VALUES ('x', x'00', 99, 201, x'00', x'00')", 99),
         ("UPDATE posting SET amount = amount + 1 WHERE seq = 8 AND line = 0", 8),
         ("DELETE FROM posting WHERE seq = 8", 8),
-        ("INSERT INTO posting VALUES (99, 0, 'a', 5)", 99),
+        ("INSERT INTO posting VALUES (99, 0, 'a', 5, '2026-11-21', 1)", 99),
         ("UPDATE booking SET description = 'gift' WHERE seq = 9", 9),
         ("UPDATE account SET posted = posted + 1 WHERE id = 'a'", None),
         ("INSERT INTO account VALUES ('c', 'C', 'asset', 'KRW', 0, 0, 0)", None),
