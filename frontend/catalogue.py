@@ -12,6 +12,14 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "가계부: {url}\n끄려면 Ctrl-C를 누르세요. 상태는 `{command} status`로 볼 수 있어요.",
         "Ledger: {url}\nCtrl-C stops it. `{command} status` shows how it is.",
     ),
+    "demo": (
+        "데모: {url}/__hc/demo\n이 화면의 단추는 서버를 정말로 멈춰요. 데이터 폴더: {data}",
+        "Demo: {url}/__hc/demo\nIts buttons really break the server. Data folder: {data}",
+    ),
+    "demo_later": (
+        "이 가계부는 이미 돌고 있어요. `hardcore down`으로 끈 뒤에 --demo로 다시 시작하세요.",
+        "This ledger is already running. Stop it with `hardcore down`, then start it with --demo.",
+    ),
     "attached": (
         "이미 돌고 있던 감시자에 다시 붙었어요: {url}",
         "Attached to the sentinel that was still running: {url}",

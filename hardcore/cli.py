@@ -162,18 +162,23 @@ def main(context: click.Context, /, **given: object) -> None:
 @click.option(
     "--policy", type=click.Path(path_type=Path, dir_okay=False), help="Policy to check and use from now on."
 )
+@click.option(
+    "--demo", is_flag=True, help="Add a page with buttons that break the core, to watch it come back."
+)
 @_operator
-def up(asked: Asked, host: str, port: int, policy: Path | None) -> None:
+def up(asked: Asked, host: str, port: int, policy: Path | None, *, demo: bool) -> None:
     """Start the ledger and its guard, here in the foreground. Ctrl-C stops everything cleanly."""
-    ready = starting.prepare_start(asked.data, host, port, policy, asked.lang)
+    ready = starting.prepare_start(asked.data, host, port, policy, asked.lang, demo=demo)
     if isinstance(ready, starting.Refused):
         asked.fail(ready.words, ready.code)
     if ready.warning:
         click.echo(ready.warning, err=True)
     asked.say("attached" if ready.attached else "serving", url=ready.url, command=asked.command)
+    if demo:
+        asked.say("demo", url=ready.url, data=asked.data.absolute())
     asked.tell({"ok": True, "url": ready.url, "attached": ready.attached})
     sys.stdout.flush()
-    starting.become_launcher(ready)
+    starting.become_launcher(ready, demo=demo)
 
 
 @main.command()

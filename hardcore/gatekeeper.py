@@ -7,6 +7,7 @@ tried: without it nobody sees anything. Its deaths are counted apart from the co
 import asyncio
 import dataclasses
 import json
+import os
 import random
 import signal
 import sys
@@ -63,6 +64,8 @@ class Gatekeeper:
         environment["HARDCORE_LIMITS"] = json.dumps(dataclasses.asdict(self._policy.gateway))
         argv = [sys.executable, "-I", "-m", "hardcore.crisis"]
         argv += ["--listen-fd", str(self._listen_fd), "--control", str(self._folders.control)]
+        if os.environ.get(lives.DEMO_SWITCH) == "1":
+            argv.append("--demo")
         log = self._folders.logs / "gateway.log"
         handle = processes.spawn(argv, environment, log, self._folders.data, fds=(self._listen_fd,))
         identity = {"pid": handle.pid, "start": handle.identity.start}

@@ -16,7 +16,7 @@ from pathlib import Path
 from frontend.catalogue import text
 from hardcore import standing
 from hardcore.control import client
-from hardcore.host import files
+from hardcore.host import files, lives
 from hardcore.host.folders import Folders, Unusable, locate, prepare, prepare_data
 from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, PolicyFault
@@ -43,7 +43,9 @@ class Ready:
     warning: str = ""
 
 
-def prepare_start(data: Path, host: str, port: int, policy: Path | None, lang: str) -> Ready | Refused:
+def prepare_start(
+    data: Path, host: str, port: int, policy: Path | None, lang: str, *, demo: bool = False
+) -> Ready | Refused:
     """Settle everything that can go wrong before the launcher takes over."""
     address = _loopback(host)
     if address is None:
@@ -53,7 +55,11 @@ def prepare_start(data: Path, host: str, port: int, policy: Path | None, lang: s
         return Refused(made.reason)
     try:
         folders = _claim(made, lang)
-        return folders if isinstance(folders, Refused) else _settle(folders, address, port, policy, lang)
+        if isinstance(folders, Refused):
+            return folders
+        if demo and held(folders.run / "sentinel.lock"):
+            return Refused(text("demo_later", lang))  # what runs was begun to be relied on
+        return _settle(folders, address, port, policy, lang)
     except OSError as error:  # a full disk lets folders be made, but no files be written
         return Refused(text("data_not_written", lang, path=made.data, why=error.strerror))
 
@@ -104,8 +110,11 @@ def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: s
     return Ready(folders, listener.detach(), f"http://{shown}:{port}", attached=False, warning=warning)
 
 
-def become_launcher(ready: Ready) -> None:
+def become_launcher(ready: Ready, *, demo: bool = False) -> None:
     """Become the launcher. Does not return."""
+    os.environ.pop(lives.DEMO_SWITCH, None)  # the command line decides, not what a shell has left over
+    if demo:
+        os.environ[lives.DEMO_SWITCH] = "1"
     os.set_inheritable(ready.listen_fd, True)
     # Kept back over the exec: a Ctrl-C that meets a starting interpreter is answered with a traceback.
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})

@@ -36,6 +36,9 @@ KILL_S = 2.0
 
 _PASSED_ON = ("PATH", "HOME", "LANG", "LC_ALL", "TZ", "TMPDIR")
 
+#: Passed from `hardcore up --demo` to each sentinel of that launcher: pages of this address may break the core.
+DEMO_SWITCH = "HARDCORE_DEMO"
+
 
 def clean_environment() -> dict[str, str]:
     """Return what a process of ours inherits: nothing that could change how Python behaves."""
