@@ -69,16 +69,21 @@ def stock() -> Shelf:
     """Render everything. Takes a moment and may raise whatever templates and files raise: not for the loop."""
     # The template engine behind it takes longer to import than a gateway takes to serve.
     from frontend import crisis_paper as paper
+    from frontend import demo_paper
 
     files = {
         path.encode(): _sheet(one.body, one.content_type.encode()) for path, one in paper.own_files().items()
     }
+    files |= {
+        path.encode(): _sheet(body, kind.encode()) for path, (body, kind) in demo_paper.demo_files().items()
+    }
+    demo = {lang: _sheet(demo_paper.demo_page(lang), HTML, _DEMO_POLICY) for lang in _LANGUAGES}
     covers: dict[tuple[str, Cover], Sheet] = {}
     for lang, kind, outcome in product(_LANGUAGES, paper.KINDS, paper.OUTCOMES):
         page = paper.recovery_page(lang, kind, outcome)
         policy = _policy(page.script_hash, page.style_hash)
         covers[lang, Cover(Plight(kind), Asked(outcome))] = _sheet(page.body, HTML, policy)
-    return Shelf(files, covers)
+    return Shelf(files, covers, demo)
 
 
 def _policy(script_hash: str, style_hash: str) -> str:
