@@ -77,7 +77,9 @@ def stock() -> Shelf:
     files |= {
         path.encode(): _sheet(body, kind.encode()) for path, (body, kind) in demo_paper.demo_files().items()
     }
-    demo = {lang: _sheet(demo_paper.demo_page(lang), HTML, _DEMO_POLICY) for lang in _LANGUAGES}
+    demo: dict[str, Sheet] = {
+        lang: _sheet(demo_paper.demo_page(lang), HTML, _DEMO_POLICY) for lang in _LANGUAGES
+    }
     covers: dict[tuple[str, Cover], Sheet] = {}
     for lang, kind, outcome in product(_LANGUAGES, paper.KINDS, paper.OUTCOMES):
         page = paper.recovery_page(lang, kind, outcome)
