@@ -17,6 +17,7 @@ from starlette.types import ASGIApp
 
 from core.service import Service
 from core.web import handlers
+from core.web.asking import service_of
 from core.web.door import Door
 from core.web.live import live
 from core.web.openapi import document
@@ -73,7 +74,7 @@ def _by_method(table: dict[str, Handler]) -> Handler:
 
 def _respond(request: Request, problem: Problem) -> Response:
     lang = language(request.headers.get("accept-language"))
-    return respond(problem, lang, handlers.service_of(request).settings.retry_after_s)
+    return respond(problem, lang, service_of(request).settings.retry_after_s)
 
 
 async def _tell_problem(request: Request, error: Exception) -> Response:

@@ -1,0 +1,141 @@
+"""Between a handler and the service: a slot, a command or a question, and the answer as a response.
+
+Every handler of the core goes through here, whatever it shows: so every piece of work stands on the recorder,
+every refusal ends the request as a problem, and no handler decides for itself what an outcome means.
+"""
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any, Final, TypeVar, assert_never
+
+import msgspec
+from sqlalchemy import Connection
+from starlette.requests import Request
+from starlette.responses import Response
+
+from core.journal.answers import (
+    Answer,
+    DecisionFailed,
+    Done,
+    KeyTaken,
+    KeyUnknown,
+    Leaving,
+    OutcomeUnknown,
+    Refused,
+    StoreBusy,
+)
+from core.journal.store import StoreError
+from core.ledger.commands import Command, accounts_of, transaction_of
+from core.ledger.reasons import Rejection
+from core.service import Draining, NoSlot, ReadTooLong, Service
+from core.web.door import take_slot
+from core.web.intake import digest_of, idempotency_key
+from core.web.problems import Outcome, Problem, ProblemError, refusal
+
+T = TypeVar("T")
+
+logger = logging.getLogger("core.web")
+
+NAMED_MAX: Final = 128  # characters of somebody's text that a sentence repeats
+
+
+def service_of(request: Request) -> Service:
+    """Return the service this application was made for."""
+    service: Service = request.app.state.service
+    return service
+
+
+async def carry_out(request: Request, kind: str, command: Command, body: bytes) -> Response:
+    """Have a command carried out under the key of its request; `kind` names it on the recorder."""
+    key = idempotency_key(request)
+    service = service_of(request)
+    command_id = service.new_id()
+    transaction_id = transaction_of(command)
+    account_ids = accounts_of(command)
+    slot = begin(
+        request,
+        kind,
+        body,
+        key=key,
+        command_id=command_id,
+        transaction_id=transaction_id,
+        account_ids=account_ids,
+    )
+    return respond_with(await service.carry_out(command, key, digest_of(request, body), command_id, slot))
+
+
+async def read(
+    request: Request,
+    kind: str,
+    question: Callable[[Connection], T],
+    *,
+    transaction_id: str = "",
+    account_ids: tuple[str, ...] = (),
+) -> T:
+    """Ask the book on a reader's thread and return what it says; `kind` names it on the recorder."""
+    payload = request.url.query.encode("utf-8", "replace")
+    slot = begin(request, kind, payload, transaction_id=transaction_id, account_ids=account_ids)
+    found = await service_of(request).read(slot, question)
+    if isinstance(found, ReadTooLong):
+        raise ProblemError(Problem("read-too-long"))
+    if isinstance(found, StoreError):
+        logger.error("The ledger could not be read: %s", found.text)
+        raise ProblemError(Problem("store-unreadable"))
+    return found
+
+
+def begin(request: Request, kind: str, payload: bytes, **named: Any) -> int:
+    """Return a slot for this request, which may not run without one."""
+    slot = service_of(request).begin(kind, payload, **named)
+    match slot:
+        case NoSlot():
+            raise ProblemError(Problem("busy"))
+        case Draining():
+            raise ProblemError(Problem("leaving"))
+        case int():
+            take_slot(request.scope, slot)
+            return slot
+        case _:
+            assert_never(slot)
+
+
+def respond_with(answer: Answer) -> Response:
+    """Return the response for what the writer answered."""
+    match answer:
+        case Done(status, body, replayed):
+            headers = {"Idempotent-Replayed": "true"} if replayed else None
+            return Response(body, status, headers, media_type="application/json")
+        case Refused(rejection, replayed):
+            raise ProblemError(refusal(rejection, replayed=replayed))
+        case KeyTaken():
+            raise ProblemError(Problem("key-reused"))
+        case KeyUnknown():
+            raise ProblemError(Problem("command-not-found"))
+        case StoreBusy():
+            raise ProblemError(Problem("store-busy"))
+        case OutcomeUnknown():
+            raise ProblemError(Problem("outcome-unknown"))
+        case Leaving():
+            raise ProblemError(Problem("leaving"))
+        case DecisionFailed(text):
+            logger.error("A command could not be decided: %s", text)
+            raise ProblemError(Problem("internal", outcome=Outcome.NOT_DONE))
+        case _:
+            assert_never(answer)
+
+
+def accepted(command: T | Rejection) -> T:
+    """Return the command, or end the request with what is wrong with it."""
+    if isinstance(command, Rejection):
+        raise ProblemError(refusal(command))
+    return command
+
+
+def as_list(items: Sequence[Any], next_cursor: str | None) -> dict[str, Any]:
+    """Return a list as answers show it."""
+    return {"items": items, "next_cursor": next_cursor}
+
+
+def as_json(value: Any) -> Response:
+    """Return a value as a response."""
+    return Response(msgspec.json.encode(value), media_type="application/json")
