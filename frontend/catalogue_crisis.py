@@ -1,0 +1,185 @@
+"""What a browser says while the ledger's server is away: every text of the crisis script and the recovery page.
+
+One catalogue for both: the server prints it into the recovery page, and the script gets it as a module for each
+language. A key is the code of a state (R1, R3b, ...) or of a part of it (R1.line). A sentence that claims
+something may be shown only from a fact, so each such sentence stands apart from its neighbours and `FACTS` names
+what has to be known before it is said. In Korean no particle stands right after a value.
+"""
+
+from typing import Final
+
+from frontend.render import Language
+
+LANGUAGES: Final[tuple[Language, ...]] = ("ko", "en")
+
+#: code -> (ko, en)
+CRISIS: Final[dict[str, tuple[str, str]]] = {
+    # A request of the page waits although the ledger is being served.
+    "R0": ("응답이 늦어지고 있어요", "The server is slow to answer"),
+    "R0.line": ("계속 입력해도 괜찮아요.", "You can keep typing."),
+    # The server is away and is being brought back.
+    "R1": ("서버를 다시 켜고 있어요", "Restarting the server"),
+    "R1.line": (
+        "이미 저장된 내역은 디스크에 남아 있어요. 다시 켠 뒤 잔액이 맞는지 확인할게요.",
+        "Records already saved are on disk. We will check the balances once it is back.",
+    ),
+    "R1b": ("기다리는 요청 {n}건", "{n} waiting"),
+    "R1b.line": (
+        "서버가 돌아오면 한 번만 처리해요. 다시 누르지 않아도 돼요.",
+        "Each one will be handled once when the server is back. No need to press again.",
+    ),
+    "R2": ("업데이트를 위해 잠시 다시 켜요", "Restarting for an update"),
+    "R2.line": ("고장이 아니에요.", "Nothing is broken."),
+    "draft.stored": (
+        "쓰던 내용은 이 브라우저에 저장해 뒀어요.",
+        "What you were typing is stored in this browser.",
+    ),
+    "draft.page": (
+        "쓰던 내용은 이 화면에 그대로 있어요. 창을 닫지 마세요.",
+        "What you were typing is still on this page. Please keep this window open.",
+    ),
+    # How long.
+    "eta.range": ("보통 {a}~{b}초 걸려요", "Usually {a}-{b} seconds"),
+    "eta.within": ("보통 {b}초 안에 돌아와요", "Usually back within {b} s"),
+    "eta.none": (
+        "아직 예상 시간을 계산할 기록이 부족해요",
+        "Not enough history for an estimate yet",
+    ),
+    "elapsed": ("{t}초 지났어요", "{t} s so far"),
+    # The four stages, and the word beside each mark.
+    "stage.1": ("문제 발견", "Problem found"),
+    "stage.2": ("멈춘 서버 정리", "Stopping the old server"),
+    "stage.3": ("서버 켜기", "Starting the server"),
+    "stage.4": ("잔액 확인", "Checking balances"),
+    "mark.done": ("끝남", "done"),
+    "mark.now": ("하는 중", "now"),
+    "mark.next": ("다음", "next"),
+    # It is back.
+    "R3": ("다시 사용할 수 있어요", "You are back"),
+    "R3.took": ("{t}초 만에 돌아왔어요.", "It took {t} seconds."),
+    "R3.verified": ("모든 잔액이 맞는 것을 확인했어요.", "All balances were checked and match."),
+    "R3b.line": (
+        "잔액 확인은 뒤에서 계속하고 있어요.",
+        "Balance check is still running in the background.",
+    ),
+    "R3c": ("{n}밀리초 동안 끊겼다가 돌아왔어요", "Interrupted for {n} ms"),
+    "R3c.seconds": ("{t}초 동안 끊겼다가 돌아왔어요", "Interrupted for {t} seconds"),
+    "R3c.verified": ("잃은 내역은 없어요.", "Nothing was lost."),
+    "R10": ("잔액이 맞지 않는 부분을 찾았어요", "A balance does not match"),
+    "R10.line": ("관리자 확인이 필요해요.", "The administrator must look at it."),
+    # It takes longer, or nobody tries any more.
+    "R7": ("평소보다 오래 걸리고 있어요", "Taking longer than usual"),
+    "R7.stage": ("지금 단계: {stage}.", "Current step: {stage}."),
+    "R7b.line": (
+        "알림을 보내지 못했어요. 서버 관리자에게 직접 알려 주세요.",
+        "No alert could be sent. Please tell the person who runs this server.",
+    ),
+    "R8": ("자동 복구를 멈췄어요", "Automatic recovery has stopped"),
+    "R8.line": (
+        "내역을 지키려고 멈췄어요. 저장된 내역은 건드리지 않았어요. 서버 관리자에게 알려 주세요.",
+        "It stopped to protect your records. Saved records were not touched. Please tell the person who runs this server.",
+    ),
+    "R8.next": (
+        "관리자: 서버에서 hardcore incidents 명령으로 이유를 보고, hardcore resume 명령으로 다시 켜요.",
+        "Administrator: on the server, hardcore incidents says why and hardcore resume tries again.",
+    ),
+    "OFF": ("서버가 꺼져 있어요", "The server is switched off"),
+    "OFF.line": (
+        "관리자가 껐어요. 이미 저장된 내역은 디스크에 남아 있어요.",
+        "It was stopped by the person who runs it. Records already saved are on disk.",
+    ),
+    "OFF.next": (
+        "관리자: 서버에서 hardcore up 명령으로 다시 켜요.",
+        "Administrator: on the server, hardcore up starts it again.",
+    ),
+    # This browser can't reach the server at all.
+    "R11": ("서버와 연결이 끊겼어요", "No connection to the server"),
+    "R11.line": (
+        "이 기기의 인터넷이나 와이파이를 확인해 주세요.",
+        "Check this device's internet or Wi-Fi.",
+    ),
+    "R11.kept": ("쓰던 내용은 그대로 있어요.", "What you typed is still here."),
+    "R11.back": ("다시 연결됐어요", "Connected again"),
+    # Drafts.
+    "R13": ("쓰던 내용을 되살렸어요", "Restored what you typed"),
+    "R13.unsent": ("아직 보내지 않았어요.", "It has not been sent."),
+    "R13.tried": (
+        "보내졌는지 내역에서 확인해 주세요.",
+        "Please check the records to see whether it was sent.",
+    ),
+    "undo": ("되돌리기", "Undo"),
+    "keep": ("쓰던 내용 복사하기", "Copy my text"),
+    "keep.done": ("복사했어요", "Copied"),
+    "keep.byhand": ("아래 글을 직접 복사해 주세요.", "Please copy the text below by hand."),
+    # The recovery page alone.
+    "R15.line": ("5초마다 자동으로 다시 열어요.", "This page reopens every 5 seconds."),
+    "reopens": (
+        "서버가 돌아오면 이 화면이 저절로 열려요.",
+        "This page opens by itself when the server is back.",
+    ),
+    "not_done.line": (
+        "방금 보낸 요청은 처리하지 않았어요. 서버가 돌아오면 화면을 다시 열고 한 번 더 보내 주세요.",
+        "What you just sent was not done. When the server is back, open the page again and send it once more.",
+    ),
+    "unknown.line": (
+        "방금 보낸 요청이 처리됐는지 아직 알 수 없어요. 서버가 돌아오면 먼저 내역을 확인해 주세요.",
+        "It is not known yet whether what you just sent was done. When the server is back, please check the records first.",
+    ),
+    "reopen": ("화면 다시 열기", "Open the page again"),
+    # Small words.
+    "details": ("자세히", "Details"),
+    "close": ("닫기", "Close"),
+    "state": ("상태: {phase}", "State: {phase}"),
+    "incident": ("사건 번호: {id}", "Incident: {id}"),
+    "title.down": ("(복구 중)", "(Recovering)"),
+    "title.back": ("✓", "✓"),
+    "other": ("English", "한국어"),
+    # What the guard calls it, for those who open the details.
+    "phase.STOPPED": ("꺼져 있음", "off"),
+    "phase.ADOPTING": ("남아 있던 서버를 정리하는 중", "ending what was left over"),
+    "phase.STARTING": ("새 서버를 켜는 중", "starting a new server"),
+    "phase.PROVING": ("잔액을 확인하는 중", "checking the balances"),
+    "phase.PROBATION": ("켜졌고 지켜보는 중", "up, and being watched"),
+    "phase.RUNNING": ("켜져 있음", "up"),
+    "phase.SUSPECT": ("켜져 있지만 걱정되는 점이 있음", "up, with a worry"),
+    "phase.SNAPSHOT_LIVE": ("원인을 기록하는 중", "saving the cause"),
+    "phase.STOPPING": ("하던 일을 마치는 중", "finishing what was under way"),
+    "phase.KILLING": ("멈춘 서버를 끝내는 중", "ending the old server"),
+    "phase.UNKILLABLE": ("멈춘 서버가 아직 끝나지 않음", "the old server has not ended yet"),
+    "phase.BACKOFF": ("다시 켜기 전에 잠시 기다리는 중", "waiting a moment before the next start"),
+    "phase.FATAL": ("자동 복구를 멈춤", "automatic recovery has stopped"),
+}
+
+#: Sentences that claim something -> the fact that has to be known before one of them is shown.
+FACTS: Final[dict[str, str]] = {
+    "R0": "a request of this page waits while the last state says that the ledger is served",
+    "R1b": "the gateway counts held requests of this browser, or the page counts waiting ones",
+    "R2": "the state frame's text is R2: the guard was asked for this restart",
+    "draft.stored": "every field typed into was written to the storage and read back the same",
+    "draft.page": "a field of the living page was typed into",
+    "eta.range": "the state frame has an eta, which takes five samples",
+    "eta.within": "the state frame has an eta, which takes five samples",
+    "R3.took": "the outage's length, from the back frame",
+    "R3.verified": "proof B of the serving epoch: verified is true",
+    "R3b.line": "proof B has not spoken: verified is null",
+    "R3c": "the outage's length, from the back frame",
+    "R3c.seconds": "the outage's length, from the back frame",
+    "R3c.verified": "proof B of the serving epoch: verified is true",
+    "R10": "proof B found a fault: ok is false",
+    "R7b.line": "the state frame's text is R7b: no alert was delivered",
+    "R8": "the state frame's text is R8: the guard has stopped trying",
+    "OFF": "the state frame's text is OFF: the operator stopped it",
+    "R11": "the socket is gone and status.json can't be fetched",
+    "R11.kept": "the page that was typed into is still alive",
+    "R13": "a field was filled from the storage",
+    "R13.unsent": "the form was not submitted since the draft was written",
+    "keep.done": "the clipboard took it",
+    "not_done.line": "the gateway never sent the request to a core",
+    "unknown.line": "the core died before it answered",
+}
+
+
+def words(lang: Language) -> dict[str, str]:
+    """Return every text in one language, by its code."""
+    which = LANGUAGES.index(lang)
+    return {code: texts[which] for code, texts in CRISIS.items()}

@@ -1,0 +1,144 @@
+// The crisis script: what a living page of the ledger says by itself when the server behind it goes away.
+//
+// It joins the others: frames come from channel.js, outage.js decides what an outage looks like, wording.js which
+// sentences are true, screen.js shows them, drafts.js keeps what was typed. It knows no page by name; a page hears of
+// it by three events and one attribute (docs/wires.md, section 10).
+
+import { openChannel } from "./channel.js";
+import { CALM, RESULT_STAY_MS, next } from "./outage.js";
+import { face, fill } from "./wording.js";
+import { makeScreen } from "./screen.js";
+import { keepDrafts } from "./drafts.js";
+import { watchRequests } from "./slowness.js";
+
+const TICK_MS = 1000;
+const PENDING_MAX = 999;
+
+let lang = document.documentElement.lang.startsWith("ko") ? "ko" : "en";
+let { words } = await import(`./words.${lang}.js`);
+let view = CALM;
+let pending = 0;
+let timer = 0;
+let downWasTold = false; // the page heard hc:down
+let isAway = false;      // it is owed hc:back, because of that or because the line was lost
+let backWasTold = false; // by a state frame, before its back frame
+let plainTitle = document.title;
+let shownTitle = null;
+let restored = null;
+
+const screen = makeScreen({ close: () => hear({ type: "dismiss" }), keep, other, undo, leave });
+const drafts = keepDrafts(() => paint());
+const requests = watchRequests(() => paint());
+
+function tell(name, detail) {
+  document.dispatchEvent(new CustomEvent(name, { detail }));
+}
+
+function hear(said) {
+  const now_ms = performance.now();
+  if (said.type === "state" && said.text !== null && !isAway) drafts.saveAll();
+  view = next(view, said, now_ms);
+  paint();
+  announce(said);
+  arm(now_ms);
+}
+
+function announce(said) {
+  if (said.type === "state") {
+    tell("hc:state", said);
+    if (said.text !== null) goneAway(said);
+    else if (isAway) cameBack({ v: 1, type: "back", outage_ms: view.back?.outage_ms ?? null, verified: null, planned: said.planned }, true);
+  } else if (said.type === "lost") isAway = true;
+  else if (said.type === "back") {
+    if (backWasTold) backWasTold = false;
+    else cameBack(said, false);
+  }
+}
+
+function goneAway(frame) {
+  backWasTold = false;
+  isAway = true;
+  if (!downWasTold) tell("hc:down", frame);
+  downWasTold = true;
+}
+
+function cameBack(frame, byState) {
+  isAway = false;
+  downWasTold = false;
+  backWasTold = byState;
+  tell("hc:back", frame);
+}
+
+function paint() {
+  const facts = {
+    pending, draft: drafts.standing(), slow: requests.isSlow(), alive: true, unheard: false, request: null,
+  };
+  const shown = face(view, facts, performance.now(), words);
+  const isDown = view.mode === "sign" || view.mode === "card" || view.mode === "lost";
+  document.documentElement.dataset.hc = isDown ? "down" : shown.strip && facts.slow && view.mode === "calm" ? "slow" : "serving";
+  if (window.parent === window) screen.show(shown, words, lang, view.mode === "card", drafts.asText() !== "");
+  nameTab(shown.title);
+}
+
+// The page may rename itself meanwhile: what it calls itself is kept, our sign stands before it.
+function nameTab(sign) {
+  if (document.title !== shownTitle) plainTitle = document.title;
+  shownTitle = sign === null ? plainTitle : `${sign} ${plainTitle}`;
+  if (document.title !== shownTitle) document.title = shownTitle;
+}
+
+// Good news waits for the reader: nothing goes away by itself in a tab that nobody sees, or under the pointer.
+function arm(now_ms) {
+  clearTimeout(timer);
+  const isRead = !document.hidden && !screen.card.element.matches(":hover, :focus-within");
+  if (view.mode === "card") timer = setTimeout(() => { paint(); arm(performance.now()); }, TICK_MS);
+  else if (view.mode === "sign" || isRead) {
+    if (view.due_ms !== Infinity) timer = setTimeout(() => hear({ type: "tick" }), Math.max(0, view.due_ms - now_ms));
+  } else if (view.due_ms !== Infinity) {
+    timer = setTimeout(() => {
+      view = { ...view, due_ms: performance.now() + RESULT_STAY_MS / 2 };
+      arm(performance.now());
+    }, TICK_MS);
+  }
+}
+
+async function keep() {
+  const typed = drafts.asText();
+  try {
+    await navigator.clipboard.writeText(typed);
+    screen.card.copied("keep.done", words);
+  } catch { // no permission, or no secure context: a plain address in a home network has none
+    const { byHand } = screen.card;
+    byHand.hidden = false;
+    byHand.value = typed;
+    byHand.select();
+    screen.card.copied(document.execCommand("copy") ? "keep.done" : "keep.byhand", words);
+  }
+}
+
+async function other() {
+  const wanted = lang === "ko" ? "en" : "ko";
+  ({ words } = await import(`./words.${wanted}.js`));
+  lang = wanted;
+  paint();
+}
+
+function undo() {
+  restored?.undo();
+  leave();
+}
+
+function leave() {
+  restored = null;
+  screen.note(null, words);
+}
+
+document.addEventListener("hc:pending", (event) => {
+  pending = Math.min(PENDING_MAX, Math.max(0, Number(event.detail?.count) || 0));
+  paint();
+});
+document.addEventListener("hc:sent", leave);
+
+restored = drafts.restore();
+if (restored) screen.note({ head: words.R13, line: words[restored.tried ? "R13.tried" : "R13.unsent"] }, words);
+openChannel(hear);

@@ -1,0 +1,103 @@
+// The life of one outage as a page sees it: what is shown, as a table of moves.
+//
+// Pure: a view and an event give the next view, time is an argument (milliseconds that only grow). Every event has
+// its cell in every mode, so nothing can arrive for which nobody thought. The view says only what is known; the
+// words are chosen in wording.js, and the screens are moved in client.js and recovery.js.
+
+export const SHORT_STAY_MS = 5000;
+export const RESULT_STAY_MS = 8000;
+const AGAIN_STAY_MS = 3000;
+const DRIVE_ON_S = 1; // history says it takes at least this long: no reason to wait with the overlay
+
+export const CALM = Object.freeze({
+  mode: "calm",     // calm | sign (strip) | card (overlay) | result (card, not modal) | short (strip) | lost | again
+  frame: null,      // the last state frame
+  back: null,       // {outage_ms, verified: true | null | false}
+  begun_ms: 0,      // when the outage began, on our clock
+  due_ms: Infinity, // when `tick` means something
+  reached: {},      // stage -> milliseconds after the beginning
+  overlay_after_ms: 400,
+});
+
+const stays = (view) => view;
+const calms = (view) => ({ ...CALM, frame: view.frame, overlay_after_ms: view.overlay_after_ms });
+
+/** Whether a person has to act before anything goes on: nobody is trying any more. */
+export function isFinal(frame) {
+  return frame.text === "R8" || frame.text === "OFF";
+}
+
+function isLong(frame) {
+  return isFinal(frame) || frame.text === "R7b" || (frame.eta !== null && frame.eta.low_s >= DRIVE_ON_S);
+}
+
+function withStage(view, frame, now_ms) {
+  // The guard knows when it began; what was shown must never run backwards.
+  const begun_ms = Math.min(view.begun_ms, now_ms - frame.elapsed_ms);
+  const reached = frame.stage === null || frame.stage in view.reached
+    ? view.reached
+    : { ...view.reached, [frame.stage]: now_ms - begun_ms };
+  return { ...view, frame, begun_ms, reached };
+}
+
+function begins(view, frame, now_ms) {
+  const fresh = { ...calms(view), mode: "sign", begun_ms: now_ms, due_ms: now_ms + view.overlay_after_ms };
+  return goesOn(fresh, frame, now_ms);
+}
+
+function goesOn(view, frame, now_ms) {
+  const next = withStage(view, frame, now_ms);
+  const heardBefore = view.frame !== null && view.frame.text === frame.text;
+  return isLong(frame) && !(isFinal(frame) && heardBefore) ? { ...next, mode: "card" } : next;
+}
+
+function ends(mode, stay_ms) {
+  return (view, said, now_ms) => {
+    const back = said.type === "back"
+      ? { outage_ms: said.outage_ms, verified: said.verified }
+      : view.back ?? { outage_ms: now_ms - view.begun_ms, verified: null };
+    const frame = said.type === "back" ? view.frame : said;
+    return { ...view, mode, frame, back, due_ms: now_ms + stay_ms };
+  };
+}
+
+function verifies(stay_ms) {
+  return (view, said, now_ms) => ({
+    ...view, back: { ...view.back, verified: said.ok }, due_ms: now_ms + stay_ms,
+  });
+}
+
+const loses = (view) => ({ ...calms(view), mode: "lost" });
+const knows = (view, frame) => ({ ...view, frame });
+const finds = (view, frame, now_ms) => ({ ...calms(view), frame, mode: "again", due_ms: now_ms + AGAIN_STAY_MS });
+const short = ends("short", SHORT_STAY_MS);
+const result = ends("result", RESULT_STAY_MS);
+const rises = (view) => ({ ...view, mode: "card", due_ms: Infinity });
+// Put aside by the reader, which only a final card can be: the strip goes on saying it.
+const lowers = (view) => (isFinal(view.frame) ? { ...view, mode: "sign", due_ms: Infinity } : view);
+
+export const MOVES = {
+  calm: { down: begins, serving: knows, back: short, verified: stays, lost: loses, tick: stays, dismiss: stays },
+  sign: { down: goesOn, serving: short, back: short, verified: stays, lost: loses, tick: rises, dismiss: stays },
+  card: { down: goesOn, serving: result, back: result, verified: stays, lost: loses, tick: stays, dismiss: lowers },
+  result: {
+    down: begins, serving: knows, back: result, verified: verifies(RESULT_STAY_MS), lost: loses, tick: calms,
+    dismiss: calms,
+  },
+  short: {
+    down: begins, serving: knows, back: short, verified: verifies(SHORT_STAY_MS), lost: loses, tick: calms,
+    dismiss: calms,
+  },
+  lost: { down: begins, serving: finds, back: short, verified: stays, lost: stays, tick: stays, dismiss: stays },
+  again: { down: begins, serving: knows, back: short, verified: stays, lost: loses, tick: calms, dismiss: calms },
+};
+
+/** The view after an event: `lost`, `tick`, `dismiss`, or a frame of the gateway. A frame of a kind that this
+    script does not know changes nothing, because a newer gateway may say more. */
+export function next(view, said, now_ms) {
+  if (said.type === "hello") return { ...view, overlay_after_ms: said.overlay_after_ms };
+  const kind = said.type === "state" ? (said.text === null ? "serving" : "down") : said.type;
+  if (kind === "tick" && now_ms < view.due_ms) return view;
+  const move = MOVES[view.mode][kind];
+  return move ? move(view, said, now_ms) : view;
+}

@@ -1,0 +1,157 @@
+// From what is known to sentences: which texts are said of a view, and which are not.
+//
+// Pure, and the only place where the script decides to claim something. A claim is made from its fact alone
+// (FACTS in catalogue_crisis.py names each): without the fact the neutral sentence stands, or none.
+
+import { isFinal } from "./outage.js";
+
+const HEADS = { R1: "R1", R2: "R2", R7b: "R7", R8: "R8", OFF: "OFF" };
+const STATUS_EVERY_S = 10;
+
+/** A text with its values in place of the names in braces. */
+export function fill(text, values) {
+  return text.replace(/\{(\w+)\}/g, (_, name) => String(values[name]));
+}
+
+/** Seconds as people say them: one decimal while it says something. */
+export function seconds(ms) {
+  return ms < 9950 ? (Math.max(ms, 100) / 1000).toFixed(1) : String(Math.round(ms / 1000));
+}
+
+function headOf(frame, words) {
+  return words[HEADS[frame.text] ?? "R1"];
+}
+
+function promises(frame, words) {
+  switch (frame.text) {
+    case "R2": return [words["R2.line"], words["R1.line"]];
+    case "R7b": return [...stageNow(frame, words), words["R7b.line"]];
+    case "R8": return [words["R8.line"]];
+    case "OFF": return [words["OFF.line"]];
+    default: return [words["R1.line"]];
+  }
+}
+
+function stageNow(frame, words) {
+  return frame.stage === null ? [] : [fill(words["R7.stage"], { stage: words[`stage.${frame.stage}`] })];
+}
+
+function timing(frame, elapsed_s, words) {
+  const elapsed = fill(words.elapsed, { t: elapsed_s });
+  if (frame.text === "R7b") return elapsed;
+  const { eta } = frame;
+  if (eta === null) return `${words["eta.none"]} · ${elapsed}`;
+  const usual = eta.low_s < 1 || eta.low_s >= eta.high_s ? "eta.within" : "eta.range";
+  return `${fill(words[usual], { a: eta.low_s, b: eta.high_s })} · ${elapsed}`;
+}
+
+// Never past the end of the stage that is still going on, so that the bar does not promise what is not there.
+function progress(frame, elapsed_s) {
+  if (frame.eta === null || frame.text === "R7b") return null;
+  const share = elapsed_s / Math.max(frame.eta.high_s, 1);
+  return Math.min(share, (frame.stage ?? 1) / frame.stages);
+}
+
+function stages(view, words) {
+  const { frame, reached } = view;
+  if (frame.stage === null || isFinal(frame)) return [];
+  return Array.from({ length: frame.stages }, (_, index) => {
+    const number = index + 1;
+    const mark = number < frame.stage ? "done" : number === frame.stage ? "now" : "next";
+    const ended_ms = reached[number + 1];
+    const took = mark === "done" && number in reached && ended_ms !== undefined;
+    return {
+      mark, name: words[`stage.${number}`], word: words[`mark.${mark}`],
+      took: took ? seconds(ended_ms - reached[number]) : null,
+    };
+  });
+}
+
+function waiting(view, facts, words) {
+  const n = Math.max(view.frame.held ?? 0, facts.pending);
+  return n > 0 && !isFinal(view.frame) ? { head: fill(words.R1b, { n }), line: words["R1b.line"] } : null;
+}
+
+function downCard(view, facts, now_ms, words) {
+  const { frame } = view;
+  const elapsed_s = Math.max(0, Math.floor((now_ms - view.begun_ms) / 1000));
+  const final = isFinal(frame);
+  return {
+    head: headOf(frame, words),
+    lines: [...promises(frame, words), ...asked(facts, words)],
+    draft: facts.draft === null ? null : words[`draft.${facts.draft}`],
+    time: final || facts.unheard ? null : timing(frame, elapsed_s, words),
+    progress: final ? null : progress(frame, elapsed_s),
+    stages: stages(view, words),
+    waiting: waiting(view, facts, words),
+    details: facts.unheard ? [] : [
+      fill(words.state, { phase: words[`phase.${frame.phase}`] ?? frame.phase }),
+      ...(frame.incident === null ? [] : [fill(words.incident, { id: frame.incident })]),
+      ...(final ? [words[`${frame.text}.next`]] : []),
+    ],
+    status: [headOf(frame, words), ...(final ? promises(frame, words) : stageNow(frame, words)),
+      ...(final || elapsed_s < STATUS_EVERY_S ? [] : [
+        fill(words.elapsed, { t: elapsed_s - (elapsed_s % STATUS_EVERY_S) })])].join(" "),
+    closes: final,
+    tone: frame.text === "R7b" || final ? "warn" : "busy",
+  };
+}
+
+function shortCard(head, lines, tone) {
+  return {
+    head, lines, draft: null, time: null, progress: null, stages: [], waiting: null, details: [],
+    status: [head, ...lines].join(" "), closes: true, tone,
+  };
+}
+
+function resultCard(view, facts, words) {
+  const { outage_ms, verified } = view.back;
+  const last = { true: words["R3.verified"], null: words["R3b.line"], false: words["R10.line"] }[verified];
+  const lines = [fill(words["R3.took"], { t: seconds(outage_ms) }), last, ...asked(facts, words)];
+  return verified === false ? shortCard(words.R10, lines, "warn") : shortCard(words.R3, lines, "good");
+}
+
+function asked(facts, words) {
+  return facts.request ? [words[`${facts.request}.line`]] : [];
+}
+
+function shortStrip(view, words) {
+  const { outage_ms, verified } = view.back;
+  const head = outage_ms < 1000
+    ? fill(words.R3c, { n: Math.round(outage_ms) })
+    : fill(words["R3c.seconds"], { t: seconds(outage_ms) });
+  if (verified === false) return { head, line: `${words.R10}. ${words["R10.line"]}`, tone: "warn" };
+  return { head, line: verified === true ? words["R3c.verified"] : null, tone: "good" };
+}
+
+function stripOf(view, facts, words) {
+  switch (view.mode) {
+    case "sign": return { head: headOf(view.frame, words), line: null, tone: isFinal(view.frame) ? "warn" : "busy" };
+    case "short": return shortStrip(view, words);
+    case "lost": return {
+      head: words.R11, line: [words["R11.line"], ...(facts.alive ? [words["R11.kept"]] : [])].join(" "), tone: "warn",
+    };
+    case "again": return { head: words["R11.back"], line: null, tone: "good" };
+    case "calm": return facts.slow ? { head: words.R0, line: words["R0.line"], tone: "busy" } : null;
+    default: return null;
+  }
+}
+
+function cardOf(view, facts, strip, now_ms, words) {
+  if (view.mode === "card") return downCard(view, facts, now_ms, words);
+  if (view.mode === "result") return resultCard(view, facts, words);
+  // Where no page lives under it, there is nothing that a strip could stay out of the way of.
+  return strip && !facts.alive ? shortCard(strip.head, strip.line ? [strip.line] : [], strip.tone) : null;
+}
+
+/** What is on the screen for a view.
+    `facts`: {pending: count, draft: null | "stored" | "page", slow, alive: the page itself is still there,
+    unheard: no frame has come yet, request: null | "not_done" | "unknown"}. */
+export function face(view, facts, now_ms, words) {
+  const strip = stripOf(view, facts, words);
+  const card = cardOf(view, facts, strip, now_ms, words);
+  const status = card ? card.status : strip ? [strip.head, strip.line].filter(Boolean).join(". ") : "";
+  const down = view.mode === "sign" || view.mode === "card";
+  const title = down ? "title.down" : view.mode === "result" || view.mode === "short" ? "title.back" : null;
+  return { strip, card, status, title: title && words[title] };
+}

@@ -1,0 +1,142 @@
+"""What the gateway shows of its own: the recovery page and the files under `/__hc/`, made once and kept as bytes.
+
+The recovery page must work when nothing else does, so it needs nothing but itself: its style and its script stand
+in it and are allowed by their hash. The script is the same ES modules that a living page loads, set one after the
+other; a bundler was not needed for that, because each module imports by one line from its neighbours and no two
+of them use the same name at their top (a test sees to both). Comments stay in the checkout and are not sent.
+"""
+
+import base64
+import functools
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final, Literal
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from frontend.catalogue_crisis import LANGUAGES, words
+from frontend.render import Language
+
+#: Why the ledger is away. `off`: the operator stopped it.
+Kind = Literal["recovering", "planned", "stopped_trying", "off"]
+#: What became of the request that the page answers: `get` if it asked for a page, else a form's outcome.
+Outcome = Literal["get", "not_done", "unknown"]
+
+KINDS: Final[tuple[Kind, ...]] = ("recovering", "planned", "stopped_trying", "off")
+OUTCOMES: Final[tuple[Outcome, ...]] = ("get", "not_done", "unknown")
+
+#: The modules of the recovery page, each after those it imports from.
+PAGE_MODULES: Final = ("channel.js", "outage.js", "wording.js", "card.js", "recovery.js")
+
+_FOLDER: Final = Path(__file__).parent / "crisis"
+_TEMPLATES: Final = Path(__file__).parent.parent / "templates"
+_TYPES: Final = MappingProxyType(
+    {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"},
+)
+#: The code of the heading and the sentence that a page begins with, before its script has heard anything.
+_OPENING: Final[Mapping[Kind, str]] = MappingProxyType(
+    {"recovering": "R1", "planned": "R2", "stopped_trying": "R8", "off": "OFF"}
+)
+_IMPORT: Final = re.compile(r'^import [^"]*"\./[\w.]+\.js";\n', flags=re.MULTILINE)
+_COMMENT: Final = re.compile(r"^ *//[^\n]*\n|^ */\*.*?\*/ *\n", flags=re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class OwnFile:
+    """A file of the gateway's own paths, as it is sent."""
+
+    body: bytes
+    content_type: str
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page that needs nothing but itself. The hashes are what its content security policy has to allow,
+    without the quotes around them: `sha256-...`.
+    """
+
+    body: bytes
+    script_hash: str
+    style_hash: str
+
+
+@functools.cache
+def own_files() -> Mapping[str, OwnFile]:
+    """Return the scripts and styles of the gateway by their path, such as `/__hc/client.js`."""
+    files = {path.name: _source(path.name).encode() for path in sorted(_FOLDER.iterdir()) if path.suffix in _TYPES}
+    files |= {f"words.{lang}.js": f"export const words = {_json(words(lang))};\n".encode() for lang in LANGUAGES}
+    return MappingProxyType(
+        {f"/__hc/{name}": OwnFile(body, _TYPES[Path(name).suffix]) for name, body in files.items()}
+    )
+
+
+@functools.cache
+def recovery_page(lang: Language, kind: Kind, outcome: Outcome = "get") -> Page:
+    """Return the page that stands at an address while the ledger is away. It reopens the address by itself if
+    that sends nothing twice (`get`), and says what became of a form otherwise.
+    """
+    script = _page_script()
+    style = "\n" + _source("client.css") + _source("recovery.css")
+    page = _environment().get_template("recovery.html.j2")
+    body = page.render(
+        lang=lang,
+        languages=LANGUAGES,
+        kind=kind,
+        outcome=outcome,
+        opening=_OPENING[kind],
+        w=words(lang),
+        reopens=kind in {"recovering", "planned"} and outcome == "get",
+        style=_verbatim(style, "</style"),
+        script=_verbatim(script, "</script"),
+    )
+    return Page(body.encode(), csp_hash(script), csp_hash(style))
+
+
+def csp_hash(text: str) -> str:
+    """Return the hash by which a content security policy allows a text that stands in the page."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def in_one(modules: Iterable[str]) -> str:
+    """Return ES modules as one: what they import from each other stands before it."""
+    return "".join(_IMPORT.sub("", text).replace("\nexport ", "\n") for text in modules)
+
+
+@functools.cache
+def _page_script() -> str:
+    texts = {lang: words(lang) for lang in LANGUAGES}
+    return f"\nconst WORDS = {_json(texts)};\n" + in_one("\n" + _source(name) for name in PAGE_MODULES)
+
+
+def _source(name: str) -> str:
+    """A file of the folder without its comments; they are full lines here, so no string can be mistaken."""
+    return _COMMENT.sub("", (_FOLDER / name).read_text("utf-8"))
+
+
+def _json(value: object) -> str:
+    """A value as JSON that may stand in a script: nothing in it can end the element."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _verbatim(text: str, end: str) -> Markup:
+    """A text of ours that is printed as it is, inside an element that `end` would close."""
+    assert end not in text.lower(), f"{end} inside what we wrote"
+    return Markup(text)  # noqa: S704 - written by us, from this folder, and looked at in the line above
+
+
+@functools.cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        auto_reload=False,
+    )
