@@ -56,14 +56,18 @@ DEMO: Final[dict[str, tuple[str, str]]] = {
         "꺼져 있어야 할 때가 아니라는 것을 알고 다시 켜요.",
         "It is started again, because nobody wanted it to be off.",
     ),
+    "later": (
+        "3초 뒤에 (그동안 아래에 글을 쓸 수 있어요)",
+        "After 3 seconds, so that you can be typing below",
+    ),
     "meanwhile": ("그동안 해 보기", "Meanwhile"),
     "typing": (
         "여기에 아무 글이나 쓰면서 버튼을 눌러 보세요",
         "Type something here, and press a button above",
     ),
     "typing.hint": (
-        "Tab으로 버튼에 가서 누르고 바로 돌아와 이어 써도 돼요. 쓴 글은 그대로 있어요.",
-        "The text stays where it is, and so does the cursor.",
+        "서버가 멈췄다 돌아와도 글과 커서가 그대로 있는지 보세요.",
+        "See that the text and the cursor are where they were when the server is back.",
     ),
     "send": ("커피 한 잔 적기 (3,500원)", "Book a coffee (3,500 won)"),
     "send.hint": (
@@ -76,6 +80,7 @@ DEMO: Final[dict[str, tuple[str, str]]] = {
     "log": ("있었던 일", "What happened"),
     "log.empty": ("아직 아무 일도 없었어요.", "Nothing yet."),
     "log.pressed": ("버튼을 눌렀어요: {fault}", "You pressed: {fault}"),
+    "log.soon": ("3초 뒤에: {fault}", "In 3 seconds: {fault}"),
     "log.refused": ("지금은 할 수 없어요: {why}", "Not now: {why}"),
     "log.down": (
         "서버가 대답하지 않아요. 화면이 먼저 알았어요.",

@@ -7,6 +7,7 @@
 const WORDS = JSON.parse(document.body.dataset.words);
 const LINES_MAX = 60;
 const TRIES_MAX = 30;
+const LATER_MS = 3000;
 const log = document.getElementById("log");
 let stage = null;
 let waiting = 0;
@@ -108,7 +109,16 @@ async function bookCoffee() {
 }
 
 for (const button of document.querySelectorAll("[data-fault]")) {
-  button.addEventListener("click", () => press(button.dataset.fault));
+  button.addEventListener("click", () => {
+    const fault = button.dataset.fault;
+    if (!document.getElementById("later").checked) {
+      press(fault);
+      return;
+    }
+    say("log.soon", { fault: WORDS[fault] });
+    setTimeout(press, LATER_MS, fault);
+    document.getElementById("note").focus();
+  });
 }
 document.getElementById("send").addEventListener("click", bookCoffee);
 document.getElementById("language").addEventListener("click", (event) => {
