@@ -8,7 +8,7 @@ judged by itself. Nothing is guessed from one cell; what a file can't say as a w
 
 What the life of an import calls:
 
-- `child.read_in_child(path, *, name, encoding, password, out, limits) -> ReadTable | Unreadable`
+- `child.read_in_child(path, *, encoding, password, out, limits) -> ReadTable | Unreadable`
 - `kept.open_table(out) -> ReadTable | Unreadable`: a table read earlier, for example after a death
 - `formats.builtin_formats() -> Mapping[str, Format]`
 - `proposal.propose(table, formats, wanted=None) -> Proposal`

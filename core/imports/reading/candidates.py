@@ -30,7 +30,6 @@ class Refusal(StrEnum):
     NO_CURRENCY = "no-currency"
     BAD_CURRENCY = "bad-currency"
     BAD_FEE = "bad-fee"
-    BAD_BALANCE = "bad-balance"
 
 
 class Skip(StrEnum):

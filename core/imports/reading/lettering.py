@@ -1,0 +1,77 @@
+"""Turns bytes into text: by their byte order mark, as UTF-8 if they are that, as CP949, and at last by a guess.
+
+The order matters. UTF-8 refuses almost everything that isn't UTF-8; CP949 refuses much; Windows-1252 refuses
+next to nothing and would turn every Korean file into garbage if it were asked first, so what it gives is
+marked as a guess. CP949 and not EUC-KR, which lacks letters that merchants' names use. A person may name the
+encoding, and then nothing else is tried.
+"""
+
+import codecs
+import re
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from core.imports.reading.table import Unreadable, Why
+
+#: What a person may choose: name -> the codec that reads it.
+ENCODINGS: Final = MappingProxyType(
+    {
+        "utf-8": "utf-8-sig",
+        "utf-16": "utf-16",
+        "cp949": "cp949",
+        "euc-kr": "cp949",
+        "cp932": "cp932",
+        "shift_jis": "cp932",
+        "windows-1252": "cp1252",
+        "iso-8859-1": "iso-8859-1",
+    }
+)
+
+_MARKS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+_TRIED: Final = ("utf-8", "cp949")
+_GUESS: Final = "windows-1252"
+_CONTROL_BYTES: Final = re.compile(rb"[\x01-\x08\x0e-\x19\x1b-\x1f\x7f]")
+_CONTROL_SHARE_MAX: Final = 0.01
+_END_OF_FILE: Final = "\x1a"  # some old programs still write it behind the last line
+
+
+@dataclass(frozen=True, slots=True)
+class Decoded:
+    """A text, the encoding it was in, and whether that was only guessed."""
+
+    text: str
+    encoding: str
+    guessed: bool = False
+
+
+def decode(data: bytes, encoding: str | None) -> Decoded | Unreadable:
+    """The text in `data`. `encoding` is a key of ENCODINGS that a person chose, or None to find it."""
+    if encoding is not None and encoding not in ENCODINGS:
+        return Unreadable(Why.UNKNOWN_ENCODING)
+    chosen = encoding or next((name for mark, name in _MARKS if data.startswith(mark)), None)
+    if chosen is None and _is_binary(data):
+        return Unreadable(Why.BINARY)
+    for name in (chosen,) if chosen else (*_TRIED, _GUESS):
+        text = _strictly(data, name)
+        if text is not None:
+            return _checked(Decoded(text, name, guessed=chosen is None and name == _GUESS))
+    return Unreadable(Why.WRONG_ENCODING)
+
+
+def _strictly(data: bytes, name: str) -> str | None:
+    try:
+        return data.decode(ENCODINGS[name])
+    except UnicodeError:
+        return None
+
+
+def _is_binary(data: bytes) -> bool:
+    return b"\0" in data or len(_CONTROL_BYTES.findall(data)) > _CONTROL_SHARE_MAX * len(data)
+
+
+def _checked(decoded: Decoded) -> Decoded | Unreadable:
+    text = decoded.text.rstrip(_END_OF_FILE)
+    if "\0" in text:
+        return Unreadable(Why.BINARY)
+    return Decoded(text, decoded.encoding, decoded.guessed) if text.strip() else Unreadable(Why.EMPTY)
