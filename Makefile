@@ -10,17 +10,19 @@ ARGS ?=
 export PORT DATA PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check lint fast bench simulate lock venv venv-dev
+.PHONY: help run demo test check lint fast bench simulate screenshots lock venv venv-dev
 MAKEFLAGS += --no-print-directory
 
 help:
 	@echo 'Fieldstack Hard-Core: a household ledger that dies and comes back, with proof.'
 	@echo
 	@echo '  make run        start everything; the URL is printed (PORT=3000 DATA=./var)'
+	@echo '  make demo       a sample household, and a page with buttons that break the server (in DATA/demo)'
 	@echo '  make test       all tests, in at most 15 minutes on two cores (ARGS="-k restart" for some)'
 	@echo '  make check      format, lint, types, import laws, fast tests; under a minute'
 	@echo '  make bench      the numbers, measured on this machine beside their baselines (BENCH=deaths for one part)'
 	@echo '  make simulate   many simulated crises (SEEDS=5000), or one again (SEED=1234)'
+	@echo '  make screenshots   pictures of every state into ./var/screenshots (needs a Chromium)'
 	@echo '  make lock       write the two locks anew from pyproject.toml (needs uv)'
 	@echo
 	@echo 'Needed: Linux 5.4 or newer, CPython 3.11 or newer. The first run sets up .venv by itself.'
@@ -34,6 +36,9 @@ venv-dev:
 
 run: venv
 	@exec .venv/bin/hardcore --data "$$DATA" up --port "$$PORT"
+
+demo: venv
+	@exec .venv/bin/python -m examples.demo --data "$$DATA/demo" --port "$$PORT"
 
 test: venv-dev
 	@exec .venv/bin/python -m pytest $(ARGS)
@@ -60,6 +65,9 @@ bench: venv-dev
 
 simulate: venv-dev
 	@exec .venv/bin/python -m tests.simulation $(if $(SEED),--seed $(SEED)) $(if $(SEEDS),--seeds $(SEEDS)) $(ARGS)
+
+screenshots: venv-dev
+	@exec .venv/bin/python -m tests.browser.screenshots $(ARGS)
 
 lock:
 	@command -v uv >/dev/null || { echo 'make lock needs uv on the PATH: install it (pip install uv) and start again.' >&2; exit 1; }
