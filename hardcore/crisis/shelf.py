@@ -65,27 +65,29 @@ def _sheet(text: bytes, kind: bytes, policy: str = "") -> Sheet:
     return Sheet(gzip.compress(text, mtime=0), kind, tag, policy)
 
 
-def stock() -> Shelf:
+def stock(*, demo: bool) -> Shelf:
     """Render everything. Takes a moment and may raise whatever templates and files raise: not for the loop."""
     # The template engine behind it takes longer to import than a gateway takes to serve.
     from frontend import crisis_paper as paper
-    from frontend import demo_paper
 
     files = {
         path.encode(): _sheet(one.body, one.content_type.encode()) for path, one in paper.own_files().items()
-    }
-    files |= {
-        path.encode(): _sheet(body, kind.encode()) for path, (body, kind) in demo_paper.demo_files().items()
-    }
-    demo: dict[str, Sheet] = {
-        lang: _sheet(demo_paper.demo_page(lang), HTML, _DEMO_POLICY) for lang in _LANGUAGES
     }
     covers: dict[tuple[str, Cover], Sheet] = {}
     for lang, kind, outcome in product(_LANGUAGES, paper.KINDS, paper.OUTCOMES):
         page = paper.recovery_page(lang, kind, outcome)
         policy = _policy(page.script_hash, page.style_hash)
         covers[lang, Cover(Plight(kind), Asked(outcome))] = _sheet(page.body, HTML, policy)
-    return Shelf(files, covers, demo)
+    return _with_demo(Shelf(files, covers)) if demo else Shelf(files, covers)
+
+
+def _with_demo(shelf: Shelf) -> Shelf:
+    # As above; and only a demo needs it.
+    from frontend import demo_paper as paper
+
+    files = {path.encode(): _sheet(body, kind.encode()) for path, (body, kind) in paper.demo_files().items()}
+    pages: dict[str, Sheet] = {lang: _sheet(paper.demo_page(lang), HTML, _DEMO_POLICY) for lang in _LANGUAGES}
+    return Shelf({**shelf.files, **files}, shelf.covers, pages)
 
 
 def _policy(script_hash: str, style_hash: str) -> str:

@@ -227,6 +227,8 @@ class Feed:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.heard = Watched()
+        self.orders = Watched()
+        self.says: dict[str, Any] | None = {"ok": True}  # to an order; None: it hangs up
         self.generation = 1
         self._subscribed = Watched()
         self._listener: socket.socket | None = None
@@ -248,7 +250,6 @@ class Feed:
                 connection, _ = listener.accept()
             except OSError:
                 return
-            self._connection = connection
             thread = threading.Thread(target=self._read, args=(connection,), daemon=True)
             self._threads.append(thread)
             thread.start()
@@ -258,7 +259,13 @@ class Feed:
             for line in stream:
                 fields = json.loads(line)
                 if fields.get("verb") == "subscribe":
+                    self._connection = connection
                     self._subscribed.append(fields)
+                elif "verb" in fields:
+                    self.orders.append(fields)
+                    if self.says is not None:
+                        connection.sendall(json.dumps(self.says).encode() + b"\n")
+                    break
                 else:
                     self.heard.append(fields)
         connection.close()

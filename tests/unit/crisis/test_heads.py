@@ -138,6 +138,16 @@ def test_health_is_answered_in_every_phase(posture: Face, leaves: bool) -> None:
     assert route(b"/livez/", posture, leaving=leaves) not in {Route.LIVE, Route.READY}
 
 
+@pytest.mark.parametrize("posture", list(Face))
+@pytest.mark.parametrize("leaves", [True, False])
+def test_what_is_the_gateways_own_is_answered_in_every_phase_and_by_nobody_else(
+    posture: Face, leaves: bool
+) -> None:
+    assert route(b"/__hc/client.js", posture, leaving=leaves) is Route.OWN
+    assert route(b"/__hc/", posture, leaving=leaves) is Route.OWN
+    assert route(b"/__hc/drill/crash", posture, leaving=leaves) is Route.DRILL
+
+
 def test_a_gateway_that_leaves_takes_nothing_more() -> None:
     assert {route(b"/", face, leaving=True) for face in Face} == {Route.CLOSE}
     assert len({route(b"/", face, leaving=False) for face in Face}) == len(Face)
