@@ -66,6 +66,7 @@ class Gatekeeper:
         argv += ["--listen-fd", str(self._listen_fd), "--control", str(self._folders.control)]
         if os.environ.get(lives.DEMO_SWITCH) == "1":
             argv.append("--demo")
+        argv += ["--recoveries", str(self._folders.state / "recoveries.json")]
         log = self._folders.logs / "gateway.log"
         handle = processes.spawn(argv, environment, log, self._folders.data, fds=(self._listen_fd,))
         identity = {"pid": handle.pid, "start": handle.identity.start}

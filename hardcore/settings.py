@@ -74,6 +74,13 @@ class Limits:
         10_000, "without the sentinel's feed for so long: not alive", low=100, high=600_000
     )
     connections_max: int = setting(2048, "client connections at a time", low=1, high=100_000)
+    sockets_max: int = setting(512, "WebSockets at a time", low=1, high=10_000)
+    overlay_after_ms: int = setting(
+        400, "a page covers itself when an outage lasts this long", low=0, high=60_000
+    )
+    longer_than_ms: int = setting(
+        30_000, "an outage is called long after this, while too few are known", low=0, high=3_600_000
+    )
     keepalive_ms: int = setting(
         75_000, "an idle client connection is closed after this", low=10, high=3_600_000
     )

@@ -16,14 +16,16 @@ import socket
 import sys
 import time
 from collections.abc import Sequence
-from functools import partial
+from pathlib import Path
 
 import uvloop
 
-from hardcore.crisis.client import Census, ClientConnection
+from hardcore.crisis.census import Census
+from hardcore.crisis.client import ClientConnection
 from hardcore.crisis.desk import Desk
 from hardcore.crisis.drills import DrillDoor
 from hardcore.crisis.feed import stats_line
+from hardcore.crisis.history import History
 from hardcore.crisis.limits import GatewayLimits, limits_from
 from hardcore.crisis.link import FeedLink
 from hardcore.crisis.mishap import describe
@@ -55,19 +57,20 @@ class Gateway:
         limits: GatewayLimits,
         *,
         demo: bool,
+        recoveries: Path | None = None,
     ) -> None:
         self._loop = loop
-        self._demo = demo
         self._listener = listener
         self._limits = limits
         self._leaving = asyncio.Event()
         self._all_gone = asyncio.Event()
-        self._stats: tuple[int, int, int] | None = None
+        self._stats: tuple[int, int, int, int] | None = None
         names = frozenset(name.lower() for name in (*LOOPBACK_NAMES, *_address(listener), *hosts))
         self._census = Census(names, time.monotonic_ns, self._connections_changed, set())
         self._link = FeedLink(loop, control, os.getpid(), limits)
         drills = DrillDoor(loop, control) if demo else None
-        self._desk = Desk(loop, limits, self._link, time.monotonic_ns, drills)
+        self._history = History(loop, recoveries)
+        self._desk = Desk(loop, limits, self._link, time.monotonic_ns, drills, self._history)
 
     async def serve(self) -> None:
         """Serve until SIGTERM, then drain."""
@@ -85,12 +88,14 @@ class Gateway:
         server.close()
         await self._drain()
         upkeep.cancel()
+        self._desk.live.close()
         self._link.close()
+        await self._history.finish()
 
     async def _stock(self) -> None:
         """Render the gateway's own pages and files, beside the serving."""
         try:
-            shelf = await self._loop.run_in_executor(None, partial(stock, demo=self._demo))
+            shelf = await self._loop.run_in_executor(None, stock)
         except Exception as error:  # noqa: BLE001 - whatever is wrong with the paper: requests are answered
             _LOG.error("the recovery pages could not be made, plain ones are shown: %s", describe(error))
             return
@@ -98,7 +103,7 @@ class Gateway:
 
     async def _drain(self) -> None:
         _LOG.info("leaving: %d connections", len(self._census.connections))
-        self._desk.moves.leave()
+        self._desk.leave()
         for connection in list(self._census.connections):
             connection.depart()
         await self._wait_until_gone(self._limits.drain_ms)
@@ -124,11 +129,11 @@ class Gateway:
         """Tell numbers when they change, and look after connections to the core."""
         while True:
             await asyncio.sleep(self._limits.stats_ms / 1000)
-            self._desk.moves.outlook.upkeep()
+            self._desk.upkeep()
             held, forwarded = self._desk.moves.counts()
-            now = (held, len(self._census.connections), forwarded)
+            now = (held, len(self._census.connections), len(self._desk.sockets), forwarded)
             if now != self._stats:
-                line = stats_line(held=held, connections=now[1], websockets=0, forwarded=forwarded)
+                line = stats_line(held=held, connections=now[1], websockets=now[2], forwarded=forwarded)
                 self._stats = now if self._link.say(line) else None
 
 
@@ -146,6 +151,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument(
         "--allow-host", action="append", default=[], help="another name this server answers to"
     )
+    parser.add_argument("--recoveries", type=Path, help="where outages that are over are remembered")
     parser.add_argument("--demo", action="store_true", help="let pages of this address break the core")
     return parser.parse_args(arguments)
 
@@ -178,8 +184,9 @@ def main(arguments: Sequence[str]) -> int:
 
     async def run() -> None:
         loop = asyncio.get_running_loop()
-        names = options.allow_host
-        await Gateway(loop, listener, options.control, names, limits, demo=options.demo).serve()
+        names, kept = options.allow_host, options.recoveries
+        gateway = Gateway(loop, listener, options.control, names, limits, demo=options.demo, recoveries=kept)
+        await gateway.serve()
 
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.run(run())

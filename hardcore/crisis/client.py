@@ -9,20 +9,21 @@ body, unread answer) has a bound. An error of ours ends this connection with a 5
 import asyncio
 import logging
 from collections import deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import cast
 
 from hardcore.crisis import pages
 from hardcore.crisis.alarm import Alarm
+from hardcore.crisis.census import Census
 from hardcore.crisis.desk import Desk
 from hardcore.crisis.drills import is_near
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.heads import AnswerHead, RequestHead, answer_bytes
 from hardcore.crisis.mishap import describe
 from hardcore.crisis.parsing import RequestParser
-from hardcore.crisis.problems import Outcome, Problem
+from hardcore.crisis.problems import PLAIN, Outcome, Problem
 
 _LOG = logging.getLogger(__name__)
 
@@ -34,18 +35,6 @@ SLICE_BYTES = 4 << 10
 WRITE_HIGH_BYTES = 256 << 10
 
 _SCRATCH = memoryview(bytearray(READ_BYTES))
-
-#: Problems that say enough by themselves: a request that could not be read was not done.
-_PLAIN = frozenset(
-    {
-        Problem.BAD_REQUEST,
-        Problem.WRONG_HOST,
-        Problem.FOREIGN_PAGE,
-        Problem.METHOD_NOT_ALLOWED,
-        Problem.EXPECTATION_FAILED,
-        Problem.HEAD_TOO_LARGE,
-    }
-)
 
 
 class Mode(Enum):
@@ -66,16 +55,6 @@ class Refused:
     problem: Problem
     accept_language: str = ""
     no_body: bool = False
-
-
-@dataclass(slots=True)
-class Census:
-    """What all connections share: who is open, and the names this server answers to."""
-
-    hosts: Collection[str]
-    now_ns: Callable[[], int]
-    changed: Callable[[], None]
-    connections: "set[ClientConnection]"
 
 
 class ClientConnection(asyncio.BufferedProtocol):
@@ -281,7 +260,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         item = self._queue[0]
         if isinstance(item, Refused):
             self._queue.popleft()
-            self._write_problem(item, None if item.problem in _PLAIN else Outcome.NOT_DONE)
+            self._write_problem(item, None if item.problem in PLAIN else Outcome.NOT_DONE)
             self._leave(linger=True)
             return True
         if item.started:
@@ -295,11 +274,25 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._mode = Mode.DESK
         if item.fault is not None:
             self._desk.faulty(item, item.fault)
+        elif item.head.handshake is not None:
+            self._hand_over(item)
         else:
             self._desk.arrived(item)
             if self._eof:
                 self._desk.half_left(item)
         return True
+
+    def _hand_over(self, item: Exchange) -> None:
+        """A WebSocket is another protocol: whoever speaks it gets the transport, and this ends."""
+        if self._rest or self._parser.overrun or self._eof:  # it has to wait for our answer
+            item.fault = Problem.BAD_REQUEST
+            self._desk.faulty(item, item.fault)
+            return
+        transport, self._transport = self._transport, None
+        assert transport is not None, "nothing is started on a connection that is gone"
+        self._queue.popleft()
+        self._desk.sockets.arrived(transport, item.head, self._census)
+        self.connection_lost(None)
 
     def _call_for_body(self, item: Exchange) -> None:
         """Answer `Expect: 100-continue`, once, unless the body has begun to come by itself."""

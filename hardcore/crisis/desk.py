@@ -13,12 +13,15 @@ from hardcore.crisis.drills import Begun, Declined, DrillDoor, Said, Unheard, fa
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.feed import Heard, PhaseHeard, ReleaseHeard, Teller
 from hardcore.crisis.heads import RequestHead, browser_of
+from hardcore.crisis.history import History
 from hardcore.crisis.holding import OVER, WAITING, Life, Trigger, WaitingRoom
 from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.live import Live
 from hardcore.crisis.moves import TURNED_AWAY, Moves
 from hardcore.crisis.problems import Problem
 from hardcore.crisis.routing import Route
-from hardcore.crisis.standing import alive, ready
+from hardcore.crisis.sockets import Sockets
+from hardcore.crisis.standing import Standing, alive, ready
 from hardcore.model.phases import Face
 
 
@@ -32,9 +35,15 @@ class Desk:
         teller: Teller,
         now_ns: Callable[[], int],
         drills: DrillDoor | None = None,
+        history: History | None = None,
     ) -> None:
         self.limits = limits
         self.moves = Moves(loop, limits, teller, now_ns)
+        outlook, demo = self.moves.outlook, drills is not None
+        self.history = history or History(loop, None)
+        self.live = Live(loop, limits, self.history, self.moves.waiting, now_ns, demo=demo)
+        self.sockets = Sockets(loop, outlook, self.live, limits, now_ns)
+        outlook.watch = self._look
         self._now_ns = now_ns
         self._drills = drills  # in a demo only
 
@@ -48,7 +57,7 @@ class Desk:
         exchange.browser = browser_of(exchange.head.cookie)
         way = self.moves.way(exchange.head.path)
         match way:
-            case Route.LIVE | Route.READY | Route.OWN | Route.DRILL:
+            case Route.LIVE | Route.READY | Route.STATUS | Route.OWN | Route.DRILL:
                 self._own_page(exchange, way)
             case Route.FORWARD if self.moves.core_has_room():
                 self.moves.move(exchange, Trigger.PASS)
@@ -124,6 +133,22 @@ class Desk:
                 pass
         self.moves.outlook.hear(message)
 
+    def leave(self) -> None:
+        """The gateway is being stopped: whoever waits is answered, and no socket begins."""
+        self.moves.leave()
+        self.sockets.leaving = True
+
+    def upkeep(self) -> None:
+        """What is due now and then."""
+        self.moves.outlook.upkeep()
+        self.live.upkeep()
+        self.sockets.upkeep()
+
+    def _look(self, was: Standing) -> None:
+        """Something was learned about the core: whoever watches is told, and sockets go on."""
+        self.live.look(was, self.moves.outlook.standing)
+        self.sockets.look()
+
     def _own_page(self, exchange: Exchange, way: Route) -> None:
         exchange.life = Life.ANSWERED  # it never was on its way to a core
         self.moves.release_bytes(exchange)
@@ -149,6 +174,8 @@ class Desk:
             return pages.live(heard=heard)
         if way is Route.READY:
             return pages.ready(standing.state, serving=ready(standing))
+        if way is Route.STATUS:
+            return self.live.status(head)
         sheet = self.moves.shelf.own(head.path, head.accept_language)
         if sheet is None:
             return pages.problem(Problem.NOT_FOUND, head.accept_language)

@@ -21,7 +21,11 @@ RESUMABLE = "hardcore.v1"
 LOSSES_PER_EPOCH_MAX = 3
 #: Codes with which a core says that it is only leaving: it did not mean this socket.
 LEAVING_CODES = frozenset({1001, 1012})
+#: Codes that may stand in a close frame, beside those of applications; others name what nobody said.
+_SAYABLE = frozenset({1000, 1001, 1002, 1003, 1007, 1008, 1009, 1010, 1011, 1012, 1013, 1014})
 
+NORMAL = 1000
+GOING_AWAY = 1001
 RESTARTED = 1012
 TRY_LATER = 1013
 
@@ -142,8 +146,6 @@ TABLE: dict[tuple[Line, Pull], tuple[Line, Tug]] = {
 
 #: Lives in which a socket waits for a core.
 WAITING = frozenset({Line.WAITING, Line.ORPHANED})
-#: Lives in which the browser's request is unanswered.
-UNANSWERED = frozenset({Line.WAITING, Line.ASKING})
 
 
 def when_released(line: Line, *, resumable: bool, losses: int) -> Pull:
@@ -156,6 +158,11 @@ def when_released(line: Line, *, resumable: bool, losses: int) -> Pull:
 def when_closed(code: int) -> Pull:
     """What it means that the core closed its end with `code`."""
     return Pull.CORE_LOST if code in LEAVING_CODES else Pull.CORE_CLOSED
+
+
+def sayable(code: int | None, otherwise: int) -> int:
+    """The code that tells one end how the other one ended."""
+    return code if code is not None and (code in _SAYABLE or 3000 <= code < 5000) else otherwise
 
 
 def seq_asked(target: bytes) -> int | None:

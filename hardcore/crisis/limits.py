@@ -26,6 +26,16 @@ class GatewayLimits(Limits):
     client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
     flush_ms: int = setting(500, "at the end: how long the last answers may leave", low=0, high=60_000)
     linger_ms: int = setting(2_000, "reads on after an early answer, so that it arrives", low=10, high=60_000)
+    live_beat_ms: int = setting(
+        5_000, "while no core serves: pages hear at least this often", low=5, high=60_000
+    )
+    #: A person is asked to tell somebody then: not because what takes one second took two.
+    longer_floor_ms: int = setting(5_000, "no outage is called long before this", low=0, high=3_600_000)
+    socket_ping_ms: int = setting(25_000, "a socket that says nothing is asked", low=10, high=600_000)
+    socket_close_ms: int = setting(2_000, "how long a browser may take to close", low=0, high=60_000)
+    socket_unsent_bytes_max: int = setting(1 << 20, "more unsent ends a socket", low=1 << 10, high=1 << 30)
+    socket_message_bytes_max: int = setting(1 << 20, "a longer message ends it", low=1, high=1 << 30)
+    socket_dials_max: int = setting(32, "sockets that ask the core at a time", low=1, high=10_000)
     answer_buffer_bytes_max: int = setting(1 << 20, "a longer safe answer is streamed", low=0, high=1 << 30)
     unsafe_answer_bytes_max: int = setting(4 << 20, "a longer unsafe answer is broken", low=1, high=1 << 30)
 

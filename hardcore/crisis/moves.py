@@ -7,6 +7,7 @@ lists of who waits and who is at the core follow from it. Clients, cores and the
 
 import asyncio
 import logging
+from collections import Counter
 from collections.abc import Callable
 
 from hardcore.crisis import pages
@@ -83,6 +84,10 @@ class Moves:
     def counts(self) -> tuple[int, int]:
         """Requests that wait here, and requests that are at the core."""
         return len(self._held) + len(self._lost), len(self._at_core)
+
+    def waiting(self) -> dict[bytes, int]:
+        """How many requests of each browser wait here."""
+        return Counter(one.browser for one in (*self._held, *self._lost) if one.browser is not None)
 
     def leave(self) -> None:
         """The gateway is being stopped: whoever waits is answered now, what is at the core may finish."""

@@ -85,6 +85,7 @@ class Outlook:
         self.standing = Standing()
         self.posture = Face.HOLD
         self.pool: Pool | None = None
+        self.watch: Callable[[Standing], None] = lambda _: None  # hears what was known, after each change
         self._loop = loop
         self._limits = limits
         self._ties = ties
@@ -106,15 +107,16 @@ class Outlook:
         known = know.hear(self.standing, message, self._ties.now_ns())
         if known is None:
             return
-        if known.serving != self.standing.serving:
+        was = self.standing
+        if known.serving != was.serving:
             self._follow(known)
         if isinstance(message, ReleaseHeard):
             self._served_due = True
-            self._become(known)
+            self._become(known, was)
             self._ties.changed()  # also where the posture stayed: what was lost may be looked up now
             self._probe()
         else:
-            self._become(known)
+            self._become(known, was)
 
     def _follow(self, known: Standing) -> None:
         """A newer core is named: believe nothing of the older one any more, then open up to the newer."""
@@ -133,14 +135,15 @@ class Outlook:
                 freed=self._ties.freed,
             )
 
-    def _become(self, known: Standing) -> None:
-        before = self.posture
+    def _become(self, known: Standing, was: Standing | None = None) -> None:
+        before, was = self.posture, was or self.standing
         self.standing = known
         self.posture = know.posture(known)
         if self.posture is Face.FORWARD:
             self._holding_told = False
         else:
             self._tell_holding()
+        self.watch(was)  # people first: what follows may take a while
         if self.posture is not before:
             _LOG.info("posture %s -> %s (phase %s)", before, self.posture, known.phase or "not heard yet")
             self._ties.changed()

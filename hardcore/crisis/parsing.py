@@ -36,6 +36,7 @@ class RequestParser:
     def __init__(self, listener: Listener, hosts: Collection[str], header_bytes_max: int) -> None:
         self.in_head = False
         self.deaf = False
+        self.overrun = False  # the client spoke on in another protocol before it was told to
         self._listener = listener
         self._hosts = hosts
         self._header_bytes_max = header_bytes_max
@@ -51,8 +52,9 @@ class RequestParser:
             self._parser.feed_data(data)
         except httptools.HttpParserCallbackError as error:
             raise (error.__context__ or error) from None  # our own bug: the parser only wraps it
-        except httptools.HttpParserUpgrade:
+        except httptools.HttpParserUpgrade as upgrade:
             self.deaf = True  # what follows would be another protocol, which is not spoken here
+            self.overrun = len(data) > upgrade.args[0]
         except httptools.HttpParserInvalidMethodError:
             self.refuse(Problem.METHOD_NOT_ALLOWED)
         except httptools.HttpParserError:

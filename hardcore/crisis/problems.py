@@ -73,3 +73,15 @@ RETRY_AFTER_S: dict[Problem, int] = {
     Problem.TOO_BUSY: 1,
     Problem.GUARD_AWAY: 2,
 }
+
+#: Problems that say enough by themselves: a request that could not be read was not done.
+PLAIN = frozenset(
+    {
+        Problem.BAD_REQUEST,
+        Problem.WRONG_HOST,
+        Problem.FOREIGN_PAGE,
+        Problem.METHOD_NOT_ALLOWED,
+        Problem.EXPECTATION_FAILED,
+        Problem.HEAD_TOO_LARGE,
+    }
+)

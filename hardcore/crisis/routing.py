@@ -15,6 +15,7 @@ class Route(Enum):
 
     LIVE = "answer whether the guard is alive"
     READY = "answer whether a core may be sent traffic"
+    STATUS = "answer how things stand"
     OWN = "answer with a file or a page of our own"
     DRILL = "ask the guard to break the core, in a demo"
     FORWARD = "send it to the serving core"
@@ -23,7 +24,7 @@ class Route(Enum):
     CLOSE = "answer at once that the service is being stopped"
 
 
-OWN_PAGES = {b"/livez": Route.LIVE, b"/readyz": Route.READY}
+OWN_PAGES = {b"/livez": Route.LIVE, b"/readyz": Route.READY, b"/__hc/status.json": Route.STATUS}
 #: Everything under it is the gateway's; a core never sees it.
 OWN_PREFIX = b"/__hc/"
 DRILL_PREFIX = b"/__hc/drill/"

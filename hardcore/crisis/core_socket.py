@@ -1,0 +1,193 @@
+"""The core's end of a WebSocket: asked for in the browser's name, believed only if it is the core that was named.
+
+The request is written anew from what was judged, without extensions, so that what two parsers might read
+differently does not reach the core. One connection is one socket: nothing here is used twice.
+"""
+
+import asyncio
+from typing import Protocol, cast
+
+from websockets.client import ClientProtocol
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+from websockets.protocol import State
+from websockets.typing import Subprotocol
+from websockets.uri import WebSocketURI
+
+from hardcore.crisis.heads import AnswerHead, RequestHead, read_answer
+from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.messages import SILENT, Message, Messages
+from hardcore.crisis.pages import Answer
+
+_WRITE_HIGH_BYTES = 256 << 10
+_ANYWHERE = WebSocketURI(secure=False, host="localhost", port=80, path="/", query="")
+
+
+class CoreParty(Protocol):
+    """Who asked for the socket. After `refused`, `broken`, `closed` or `lost` nothing more comes."""
+
+    def accepted(self, core: "CoreSocket", head: AnswerHead) -> None:
+        """The core opened its end."""
+
+    def refused(self, core: "CoreSocket", answer: Answer) -> None:
+        """The core answered with something else."""
+
+    def broken(self, core: "CoreSocket") -> None:
+        """What came is no answer."""
+
+    def told(self, core: "CoreSocket", message: Message) -> None:
+        """The core said something."""
+
+    def closed(self, core: "CoreSocket", code: int) -> None:
+        """The core said that the socket is over."""
+
+    def lost(self, core: "CoreSocket") -> None:
+        """The connection is gone."""
+
+    def flowing(self, core: "CoreSocket", *, on: bool) -> None:
+        """The core takes more (`on`), or wants no more for now."""
+
+
+class CoreSocket(asyncio.Protocol):
+    """One socket at one core."""
+
+    def __init__(
+        self, head: RequestHead, target: bytes, epoch: int, limits: GatewayLimits, party: CoreParty
+    ) -> None:
+        assert head.handshake is not None, "only a handshake is passed on"
+        self.epoch = epoch
+        self._head = head
+        self._target = target
+        self._party: CoreParty | None = party
+        self._transport: asyncio.Transport | None = None
+        names = [Subprotocol(name) for name in head.handshake.protocols]
+        self._ws = ClientProtocol(
+            _ANYWHERE, subprotocols=names or None, max_size=limits.socket_message_bytes_max, logger=SILENT
+        )
+        self._messages = Messages()
+
+    @property
+    def subprotocol(self) -> str | None:
+        """What the core chose to speak."""
+        return self._ws.subprotocol
+
+    # -- what its party calls --------------------------------------------------------------------------
+
+    def say(self, message: Message) -> None:
+        """Pass a message on to the core."""
+        if self._ws.state is State.OPEN:
+            if message.text:
+                self._ws.send_text(message.data)
+            else:
+                self._ws.send_binary(message.data)
+            self._flush()
+
+    def leave(self, code: int) -> None:
+        """The browser's end is gone, or this core is not to be believed any more: close, and tell nobody."""
+        self._party = None
+        if self._transport is None:
+            return
+        if self._ws.state is State.OPEN:
+            self._ws.send_close(code)
+            self._flush()
+        if self._transport is not None:
+            self._transport.close()
+
+    # -- asyncio ---------------------------------------------------------------------------------------
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Ask."""
+        self._transport = cast("asyncio.Transport", transport)
+        if self._party is None:  # nobody waits for it any more
+            self._transport.close()
+            return
+        self._transport.set_write_buffer_limits(high=_WRITE_HIGH_BYTES)
+        request = self._ws.connect()
+        self._ws.send_request(Request(self._target.decode("ascii"), self._headers(request.headers)))
+        self._flush()
+
+    def _headers(self, ours: Headers) -> Headers:
+        """The library's own headers, and the browser's that go on to a core."""
+        del ours["Host"]
+        ours["Host"] = self._head.host.decode("latin-1")
+        for name, value in self._head.headers:
+            ours[name.decode("latin-1")] = value.decode("latin-1")
+        return ours
+
+    def data_received(self, data: bytes) -> None:
+        """Judge the answer, then pass on what the core says."""
+        self._ws.receive_data(data)
+        events = self._ws.events_received()
+        self._flush()
+        answer = next((event for event in events if isinstance(event, Response)), None)
+        if answer is not None:
+            self._judge(answer)
+        elif self._ws.handshake_exc is not None:
+            self._broken()
+        for message in self._messages.take(events):
+            if self._party is not None:
+                self._party.told(self, message)
+        if self._ws.close_rcvd is not None:
+            self._closed(self._ws.close_rcvd.code)
+        elif self._ws.parser_exc is not None:
+            self._closed(1011)  # the core broke the protocol, or said too much at a time
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The core, or its end, is gone."""
+        del exc  # why it ended makes no difference
+        self._transport = None
+        party, self._party = self._party, None
+        if party is not None:
+            party.lost(self)
+
+    def pause_writing(self) -> None:
+        """The core reads slowly."""
+        if self._party is not None:
+            self._party.flowing(self, on=False)
+
+    def resume_writing(self) -> None:
+        """The core reads again."""
+        if self._party is not None:
+            self._party.flowing(self, on=True)
+
+    # -- what came -------------------------------------------------------------------------------------
+
+    def _judge(self, answer: Response) -> None:
+        party = self._party
+        if party is None:
+            return
+        lines = [(n.encode("latin-1"), v.encode("latin-1")) for n, v in answer.headers.raw_items()]
+        head = read_answer(answer.status_code, answer.reason_phrase.encode("latin-1"), lines)
+        if self._ws.handshake_exc is None:
+            party.accepted(self, head)
+        elif answer.status_code == 101:
+            self._broken()
+        else:
+            self._end()
+            party.refused(self, Answer(head, bytes(answer.body)))
+
+    def _broken(self) -> None:
+        party = self._party
+        self._end()
+        if party is not None:
+            party.broken(self)
+
+    def _closed(self, code: int) -> None:
+        party = self._party
+        self._end()
+        if party is not None:
+            party.closed(self, code)
+
+    def _end(self) -> None:
+        self._party = None
+        if self._transport is not None:
+            self._transport.close()
+
+    def _flush(self) -> None:
+        if self._transport is None:
+            return
+        for data in self._ws.data_to_send():
+            if data:
+                self._transport.write(data)
+            else:
+                self._transport.close()

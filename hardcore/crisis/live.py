@@ -1,0 +1,223 @@
+"""What pages are told while it happens: over their own socket, in-band over the ledger's, or when they ask.
+
+A change costs one encoding for each number of waiting requests, mostly one in all, and one write for each page.
+What is told is folded in `face`; here is who listens, and when it is time. Pages asking again and again was not
+chosen as the way (it is the fallback): a page would learn of its server's death a second late.
+"""
+
+import asyncio
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from email.utils import formatdate
+
+from hardcore.crisis import face
+from hardcore.crisis.browser_socket import BrowserSocket
+from hardcore.crisis.face import NS_PER_MS, Outage, Pace, Shown
+from hardcore.crisis.heads import AnswerHead, Header, RequestHead, browser_of
+from hardcore.crisis.history import History
+from hardcore.crisis.lifeline import RESTARTED
+from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.messages import Message, frame_of
+from hardcore.crisis.pages import Answer
+from hardcore.crisis.standing import Standing
+from hardcore.host import clock
+
+LIVE_PATH = b"/__hc/live"
+#: A page has nothing to say here.
+SAID_BYTES_MAX = 4096
+
+
+class _Listener:
+    """The party of a page's own socket: it only listens."""
+
+    def __init__(self, socket: BrowserSocket) -> None:
+        self._socket = socket
+
+    def said(self, message: Message) -> None:
+        """Whatever it is, nobody asked."""
+
+    def left(self, code: int | None) -> None:
+        """Nothing hangs on it."""
+
+    def leaves(self) -> None:
+        """The gateway leaves."""
+        self._socket.close(RESTARTED, "service restart")
+
+
+class Live:
+    """Who listens, and what they are told."""
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        limits: GatewayLimits,
+        history: History,
+        waiting: Callable[[], Mapping[bytes, int]],
+        now_ns: Callable[[], int],
+        *,
+        demo: bool,
+    ) -> None:
+        self._loop = loop
+        self._beat_ms = limits.live_beat_ms
+        self._pace = Pace(limits.longer_than_ms, limits.longer_floor_ms)
+        self._history = history
+        self._waiting = waiting  # how many requests wait here, by browser
+        self._now_ns = now_ns
+        self._hello = _frame(
+            {"v": 1, "type": "hello", "overlay_after_ms": limits.overlay_after_ms, "demo": demo}
+        )
+        self._audience: set[BrowserSocket] = set()
+        self._known = Standing()
+        self._outage: Outage | None = face.follow(None, self._known, self._known, (), now_ns())
+        self._shown: Shown | None = None  # what everybody was told last, its time left out
+        self._since: tuple[int | None, str | None] = (None, None)  # the begin, and how it is told
+        self._held: Mapping[bytes, int] = {}  # and of whose requests
+        self._proof_due = False  # everybody was told that a core serves, and not yet that the ledger is whole
+        self._timer: asyncio.TimerHandle | None = None
+
+    # -- who listens -----------------------------------------------------------------------------------
+
+    def join(self, socket: BrowserSocket) -> None:
+        """A page's own socket: it is told everything, from how things stand."""
+        socket.accept(_first_offered(socket.head), bytes_max=SAID_BYTES_MAX)
+        socket.party = _Listener(socket)
+        socket.send(self._hello)
+        held = self._waiting().get(socket.browser, 0) if socket.browser is not None else 0
+        socket.send(_frame(self._fields(self._show(), held)))
+        self.add(socket)
+
+    def add(self, socket: BrowserSocket) -> None:
+        """One more that is told of changes."""
+        self._audience.add(socket)
+        socket.gone.append(self._audience.discard)
+
+    # -- what changes ----------------------------------------------------------------------------------
+
+    def look(self, was: Standing, known: Standing) -> None:
+        """Something was learned about the core."""
+        now_ns = self._now_ns()
+        before = self._outage
+        self._known = known
+        self._outage = face.follow(before, was, known, self._history.samples, now_ns)
+        if before is not None and self._outage is None:
+            self._back(before, now_ns)
+        self._tell_proof()
+        self._tell_state(beat=False)
+
+    def _back(self, outage: Outage, now_ns: int) -> None:
+        """A core serves again."""
+        assert self._known.serving is not None, "a core that serves was named"
+        over = face.finished(outage, self._known.serving.epoch, now_ns)
+        if over is not None:
+            self._history.add(over)
+        self._proof_due = self._known.sound is not True
+        told = {
+            "v": 1,
+            "type": "back",
+            "outage_ms": max(0, now_ns - outage.began_ns) // NS_PER_MS,
+            "verified": self._known.sound or None,
+            "planned": outage.planned,
+        }
+        self._tell(lambda _: told)
+
+    def _tell_proof(self) -> None:
+        if self._proof_due and self._outage is None and self._known.sound is not None:
+            self._proof_due = False
+            self._tell(lambda _: {"v": 1, "type": "verified", "ok": self._known.sound})
+
+    def upkeep(self) -> None:
+        """Now and then: tell those whose waiting requests became more or fewer."""
+        if self._outage is None or not self._audience:
+            return
+        now, told = self._waiting(), self._held
+        if now != told:
+            changed = {browser for browser in {*now, *told} if now.get(browser) != told.get(browser)}
+            self._held = now
+            shown = self._show()
+            self._tell(lambda held: self._fields(shown, held), only=changed)
+
+    def _tell_state(self, *, beat: bool) -> None:
+        shown = self._show()
+        lasting = replace(shown, elapsed_ms=0)
+        if beat or lasting != self._shown:
+            self._shown = lasting
+            self._held = self._waiting()
+            self._tell(lambda held: self._fields(shown, held))
+            self._set_timer()
+
+    def _set_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._outage is not None:
+            due_ms = face.due_ms(self._outage, self._pace, self._now_ns())
+            wait_ms = self._beat_ms if due_ms is None else min(due_ms, self._beat_ms)
+            self._timer = self._loop.call_later(wait_ms / 1000, self._ring)
+
+    def _ring(self) -> None:
+        self._timer = None
+        self._tell_state(beat=True)
+
+    def close(self) -> None:
+        """The gateway ends."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    # -- what is said ----------------------------------------------------------------------------------
+
+    def _show(self) -> Shown:
+        samples = len(self._history.samples)
+        return face.show(self._outage, self._known, samples, self._pace, self._now_ns())
+
+    def _fields(self, shown: Shown, held: int) -> dict[str, object]:
+        if shown.began_ns != self._since[0]:  # told the same way each time, also when the wall clock is set
+            self._since = (shown.began_ns, None if shown.began_ns is None else clock.wall(shown.began_ns))
+        return face.fields(shown, held, self._since[1])
+
+    def _tell(self, said: Callable[[int], Mapping[str, object]], only: set[bytes] | None = None) -> None:
+        """Say to everybody what `said` makes of the number of requests that wait for him."""
+        made: dict[int, bytes] = {}
+        for socket in list(self._audience):
+            browser = socket.browser
+            if only is not None and browser not in only:
+                continue
+            held = self._held.get(browser, 0) if browser is not None else 0
+            if held not in made:
+                made[held] = _frame(said(held))
+            socket.send(made[held])
+
+    def status(self, head: RequestHead) -> Answer:
+        """The state for whoever asks. Its tag leaves out what only the clock changes: a page counts by itself."""
+        browser = browser_of(head.cookie)
+        held = self._waiting().get(browser, 0) if browser is not None else 0
+        told = self._fields(self._show(), held)
+        body = _json(told)
+        digest = hashlib.sha256(_json(told | {"elapsed_ms": 0})).hexdigest()[:16]
+        tag = f'W/"{digest}"'.encode()
+        headers: tuple[Header, ...] = (
+            (b"Date", formatdate(usegmt=True).encode()),
+            (b"Cache-Control", b"no-store"),
+            (b"ETag", tag),
+            (b"X-Content-Type-Options", b"nosniff"),
+        )
+        asked = (value for name, value in head.headers if name.lower() == b"if-none-match")
+        if any(tag in value for value in asked):
+            return Answer(AnswerHead(304, b"Not Modified", headers, 0), b"")
+        return Answer(
+            AnswerHead(200, b"OK", ((b"Content-Type", b"application/json"), *headers), len(body)), body
+        )
+
+
+def _first_offered(head: RequestHead) -> str | None:
+    """A page that offers subprotocols closes a socket on which none was chosen."""
+    return next(iter(head.handshake.protocols), None) if head.handshake is not None else None
+
+
+def _json(said: Mapping[str, object]) -> bytes:
+    return json.dumps(said, ensure_ascii=False, separators=(",", ":")).encode()
+
+
+def _frame(said: Mapping[str, object]) -> bytes:
+    return frame_of(Message(text=True, data=_json(said)))
