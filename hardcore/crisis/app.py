@@ -16,6 +16,7 @@ import socket
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import uvloop
@@ -60,6 +61,7 @@ class Gateway:
         recoveries: Path | None = None,
     ) -> None:
         self._loop = loop
+        self._demo = demo
         self._listener = listener
         self._limits = limits
         self._leaving = asyncio.Event()
@@ -95,7 +97,7 @@ class Gateway:
     async def _stock(self) -> None:
         """Render the gateway's own pages and files, beside the serving."""
         try:
-            shelf = await self._loop.run_in_executor(None, stock)
+            shelf = await self._loop.run_in_executor(None, partial(stock, demo=self._demo))
         except Exception as error:  # noqa: BLE001 - whatever is wrong with the paper: requests are answered
             _LOG.error("the recovery pages could not be made, plain ones are shown: %s", describe(error))
             return
