@@ -45,6 +45,9 @@ _FILE_CALL: Final = re.compile(
 _CALL_ON_A_CLASS_OF_OURS: Final = re.compile(r"(^|\.)(?!Path\.)[A-Z]\w*\.\w+$")
 _FILE_MODULES: Final = frozenset({"shutil", "mmap", "fcntl", "tempfile", "io"})
 
+# Distributions that are imported by another name than their own.
+_IMPORTED_AS: Final = {"msoffcrypto-tool": "msoffcrypto"}
+
 # Methods whose names a library has chosen: a protocol has as many as asyncio and httptools call.
 _CALLED_BY_A_LIBRARY: Final = re.compile(
     r"connection_made|connection_lost|data_received|eof_received|pause_writing|resume_writing|datagram_received|"
@@ -180,7 +183,7 @@ def declared_dependencies() -> set[str]:
     """The run-time dependencies of pyproject.toml by their import names."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     names = [re.split(r"[<>=!~ \[;]", dependency)[0] for dependency in project["dependencies"]]
-    return {name.lower().replace("-", "_") for name in names}
+    return {_IMPORTED_AS.get(name, name.lower().replace("-", "_")) for name in names}
 
 
 def _imported(source: Source) -> Iterator[str]:
