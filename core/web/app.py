@@ -15,8 +15,9 @@ from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp
 
+from core.imports.desk import Desk
 from core.service import Service
-from core.web import handlers
+from core.web import entries, handlers
 from core.web.asking import service_of
 from core.web.door import Door
 from core.web.live import live
@@ -37,13 +38,14 @@ ROUTES: Final[dict[str, dict[str, Handler]]] = {
     # A key may hold a slash; the path arrives decoded.
     "/api/ledger/commands/{key:path}": {"GET": handlers.look_up},
     "/healthz": {"GET": handlers.health},
+    **entries.ROUTES,
 }
 
 _SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
-def make_app(service: Service) -> ASGIApp:
-    """Return the application in front of a service."""
+def make_app(service: Service, desk: Desk) -> ASGIApp:
+    """Return the application in front of a service and its imports."""
     described = document()
 
     async def openapi(_: Request) -> Response:
@@ -62,6 +64,7 @@ def make_app(service: Service) -> ASGIApp:
     )
     app.router.redirect_slashes = False
     app.state.service = service
+    app.state.desk = desk
     return Door(app, service)
 
 

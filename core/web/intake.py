@@ -32,6 +32,8 @@ _BYTE: Final = re.compile(r"\(byte ([0-9]+)\)")
 _MEMBER: Final = re.compile(r"Object (missing required|contains unknown) field `(.*)`", re.DOTALL)
 _PLACE: Final = re.compile(r" - at `\$(.*)`\Z", re.DOTALL)
 _CURSOR: Final = re.compile(r"s([0-9]{1,18})")
+_POSITION: Final = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})[.]([0-9]{1,18})[.]([0-9]{1,3})")
+_MONTH: Final = re.compile(r"[0-9]{4}-[0-9]{2}")
 
 
 async def read_body(request: Request, bytes_max: int) -> bytes:
@@ -148,6 +150,25 @@ class Parameters:
             return None
         return int(match[1])
 
+    def position(self, name: str) -> tuple[str, int, int] | None:
+        """Return the day, the sequence and the line that a cursor of ours names."""
+        text = self._given.get(name)
+        if text is None:
+            return None
+        match = _POSITION.fullmatch(text)
+        if match is None or not is_date(match[1]):
+            self._faults.append(Fault(f"?{name}", Reason.MALFORMED))
+            return None
+        return match[1], int(match[2]), int(match[3])
+
+    def month(self, name: str) -> str | None:
+        """Return a month of the calendar."""
+        text = self._given.get(name)
+        if text is not None and (_MONTH.fullmatch(text) is None or not is_date(f"{text}-01")):
+            self._faults.append(Fault(f"?{name}", Reason.MALFORMED))
+            return None
+        return text
+
     def sequence(self, name: str) -> int:
         """Return a sequence, 0 if none is given."""
         text = self._given.get(name, "0")
@@ -181,6 +202,11 @@ class Parameters:
 def make_cursor(seq: int) -> str:
     """Return the cursor that goes on after this sequence."""
     return f"s{seq}"
+
+
+def make_position(date: str, seq: int, line: int) -> str:
+    """Return the cursor that goes on after this place in a list by days."""
+    return f"{date}.{seq}.{line}"
 
 
 def _too_large(bytes_max: int, *, closing: bool) -> ProblemError:

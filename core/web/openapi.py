@@ -11,8 +11,17 @@ import msgspec
 
 from core.journal.verify import Verdict
 from core.ledger.commands import AccountBody, TransactionBody
+from core.ledger.entries import EntryBody
+from core.ledger.overview import CategoryView, RegisterLine, Summary
 from core.ledger.reasons import Reason
-from core.ledger.views import AccountAnswer, AccountView, EventView, TransactionView
+from core.ledger.views import (
+    AccountAnswer,
+    AccountView,
+    EntryReversal,
+    EntryView,
+    EventView,
+    TransactionView,
+)
 from core.web.problems import PROBLEM_JSON, PROBLEM_KINDS, Outcome
 
 API_VERSION: Final = "1.0.0"
@@ -25,6 +34,12 @@ _SHAPES: Final = (
     TransactionView,
     EventView,
     Verdict,
+    EntryBody,
+    EntryView,
+    EntryReversal,
+    RegisterLine,
+    CategoryView,
+    Summary,
 )
 
 _PROBLEM: Final[dict[str, Any]] = {
@@ -136,6 +151,47 @@ def _paths() -> dict[str, Any]:
         "/api/ledger/transactions/{id}": {
             "get": _get("One transaction", _ref("TransactionView"), _path("id")),
         },
+        "/api/ledger/entries": {
+            "get": _get(
+                "What stands of the household's entries, newest day first", _page("EntryView"), *_LIST
+            ),
+            "post": _post(
+                "Write an entry down: minus was spent; accounts named for the first time are opened with it",
+                "201",
+                "EntryView",
+                "EntryBody",
+            ),
+        },
+        "/api/ledger/entries/{id}": {
+            "get": _get("The newest content of an entry", _ref("EntryView"), _path("id")),
+            "put": _post(
+                "Have an entry say something else: what stood is reversed and kept",
+                "200",
+                "EntryView",
+                "EntryBody",
+                _path("id"),
+            ),
+            "delete": _post(
+                "Reverse an entry: nothing is ever deleted", "200", "EntryReversal", None, _path("id")
+            ),
+        },
+        "/api/ledger/register": {
+            "get": _get(
+                "What stands on an account (on all accounts of money), newest day first, with its balance",
+                _page("RegisterLine"),
+                *_LIST,
+            ),
+        },
+        "/api/ledger/summary": {
+            "get": _get(
+                "A month in sums by the days of its entries, and what is owned now",
+                _ref("Summary"),
+                _query("month", "YYYY-MM; absent: the one of the server's calendar"),
+            ),
+        },
+        "/api/ledger/categories": {
+            "get": _get("Open categories by id", _page("CategoryView"), _query("cursor"), _limit(10_000)),
+        },
         "/api/ledger/events": {
             "get": _get(
                 "Events in order; `next_cursor` is the next `after`",
@@ -203,6 +259,15 @@ def _limit(most: int) -> dict[str, Any]:
 def _content(description: str, shape: dict[str, Any]) -> dict[str, Any]:
     return {"description": description, "content": {"application/json": {"schema": shape}}}
 
+
+_LIST: Final = (
+    _query("account", "Id of an account"),
+    _query("from", "First day, YYYY-MM-DD"),
+    _query("to", "Last day, YYYY-MM-DD"),
+    _query("q", "Words in the description or the category, or an amount"),
+    _query("cursor"),
+    _limit(500),
+)
 
 _PROBLEM_RESPONSE: Final = {
     "description": "A problem",

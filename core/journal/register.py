@@ -1,0 +1,258 @@
+"""Reading the household's side of the book: its entries, the register with balances, a month in sums.
+
+Lists go backwards by day, and a page goes on after the place it ended at (day, number, line), so it never
+shifts under new bookings. Balances are not stored: the one of a page's newest line is the account's balance
+less what stands after it, and every older one follows from it. That reads one index and little of it for the
+pages people look at; a balance in each row was not chosen, because an entry for last month would rewrite all
+rows since. Sums are added in two halves: SQL's own would overflow at 64 bits.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from sqlalchemy import Connection, and_, func, literal_column, or_, select, tuple_
+
+from core.journal import schema
+from core.journal.shelf import account_of
+from core.ledger.events import Booking, EntryPosted, decode
+from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
+from core.ledger.money import parse_amount
+from core.ledger.overview import (
+    CategoryView,
+    RegisterLine,
+    StandingLine,
+    Summary,
+    summarise,
+    view_category,
+    view_line,
+)
+from core.ledger.views import EntryView, Place, view_entry
+
+ACCOUNTS_MAX: Final = 10_000
+_LOW_BITS: Final = 32
+_LOW_MASK: Final = 0xFFFFFFFF
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """A place in a list that goes by days; `line` is 0 in a list of entries."""
+
+    date: str
+    seq: int
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class HouseholdFilter:
+    """Which entries or lines: of an account, between two days (inclusive), with words or an amount."""
+
+    account: str | None = None
+    date_from: str | None = None
+    date_to: str | None = None
+    words: str | None = None
+    after: Position | None = None
+    limit: int = 50
+
+
+def get_entry(connection: Connection, entry_id: str) -> EntryView | None:
+    """Return the newest content of an entry; None if there is none or it was reversed."""
+    query = _entries_query().where(schema.entry.c.id == entry_id)
+    row = connection.execute(query).one_or_none()
+    return _entry(row) if row else None
+
+
+def list_entries(connection: Connection, wanted: HouseholdFilter) -> list[EntryView]:
+    """Return what stands of the entries, newest day first."""
+    entry = schema.entry.c
+    query = _entries_query().order_by(entry.date.desc(), entry.seq.desc()).limit(wanted.limit)
+    if wanted.account is not None:
+        query = query.where(or_(entry.account_id == wanted.account, entry.category_id == wanted.account))
+    query = _within(query, entry.date, wanted)
+    if wanted.words is not None:
+        codes = _currencies(connection)
+        query = query.join(schema.booking, schema.booking.c.seq == entry.seq)
+        query = query.join(_CATEGORY, _CATEGORY.c.id == entry.category_id)
+        money = schema.posting
+        query = query.join(money, and_(money.c.seq == entry.seq, money.c.line == 0))
+        query = query.where(_matches(wanted.words, codes, money.c.amount))
+    if wanted.after is not None:
+        here = (wanted.after.date, wanted.after.seq)
+        query = query.where(tuple_(entry.date, entry.seq) < here)
+    return [_entry(row) for row in connection.execute(query)]
+
+
+def list_register(connection: Connection, wanted: HouseholdFilter) -> list[RegisterLine]:
+    """Return what stands on an account (None: on all accounts of money), newest day first, with balances."""
+    posting = schema.posting.c
+    query = _LINES.order_by(posting.date.desc(), posting.seq.desc(), posting.line.desc()).limit(wanted.limit)
+    if wanted.account is not None:
+        query = query.where(posting.account_id == wanted.account)
+    else:
+        query = query.where(schema.account.c.type.in_([kind.value for kind in MONEY_TYPES]))
+    query = _within(query, posting.date, wanted)
+    if wanted.words is not None:
+        codes = _currencies(connection)
+        query = query.join(schema.booking, schema.booking.c.seq == posting.seq)
+        query = query.outerjoin(schema.entry, schema.entry.c.seq == posting.seq)
+        query = query.outerjoin(_CATEGORY, _CATEGORY.c.id == schema.entry.c.category_id)
+        query = query.where(_matches(wanted.words, codes, posting.amount))
+    if wanted.after is not None:
+        query = query.where(_place() < (wanted.after.date, wanted.after.seq, wanted.after.line))
+    rows = connection.execute(query).all()
+    balances = _balances(connection, rows, has_gaps=wanted.words is not None)
+    return [
+        view_line(
+            StandingLine(row.seq, row.line, _booking(row), account_of(row), row.amount, balances[index])
+        )
+        for index, row in enumerate(rows)
+    ]
+
+
+def summary_of(connection: Connection, month: str, first_day: str, last_day: str) -> Summary:
+    """Return a month in sums; its first and last day are given, because only the caller knows a calendar."""
+    posting = schema.posting.c
+    types = [kind.value for kind in CATEGORY_TYPES]
+    of_categories = select(schema.account.c.id).where(schema.account.c.type.in_(types))
+    query = (
+        select(posting.account_id, *_HALVES)
+        .where(_STANDS, posting.account_id.in_(of_categories), posting.date.between(first_day, last_day))
+        .group_by(posting.account_id)
+    )
+    moved = {row.account_id: _whole(row) for row in connection.execute(query)}
+    kinds = [*types, *(kind.value for kind in MONEY_TYPES)]
+    accounts = (
+        select(schema.account)
+        .where(schema.account.c.type.in_(kinds))
+        .order_by(schema.account.c.id)
+        .limit(ACCOUNTS_MAX)
+    )
+    return summarise(month, [account_of(row) for row in connection.execute(accounts)], moved)
+
+
+def list_categories(connection: Connection, after: str | None, limit: int) -> list[CategoryView]:
+    """Return the open categories by id, beginning after one of them."""
+    posting = schema.posting.c
+    last_used = (
+        select(func.max(posting.date))
+        .where(_STANDS, posting.account_id == schema.account.c.id)
+        .scalar_subquery()
+    )
+    query = (
+        select(schema.account, last_used.label("last_used"))
+        .where(
+            schema.account.c.type.in_([kind.value for kind in CATEGORY_TYPES]), schema.account.c.closed == 0
+        )
+        .order_by(schema.account.c.id)
+        .limit(limit)
+    )
+    if after is not None:
+        query = query.where(schema.account.c.id > after)
+    return [view_category(account_of(row), row.last_used) for row in connection.execute(query)]
+
+
+def _balances(connection: Connection, rows: Sequence[Any], *, has_gaps: bool) -> list[int]:
+    """Return the balance of its account after each of these lines, which go from new to old."""
+    balances: list[int] = []
+    newer: dict[str, tuple[Any, int]] = {}
+    for row in rows:
+        before = newer.get(row.id)
+        if before is None:
+            balance = row.posted - _between(connection, row, None)
+        elif has_gaps:
+            balance = before[1] - _between(connection, row, before[0])
+        else:
+            balance = before[1] - before[0].amount
+        newer[row.id] = (row, balance)
+        balances.append(balance)
+    return balances
+
+
+def _between(connection: Connection, after: Any, until: Any | None) -> int:
+    """Return what stands on an account after one line up to and with another (None: up to the last one)."""
+    posting = schema.posting.c
+    query = select(*_HALVES).where(_STANDS, posting.account_id == after.id)
+    query = query.where(_place() > (after.date, after.seq, after.line))
+    if until is not None:
+        query = query.where(_place() <= (until.date, until.seq, until.line))
+    return _whole(connection.execute(query).one())
+
+
+def _place() -> Any:
+    posting = schema.posting.c
+    return tuple_(posting.date, posting.seq, posting.line)
+
+
+def _whole(row: Any) -> int:
+    return ((row.high or 0) << _LOW_BITS) + (row.low or 0)
+
+
+def _within(query: Any, date: Any, wanted: HouseholdFilter) -> Any:
+    if wanted.date_from is not None:
+        query = query.where(date >= wanted.date_from)
+    if wanted.date_to is not None:
+        query = query.where(date <= wanted.date_to)
+    return query
+
+
+def _matches(words: str, codes: Sequence[str], amount: Any) -> Any:
+    """Say what is looked for: words in the description or the category, or exactly this amount, either sign."""
+    found = [
+        schema.booking.c.description.icontains(words, autoescape=True),
+        _CATEGORY.c.name.icontains(words, autoescape=True),
+    ]
+    for code in codes:
+        minor = parse_amount(words.replace(",", "").strip().lstrip("+-"), code)
+        if isinstance(minor, int):
+            found.append(and_(schema.account.c.currency == code, amount.in_([minor, -minor])))
+    return or_(*found)
+
+
+def _currencies(connection: Connection) -> list[str]:
+    return list(connection.execute(select(schema.account.c.currency).distinct()).scalars())
+
+
+def _booking(row: Any) -> Booking:
+    event = decode(row.body)
+    assert isinstance(event, Booking), f"event {row.seq} is listed as a booking and is none"
+    return event
+
+
+def _entry(row: Any) -> EntryView:
+    event = decode(row.body)
+    assert isinstance(event, EntryPosted), f"event {row.seq} is listed as an entry and is none"
+    return view_entry(event, Place(row.seq, row.epoch, row.booked_ns, row.hash), row.name)
+
+
+def _entries_query() -> Any:
+    stored, event = schema.entry.c, schema.event.c
+    return (
+        select(event.seq, event.epoch, event.booked_ns, event.hash, event.body, schema.account.c.name)
+        .select_from(schema.entry)
+        .join(schema.event, event.seq == stored.seq)
+        .join(schema.account, schema.account.c.id == stored.account_id)
+        .where(stored.reversed == 0)
+    )
+
+
+_CATEGORY: Final = schema.account.alias("category")
+# Written out, because a value that is bound would not let the store use the index of what stands.
+_STANDS: Final = schema.posting.c.standing == literal_column("1")
+_HALVES: Final = (
+    func.sum(schema.posting.c.amount.op(">>")(_LOW_BITS)).label("high"),
+    func.sum(schema.posting.c.amount.op("&")(_LOW_MASK)).label("low"),
+)
+_LINES: Final = (
+    select(
+        schema.posting.c.seq,
+        schema.posting.c.line,
+        schema.posting.c.date,
+        schema.posting.c.amount,
+        schema.account,
+        schema.event.c.body,
+    )
+    .select_from(schema.posting)
+    .join(schema.account, schema.account.c.id == schema.posting.c.account_id)
+    .join(schema.event, schema.event.c.seq == schema.posting.c.seq)
+    .where(_STANDS)
+)
