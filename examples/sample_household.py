@@ -33,7 +33,7 @@ LIVING, SAVINGS, WALLET, CARD = (
     "assets:cash:wallet",
     "liabilities:card",
 )
-OPENING, SALARY_DAY, CARD_DAY = "equity:opening", 25, 14
+OPENING, SALARY_DAY, CARD_DAY = "equity:opening", 10, 14
 
 #: id -> (type, Korean name, English name)
 ACCOUNTS: Final = {
@@ -128,7 +128,7 @@ FIXED: Final = (
     Fixed(20, -18_700, BILLS, LIVING, Words("도시가스", "Gas"), (4, 5, 6, 7, 8, 9, 10)),
     Fixed(22, -42_800, BILLS, LIVING, Words("전기 요금", "Electricity")),
     Fixed(SALARY_DAY, 3_420_000, SALARY, LIVING, Words("월급", "Salary")),
-    Fixed(SALARY_DAY, 640_000, SALARY, LIVING, Words("주말 과외", "Weekend tutoring")),
+    Fixed(3, 640_000, SALARY, LIVING, Words("주말 과외", "Weekend tutoring")),
     Fixed(28, 7_840, INTEREST, SAVINGS, Words("예금 이자", "Savings interest"), (3, 6, 9, 12)),
     Fixed(8, -200_000, FAMILY, LIVING, Words("부모님 용돈", "Gift to parents"), (2, 5, 9)),
     Fixed(16, -100_000, FAMILY, LIVING, Words("친구 결혼식", "A friend's wedding"), (4, 10)),

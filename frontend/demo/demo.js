@@ -9,7 +9,8 @@ const LINES_MAX = 60;
 const TRIES_MAX = 30;
 const LATER_MS = 3000;
 const log = document.getElementById("log");
-let stage = null;
+let isDown = false;
+let stage = null; // the last one that was told
 let waiting = 0;
 
 function say(code, values = {}, mood = "") {
@@ -126,18 +127,18 @@ document.getElementById("language").addEventListener("click", (event) => {
   location.reload();
 });
 
-document.addEventListener("hc:down", (event) => {
-  stage = null;
-  say(event.detail.planned ? "log.planned" : "log.down", {}, "bad");
-});
-document.addEventListener("hc:state", (event) => {
-  const reached = event.detail.stage;
-  if (reached && reached !== stage && event.detail.text !== null) {
-    stage = reached;
+// By the state frames alone: of the first one after a time of peace, hc:down is told later than hc:state.
+document.addEventListener("hc:state", ({ detail }) => {
+  if (detail.text === null) return;
+  if (!isDown) say(detail.planned ? "log.planned" : "log.down", {}, "bad");
+  isDown = true;
+  if (detail.stage && detail.stage !== stage) {
+    stage = detail.stage;
     say("log.stage", { stage, name: WORDS[`stage.${stage}`] });
   }
 });
-document.addEventListener("hc:back", (event) => {
+document.addEventListener("hc:back", ({ detail }) => {
+  isDown = false;
   stage = null;
-  say("log.back", { ms: Math.round(event.detail.outage_ms) }, "ok");
+  say("log.back", { ms: Math.round(detail.outage_ms) }, "ok");
 });
