@@ -54,6 +54,7 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
     "mark.done": ("끝남", "done"),
     "mark.now": ("하는 중", "now"),
     "mark.next": ("다음", "next"),
+    "took": ("{t}초", "{t} s"),
     # It is back.
     "R3": ("다시 사용할 수 있어요", "You are back"),
     "R3.took": ("{t}초 만에 돌아왔어요.", "It took {t} seconds."),
@@ -117,14 +118,24 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
         "서버가 돌아오면 이 화면이 저절로 열려요.",
         "This page opens by itself when the server is back.",
     ),
-    "not_done.line": (
-        "방금 보낸 요청은 처리하지 않았어요. 서버가 돌아오면 화면을 다시 열고 한 번 더 보내 주세요.",
-        "What you just sent was not done. When the server is back, open the page again and send it once more.",
+    "not_done.line": ("방금 보낸 요청은 처리하지 않았어요.", "What you just sent was not done."),
+    "not_done.wait": (
+        "서버가 돌아오면 화면을 다시 열고 한 번 더 보내 주세요.",
+        "When the server is back, open the page again and send it once more.",
+    ),
+    "not_done.now": (
+        "화면을 다시 열고 한 번 더 보내 주세요.",
+        "Please open the page again and send it once more.",
     ),
     "unknown.line": (
-        "방금 보낸 요청이 처리됐는지 아직 알 수 없어요. 서버가 돌아오면 먼저 내역을 확인해 주세요.",
-        "It is not known yet whether what you just sent was done. When the server is back, please check the records first.",
+        "방금 보낸 요청이 처리됐는지 아직 알 수 없어요.",
+        "It is not known whether what you just sent was done.",
     ),
+    "unknown.wait": (
+        "서버가 돌아오면 먼저 내역을 확인해 주세요.",
+        "When the server is back, please check the records first.",
+    ),
+    "unknown.now": ("먼저 내역을 확인해 주세요.", "Please check the records first."),
     "reopen": ("화면 다시 열기", "Open the page again"),
     # Small words.
     "details": ("자세히", "Details"),
@@ -135,6 +146,7 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
     "title.back": ("✓", "✓"),
     "other": ("English", "한국어"),
     # What the guard calls it, for those who open the details.
+    "phase.UNKNOWN": ("아직 알 수 없음", "not known yet"),
     "phase.STOPPED": ("꺼져 있음", "off"),
     "phase.ADOPTING": ("남아 있던 서버를 정리하는 중", "ending what was left over"),
     "phase.STARTING": ("새 서버를 켜는 중", "starting a new server"),
@@ -157,13 +169,14 @@ FACTS: Final[dict[str, str]] = {
     "R2": "the state frame's text is R2: the guard was asked for this restart",
     "draft.stored": "every field typed into was written to the storage and read back the same",
     "draft.page": "a field of the living page was typed into",
+    "eta.none": "the state frame has no eta and names fewer than five samples",
     "eta.range": "the state frame has an eta, which takes five samples",
     "eta.within": "the state frame has an eta, which takes five samples",
-    "R3.took": "the outage's length, from the back frame",
+    "R3.took": "the outage's length: from the back frame, or counted on from the guard's own elapsed time",
     "R3.verified": "proof B of the serving epoch: verified is true",
     "R3b.line": "proof B has not spoken: verified is null",
-    "R3c": "the outage's length, from the back frame",
-    "R3c.seconds": "the outage's length, from the back frame",
+    "R3c": "the outage's length: from the back frame, or counted on from the guard's own elapsed time",
+    "R3c.seconds": "the outage's length: from the back frame, or counted on from the guard's own elapsed time",
     "R3c.verified": "proof B of the serving epoch: verified is true",
     "R10": "proof B found a fault: ok is false",
     "R7b.line": "the state frame's text is R7b: no alert was delivered",

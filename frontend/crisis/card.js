@@ -18,10 +18,10 @@ function say(element, text) {
 }
 
 /** A button with a word on it. */
-export function button(className, pressed) {
+export function button(className, act) {
   const element = make("button", className);
   element.type = "button";
-  element.addEventListener("click", pressed);
+  element.addEventListener("click", act);
   return element;
 }
 
@@ -47,17 +47,17 @@ function sayStages(list, stages) {
     else item.removeAttribute("aria-current");
     say(mark, MARKS[stage.mark]);
     say(name, stage.name);
-    say(word, stage.took === null ? stage.word : `${stage.word} · ${stage.took} s`);
+    say(word, stage.took === null ? stage.word : `${stage.word} · ${stage.took}`);
   });
 }
 
-/** Build a card. `acts`: {close, keep, other}, called when their button is pressed; without `keep` there is none. */
-export function makeCard(acts) {
+/** Build a card. `pressed`: {close, keep, other}, called when their button is. */
+export function makeCard(pressed) {
   const head = make("h2", "");
   head.id = "hc-head";
   head.tabIndex = -1;
   const lines = make("div", "lines");
-  const draft = make("p", "strong");
+  const strong = make("p", "strong");
   const bar = make("progress", "");
   const time = make("p", "time");
   const stages = make("ol", "");
@@ -67,14 +67,15 @@ export function makeCard(acts) {
   const summary = make("summary", "");
   const more = make("div", "lines");
   const details = make("details", "", summary, more);
-  const keep = button("", acts.keep);
-  const close = button("", acts.close);
-  const other = button("plain", acts.other);
+  const keep = button("", pressed.keep);
+  const close = button("", pressed.close);
+  const other = button("plain", pressed.other);
+  const acts = make("div", "acts", close, keep);
   const byHand = make("textarea", "");
   byHand.readOnly = true;
   byHand.hidden = true;
-  const element = make("section", "card", head, lines, draft, bar, time, stages, waiting, byHand,
-    make("div", "acts", close, keep, other), details);
+  const element = make("section", "card", head, lines, strong, bar, time, stages, waiting, byHand,
+    acts, make("div", "foot", details, other));
   element.setAttribute("aria-labelledby", head.id);
 
   let kept = "keep";
@@ -83,7 +84,7 @@ export function makeCard(acts) {
     element.dataset.tone = card.tone;
     say(head, card.head);
     sayLines(lines, card.lines);
-    say(draft, card.draft);
+    say(strong, card.strong);
     say(time, card.time);
     bar.hidden = card.progress === null;
     if (card.progress !== null) bar.value = Math.max(card.progress, bar.value);
@@ -99,6 +100,7 @@ export function makeCard(acts) {
     sayLines(more, card.details);
     say(close, card.closes ? words.close : null);
     say(keep, keeps ? words[kept] : null);
+    acts.hidden = [...acts.children].every((child) => child.hidden);
     say(other, words.other);
   }
 
@@ -115,5 +117,5 @@ export function makeCard(acts) {
     say(keep, words[code]);
   }
 
-  return { element, head, byHand, show, reset, copied };
+  return { element, head, acts, byHand, show, reset, copied };
 }

@@ -20,7 +20,7 @@ const OPENING = {
   stopped_trying: { text: "R8", planned: false, phase: "FATAL" },
   off: { text: "OFF", planned: false, phase: "STOPPED" },
 };
-const first = { v: 1, type: "state", stage: null, stages: 4, elapsed_ms: 0, eta: null, incident: null, held: 0, ...OPENING[kind] };
+const first = { v: 1, type: "state", stage: null, stages: 4, elapsed_ms: 0, eta: null, samples: 0, incident: null, held: 0, ...OPENING[kind] };
 const facts = { pending: 0, draft: null, slow: false, alive: false, unheard: true, request: outcome === "get" ? null : outcome };
 
 let lang = document.documentElement.lang === "ko" ? "ko" : "en";
@@ -35,9 +35,8 @@ const notice = document.createElement("p");
 live.setAttribute("role", "status");
 live.className = "unseen";
 link.className = "button";
-link.hidden = true;
 notice.className = "muted";
-card.element.querySelector(".acts").prepend(link);
+card.acts.prepend(link);
 document.querySelector("main").replaceChildren(card.element, notice, live);
 
 function other() {
@@ -49,6 +48,7 @@ function other() {
 function paint() {
   const words = WORDS[lang];
   const shown = face(view, facts, performance.now(), words);
+  link.hidden = !isBack || outcome === "get";
   card.show({ ...shown.card, closes: false }, words, false);
   document.documentElement.lang = lang;
   document.title = [shown.title, shown.card.head].filter(Boolean).join(" ");
@@ -76,7 +76,6 @@ function reopen() {
   isBack = true;
   if (outcome !== "get") {
     link.href = wayBack();
-    link.hidden = false;
     return;
   }
   const pause_ms = Math.random() * SPREAD_MS + (cameBackHere() ? REOPEN_PAUSE_MS : 0);

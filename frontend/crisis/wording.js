@@ -7,6 +7,7 @@ import { isFinal } from "./outage.js";
 
 const HEADS = { R1: "R1", R2: "R2", R7b: "R7", R8: "R8", OFF: "OFF" };
 const STATUS_EVERY_S = 10;
+const SAMPLES_MIN = 5; // with fewer there is no estimate; with more and none, what was promised is over
 
 /** A text with its values in place of the names in braces. */
 export function fill(text, values) {
@@ -38,16 +39,15 @@ function stageNow(frame, words) {
 
 function timing(frame, elapsed_s, words) {
   const elapsed = fill(words.elapsed, { t: elapsed_s });
-  if (frame.text === "R7b") return elapsed;
   const { eta } = frame;
-  if (eta === null) return `${words["eta.none"]} · ${elapsed}`;
+  if (eta === null) return frame.text !== "R7b" && frame.samples < SAMPLES_MIN ? `${words["eta.none"]} · ${elapsed}` : elapsed;
   const usual = eta.low_s < 1 || eta.low_s >= eta.high_s ? "eta.within" : "eta.range";
   return `${fill(words[usual], { a: eta.low_s, b: eta.high_s })} · ${elapsed}`;
 }
 
 // Never past the end of the stage that is still going on, so that the bar does not promise what is not there.
 function progress(frame, elapsed_s) {
-  if (frame.eta === null || frame.text === "R7b") return null;
+  if (frame.eta === null) return null;
   const share = elapsed_s / Math.max(frame.eta.high_s, 1);
   return Math.min(share, (frame.stage ?? 1) / frame.stages);
 }
@@ -62,7 +62,7 @@ function stages(view, words) {
     const took = mark === "done" && number in reached && ended_ms !== undefined;
     return {
       mark, name: words[`stage.${number}`], word: words[`mark.${mark}`],
-      took: took ? seconds(ended_ms - reached[number]) : null,
+      took: took ? fill(words.took, { t: seconds(ended_ms - reached[number]) }) : null,
     };
   });
 }
@@ -78,14 +78,14 @@ function downCard(view, facts, now_ms, words) {
   const final = isFinal(frame);
   return {
     head: headOf(frame, words),
-    lines: [...promises(frame, words), ...asked(facts, words)],
-    draft: facts.draft === null ? null : words[`draft.${facts.draft}`],
+    lines: promises(frame, words),
+    strong: facts.request ? asked(facts.request, "wait", words) : facts.draft && words[`draft.${facts.draft}`],
     time: final || facts.unheard ? null : timing(frame, elapsed_s, words),
     progress: final ? null : progress(frame, elapsed_s),
     stages: stages(view, words),
     waiting: waiting(view, facts, words),
     details: facts.unheard ? [] : [
-      fill(words.state, { phase: words[`phase.${frame.phase}`] ?? frame.phase }),
+      fill(words.state, { phase: words[`phase.${frame.phase}`] ?? words["phase.UNKNOWN"] }),
       ...(frame.incident === null ? [] : [fill(words.incident, { id: frame.incident })]),
       ...(final ? [words[`${frame.text}.next`]] : []),
     ],
@@ -97,9 +97,9 @@ function downCard(view, facts, now_ms, words) {
   };
 }
 
-function shortCard(head, lines, tone) {
+function shortCard(head, lines, tone, strong = null) {
   return {
-    head, lines, draft: null, time: null, progress: null, stages: [], waiting: null, details: [],
+    head, lines, strong, time: null, progress: null, stages: [], waiting: null, details: [],
     status: [head, ...lines].join(" "), closes: true, tone,
   };
 }
@@ -107,12 +107,14 @@ function shortCard(head, lines, tone) {
 function resultCard(view, facts, words) {
   const { outage_ms, verified } = view.back;
   const last = { true: words["R3.verified"], null: words["R3b.line"], false: words["R10.line"] }[verified];
-  const lines = [fill(words["R3.took"], { t: seconds(outage_ms) }), last, ...asked(facts, words)];
-  return verified === false ? shortCard(words.R10, lines, "warn") : shortCard(words.R3, lines, "good");
+  const lines = [fill(words["R3.took"], { t: seconds(outage_ms) }), last];
+  const strong = facts.request && asked(facts.request, "now", words);
+  return verified === false ? shortCard(words.R10, lines, "warn", strong) : shortCard(words.R3, lines, "good", strong);
 }
 
-function asked(facts, words) {
-  return facts.request ? [words[`${facts.request}.line`]] : [];
+// What became of the form that the recovery page answers, and what to do about it `wait`ing or `now`.
+function asked(outcome, when, words) {
+  return `${words[`${outcome}.line`]} ${words[`${outcome}.${when}`]}`;
 }
 
 function shortStrip(view, words) {
