@@ -19,6 +19,7 @@ from core.departure import Departure
 from core.guarded.beacon import Beacon
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.recorder import NoRecorder
+from core.imports.desk import Desk
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.writer import Writer
 from core.opening import Telling, open_book
@@ -38,7 +39,8 @@ def app() -> ASGIApp:
     writer = Writer(book.journal, recorder, loop, on_failed=print, on_fenced=print, on_bug=print)
     writer.start()
     readers = open_reading(data / LEDGER_FILE, settings.readers + 1, settings.write_busy_ms)
-    return make_app(Service(writer, readers, recorder, settings, book.epoch))
+    service = Service(writer, readers, recorder, settings, book.epoch)
+    return make_app(service, Desk(service, recorder, data))
 
 
 def bare_start_ms(data: Path, folder: Path, question: str) -> float:

@@ -10,58 +10,26 @@ from typing import Any, Final
 
 import msgspec
 
-from core.hub import Frame
-from core.journal.chain import EventRow
+from core.hub import Frame, Hub
+from core.ledger.views import CommittedEvent
 
 VERSION: Final = 1
 MISSED_EVENTS_MAX: Final = 500
 
 
-class Happened(msgspec.Struct, frozen=True):
-    """What a frame needs to know of an event. `kind` is the event's; `date` is None where nothing was booked."""
-
-    seq: int
-    kind: str
-    id: str
-    date: str | None = None
-    description: str = ""
-    accounts: tuple[str, ...] = ()
-
-
-class _Line(msgspec.Struct):
-    account: str
-
-
-class _Body(msgspec.Struct):
-    id: str
-    date: str | None = None
-    description: str = ""
-    postings: tuple[_Line, ...] = ()
-
-
-_BODY: Final = msgspec.json.Decoder(_Body)
-
-
-def happened(row: EventRow) -> Happened:
-    """Return what a frame needs of a stored event, of whatever kind."""
-    body = _BODY.decode(row.body)
-    accounts = tuple(dict.fromkeys(line.account for line in body.postings))
-    return Happened(row.seq, row.kind, body.id, body.date, body.description, accounts)
-
-
-def frame_of(happened: Happened) -> Frame:
+def frame_of(event: CommittedEvent) -> Frame:
     """Return the frame that tells of an event."""
-    if happened.date is None:
-        return Frame(_text("ledger.account", seq=happened.seq, id=happened.id), happened.seq)
+    if event.date is None:
+        return Frame(_text("ledger.account", seq=event.seq, id=event.id), event.seq)
     text = _text(
         "ledger.transaction",
-        seq=happened.seq,
-        id=happened.id,
-        date=happened.date,
-        description=happened.description,
-        accounts=happened.accounts,
+        seq=event.seq,
+        id=event.id,
+        date=event.date,
+        description=event.description,
+        accounts=event.accounts,
     )
-    return Frame(text, happened.seq)
+    return Frame(text, event.seq)
 
 
 def hello(seq: int, epoch: int) -> Frame:
@@ -74,12 +42,13 @@ def resync(seq: int) -> Frame:
     return Frame(_text("ledger.resync", seq=seq))
 
 
-def progress(particulars: dict[str, Any]) -> Frame:
-    """Return the frame that says how far an import is."""
-    return Frame(_text("import.progress", **particulars))
+def progress(import_id: str, state: str, done: int, total: int, duplicates: int, refused: int) -> Frame:
+    """Return the frame that says how far an import is; the numbers count rows of its file."""
+    counted = {"done": done, "total": total, "duplicates": duplicates, "refused": refused}
+    return Frame(_text("import.progress", id=import_id, state=state, **counted))
 
 
-def catch_up(after: int | None, head: int, missed: Sequence[Happened]) -> list[Frame]:
+def catch_up(after: int | None, head: int, missed: Sequence[CommittedEvent]) -> list[Frame]:
     """Return what a socket that saw everything up to `after` is told of what came until `head`.
 
     `missed`: the first events after `after`, one more than are told if there are so many. An `after` past the
@@ -90,6 +59,12 @@ def catch_up(after: int | None, head: int, missed: Sequence[Happened]) -> list[F
     if after > head or len(missed) > MISSED_EVENTS_MAX:
         return [resync(head)]
     return [frame_of(one) for one in missed if one.seq <= head]
+
+
+def tell_committed(hub: Hub, events: Sequence[CommittedEvent]) -> None:
+    """Tell what the writer has committed; costs nothing while nobody listens."""
+    if hub.listeners:
+        hub.tell([frame_of(event) for event in events])
 
 
 def _text(kind: str, **members: Any) -> str:

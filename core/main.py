@@ -24,10 +24,12 @@ import uvloop
 from core import departure
 from core.audit import audit_behind
 from core.departure import Departure, ExitCode
+from core.frames import tell_committed
 from core.guarded.control import ControlUnboundError, Standing
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
+from core.imports.desk import Desk
 from core.journal.store import LEDGER_FILE, StoreError, open_reading
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
@@ -162,16 +164,19 @@ class Life:
             bound.close()
             return book
         service = self._serve_book(book, loop)
-        server = LedgerServer(make_app(service))
+        desk = Desk(service, self._recorder, self._data)
+        await desk.open()
+        server = LedgerServer(make_app(service, desk))
         await server.start(bound)
         self._ready(book, bound)
+        await desk.start()
         audit = loop.create_task(audit_behind(service, self._beacon))
         assert self._ended is not None
         left = await self._ended
         audit.cancel()
         if left is not None:
             await self._leave_at_once(left, service)
-        await self._leave(service, server, book)
+        await self._leave(service, server, book, desk)
         return None
 
     def _bind(self) -> socket.socket | str:
@@ -200,6 +205,7 @@ class Life:
             self._data / LEDGER_FILE, self._settings.readers + 1, self._settings.write_busy_ms
         )
         self._service = Service(writer, readers, self._recorder, self._settings, book.epoch)
+        writer.listen(functools.partial(tell_committed, self._service.hub))
         return self._service
 
     def _ready(self, book: OpenBook, bound: socket.socket) -> None:
@@ -213,13 +219,14 @@ class Life:
         place = where if isinstance(where, str) else f"http://{where[0]}:{where[1]}"
         logger.info("Serving the ledger of %s on %s, epoch %d.", self._data, place, book.epoch)
 
-    async def _leave(self, service: Service, server: LedgerServer, book: OpenBook) -> None:
+    async def _leave(self, service: Service, server: LedgerServer, book: OpenBook, desk: Desk) -> None:
         self._recorder.set_state(LifeState.DRAINING)
         self._beacon.stopping()
         service.drain()
         if not await service.all_answered(self._settings.drain_ms):
             self._recorder.event("DRAIN_INCOMPLETE", f"{service.in_flight} requests are not answered")
         self._recorder.set_state(LifeState.STOPPING)
+        await desk.stop()
         await server.stop()
         await service.close()
         book.guard.release()

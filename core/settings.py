@@ -56,6 +56,11 @@ class Settings:
         "time to finish what is queued when asked to stop; well below the guard's stop_timeout_ms",
     )
     last_answers_ms: int = _setting(300, 1, 10_000, "time to give the last answers after a failed commit")
+    # Imports: what is kept of the files that people gave.
+    import_file_bytes_max: int = _setting(20 << 20, 1 << 10, 1 << 28, "largest file of an import")
+    import_preview_days: int = _setting(7, 1, 3_650, "days until a preview that nobody committed is removed")
+    imports_bytes_max: int = _setting(1 << 29, 1 << 20, 1 << 40, "room for all files, the oldest go first")
+    imports_max: int = _setting(200, 1, 100_000, "imports kept, the oldest go first")
     retry_after_s: int = _setting(1, 1, 3_600, "what Retry-After says")
 
     @classmethod

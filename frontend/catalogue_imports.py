@@ -182,3 +182,19 @@ MAPPING: Final[dict[str, dict[str, str]]] = {
 
 #: All of them by slug, for who has a reason in hand and wants its sentence.
 REASONS: Final[dict[str, dict[str, str]]] = {**UNREADABLE, **NOTES, **REFUSED, **SKIPPED, **MAPPING}
+
+#: Why a row that was understood is not booked all the same, or an import could not go on.
+BOOKING: Final[dict[str, dict[str, str]]] = {
+    "other-currency": {
+        "ko": "이 줄의 통화는 {given}, 계좌의 통화는 {currency}. 통화가 같은 계좌로 가져와 주세요.",
+        "en": "This row is in {given} and the account in {currency}. Please import it into an account of its currency.",
+    },
+    "internal": {
+        "ko": "우리 쪽 실수로 이 줄을 처리하지 못했어요. 직접 적어 주세요.",
+        "en": "A mistake of ours kept this row from being booked. Please type it in by hand.",
+    },
+    "kept-file-lost": {
+        "ko": "보관하던 파일을 찾을 수 없어요. 파일을 다시 올려 주세요. 이미 가져온 줄은 건너뛰어요.",
+        "en": "The kept file cannot be found. Please upload it again; rows that are booked will be skipped.",
+    },
+}

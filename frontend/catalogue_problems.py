@@ -126,6 +126,38 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
         "ko": ("여기에는 아무것도 없어요", "주소를 확인해 주세요."),
         "en": ("There is nothing here", "Please check the address."),
     },
+    "import-not-found": {
+        "ko": ("없는 가져오기예요", "오래된 미리보기는 지워져요. 파일을 다시 올려 주세요."),
+        "en": ("There is no such import", "Old previews are removed. Please upload the file again."),
+    },
+    "malformed-upload": {
+        "ko": ("올린 내용을 읽을 수 없어요", "파일 하나를 골라 다시 올려 주세요."),
+        "en": ("The upload cannot be read", "Please choose one file and upload it again."),
+    },
+    "file-too-large": {
+        "ko": ("파일이 너무 커요", "{limit_mb} MB까지 올릴 수 있어요. 기간을 나누어 내려받아 주세요."),
+        "en": ("The file is too large", "Up to {limit_mb} MB. Please download a shorter period at a time."),
+    },
+    "file-unreadable": {
+        "ko": ("파일을 읽지 못했어요", "{sentence}"),
+        "en": ("The file could not be read", "{sentence}"),
+    },
+    "import-committed": {
+        "ko": ("이미 가져오기를 시작했어요", "다르게 가져오려면 파일을 다시 올려 주세요."),
+        "en": ("This import has been committed", "To import it differently, please upload the file again."),
+    },
+    "import-mapping": {
+        "ko": ("칸을 더 정해야 해요", "{sentence}"),
+        "en": ("The columns are not settled yet", "{sentence}"),
+    },
+    "import-without-account": {
+        "ko": ("계좌를 골라 주세요", "어느 계좌의 내역인지 알아야 가져올 수 있어요."),
+        "en": ("Please choose an account", "The rows can only be booked on the account they belong to."),
+    },
+    "import-format-unknown": {
+        "ko": ("모르는 파일 형식이에요", "찾은 이름: {format}."),
+        "en": ("This format is not known", "No format is called {format}."),
+    },
     "account-not-found": {
         "ko": ("없는 계정이에요", "찾은 이름: {account}."),
         "en": ("There is no such account", "No account is called {account}."),

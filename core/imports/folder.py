@@ -40,45 +40,45 @@ class ImportFolder:
 
     def __init__(self, path: Path) -> None:
         """Look at a folder; it need not exist yet."""
-        self._path = path
+        self.path = path
 
     @property
     def file(self) -> Path:
         """The file as it came."""
-        return self._path / "file"
+        return self.path / "file"
 
     @property
     def rows(self) -> Path:
         """Its rows, as reading has left them."""
-        return self._path / "rows.jsonl"
+        return self.path / "rows.jsonl"
 
     def manifest(self) -> Manifest | None:
         """Return the wish, None where there is no import."""
-        return _read(self._path / _MANIFEST, Manifest)
+        return _read(self.path / _MANIFEST, Manifest)
 
     def survey(self) -> Survey:
         """Return what the last look found; nothing if there was none."""
-        return _read(self._path / _SURVEY, Survey) or Survey(0)
+        return _read(self.path / _SURVEY, Survey) or Survey(0)
 
     def progress(self) -> Progress:
         """Return how far the booking is known to be."""
-        return _read(self._path / _PROGRESS, Progress) or Progress()
+        return _read(self.path / _PROGRESS, Progress) or Progress()
 
     def keep_manifest(self, manifest: Manifest) -> None:
         """Keep the wish; once this returns, a power cut does not lose it."""
-        _write(self._path / _MANIFEST, manifest, durable=True)
+        _write(self.path / _MANIFEST, manifest, durable=True)
 
     def keep_survey(self, survey: Survey) -> None:
         """Keep what a look found."""
-        _write(self._path / _SURVEY, survey, durable=False)
+        _write(self.path / _SURVEY, survey, durable=False)
 
     def keep_progress(self, progress: Progress) -> None:
         """Keep how far it is. May be lost: the rows' keys in the ledger know better."""
-        _write(self._path / _PROGRESS, progress, durable=False)
+        _write(self.path / _PROGRESS, progress, durable=False)
 
     def bytes_kept(self) -> int:
         """Return how much room it takes."""
-        return sum(entry.stat().st_size for entry in os.scandir(self._path) if entry.is_file())
+        return sum(entry.stat().st_size for entry in os.scandir(self.path) if entry.is_file())
 
 
 class Imports:
@@ -93,23 +93,28 @@ class Imports:
         assert is_import_id(import_id), "an id is looked at before it becomes a path"
         return ImportFolder(self._path / import_id)
 
-    def begin(self, import_id: str) -> Path:
-        """Make the place in which an import is put together; what was left there is thrown away."""
-        path = self._unfinished(import_id)
-        shutil.rmtree(path, ignore_errors=True)
-        path.mkdir(mode=0o700, parents=True)
-        return path
+    def unfinished(self, import_id: str) -> ImportFolder:
+        """Return the place in which an import is put together."""
+        assert is_import_id(import_id), "as above"
+        return ImportFolder(self._path / (import_id + UNFINISHED))
+
+    def begin(self, import_id: str) -> ImportFolder:
+        """Make that place, empty."""
+        self.abandon(import_id)
+        folder = self.unfinished(import_id)
+        folder.path.mkdir(parents=True)
+        return folder
 
     def finish(self, import_id: str) -> ImportFolder:
         """Give what was put together its name."""
         final = self._path / import_id
-        self._unfinished(import_id).rename(final)
+        self.unfinished(import_id).path.rename(final)
         _flush_folder(self._path)
         return ImportFolder(final)
 
     def abandon(self, import_id: str) -> None:
         """Throw away what was begun."""
-        shutil.rmtree(self._unfinished(import_id), ignore_errors=True)
+        shutil.rmtree(self.unfinished(import_id).path, ignore_errors=True)
 
     def newest_first(self) -> list[Manifest]:
         """Return all imports, newest first."""
@@ -147,10 +152,6 @@ class Imports:
             manifest = folder.manifest() if is_import_id(path.name) else None
             if manifest is not None:
                 yield folder, manifest
-
-    def _unfinished(self, import_id: str) -> Path:
-        assert is_import_id(import_id), "as above"
-        return self._path / (import_id + UNFINISHED)
 
     def _remove(self, import_id: str) -> None:
         shutil.rmtree(self._path / import_id, ignore_errors=True)

@@ -62,7 +62,9 @@ def description_of(candidate: Candidate) -> str:
     return words[:DESCRIPTION_CHARACTERS_MAX]
 
 
-def command_of(candidate: Candidate, ordinal: int, manifest: Manifest, entry_id: str) -> RecordEntry | Rejection:
+def command_of(
+    candidate: Candidate, ordinal: int, manifest: Manifest, entry_id: str
+) -> RecordEntry | Rejection:
     """Return the wish to book the row that stands at `ordinal` (from 1) in its file."""
     assert manifest.account is not None, "an import is committed to an account"
     body = EntryBody(

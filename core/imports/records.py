@@ -75,6 +75,7 @@ class Survey(msgspec.Struct, frozen=True):
     sample: tuple[SampleRow, ...] = ()
     problems: tuple[Problem, ...] = ()
     balance_check: BalanceVerdict = BalanceVerdict.ABSENT
+    fitting: tuple[str, ...] = ()  # ids of the formats whose header the file has, the best first
 
 
 class Progress(msgspec.Struct, frozen=True):

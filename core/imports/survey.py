@@ -45,7 +45,7 @@ class Surveyor:
         else:
             self.skipped += 1
 
-    def found(self, duplicates: int) -> Survey:
+    def found(self, duplicates: int, fitting: tuple[str, ...]) -> Survey:
         """Return the numbers."""
         return Survey(
             total=self.good + self.refused + self.skipped,
@@ -56,6 +56,7 @@ class Surveyor:
             sample=tuple(self.sample),
             problems=tuple(self.problems),
             balance_check=self.balance.verdict,
+            fitting=fitting,
         )
 
 

@@ -17,7 +17,7 @@ from starlette.types import ASGIApp
 
 from core.imports.desk import Desk
 from core.service import Service
-from core.web import entries, handlers
+from core.web import entries, handlers, import_handlers
 from core.web.asking import service_of
 from core.web.door import Door
 from core.web.live import live
@@ -37,6 +37,7 @@ ROUTES: Final[dict[str, dict[str, Handler]]] = {
     "/api/ledger/verify": {"GET": handlers.get_verdict},
     # A key may hold a slash; the path arrives decoded.
     "/api/ledger/commands/{key:path}": {"GET": handlers.look_up},
+    **import_handlers.ROUTES,
     "/healthz": {"GET": handlers.health},
     **entries.ROUTES,
 }

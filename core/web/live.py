@@ -16,10 +16,12 @@ from sqlalchemy import Connection
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from core import frames
-from core.frames import MISSED_EVENTS_MAX, Happened
+from core.frames import MISSED_EVENTS_MAX
 from core.hub import Frame, Seat
 from core.journal import queries
 from core.journal.store import StoreError
+from core.ledger.events import decode
+from core.ledger.views import CommittedEvent, tell
 from core.service import Draining, NoSlot, ReadTooLong, Service
 from core.web.problems import Problem, respond
 from frontend.render import language
@@ -110,8 +112,10 @@ async def _missed(service: Service, after: int | None, head: int) -> list[Frame]
         service.finish(slot, status)
 
 
-def _events_after(after: int, connection: Connection) -> list[Happened]:
-    return [frames.happened(row) for row in queries.event_rows(connection, after, MISSED_EVENTS_MAX + 1)]
+def _events_after(after: int, connection: Connection) -> list[CommittedEvent]:
+    rows = queries.event_rows(connection, after, MISSED_EVENTS_MAX + 1)
+    # An event that this version can't read keeps a core from starting.
+    return [tell(event, row.seq) for row in rows if (event := decode(row.body)) is not None]
 
 
 async def _gone(websocket: WebSocket) -> None:

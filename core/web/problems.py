@@ -51,6 +51,14 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "account-not-found": ProblemKind(404),
     "transaction-not-found": ProblemKind(404),
     "command-not-found": ProblemKind(404, Outcome.NOT_DONE),
+    "import-not-found": ProblemKind(404),
+    "malformed-upload": ProblemKind(400),
+    "file-too-large": ProblemKind(413),
+    "file-unreadable": ProblemKind(422),
+    "import-committed": ProblemKind(409),
+    "import-mapping": ProblemKind(422),
+    "import-without-account": ProblemKind(422),
+    "import-format-unknown": ProblemKind(422),
     "method-not-allowed": ProblemKind(405),
     "body-too-large": ProblemKind(413),
     **{slug.value: ProblemKind(status_of(slug)) for slug in Slug},
@@ -70,7 +78,8 @@ class Problem:
     """One problem: its slug, the fields at fault, the values its sentence names.
 
     `outcome` overrides the table's where the place of the fault decides it (our own bug, before or after the
-    writer was asked); `headers` are added to the response.
+    writer was asked); `headers` are added to the response,
+    `extra` members to its body.
     """
 
     slug: str
@@ -78,6 +87,7 @@ class Problem:
     values: dict[str, Any] = field(default_factory=dict)
     outcome: Outcome | None = None
     headers: dict[str, str] = field(default_factory=dict)
+    extra: dict[str, Any] = field(default_factory=dict)
 
 
 class ProblemError(Exception):
@@ -113,7 +123,7 @@ def problem_json(problem: Problem, lang: Language, retry_after_s: int) -> dict[s
         ]
     if kind.again:
         body["retry_after"] = retry_after_s
-    return body
+    return {**body, **problem.extra}
 
 
 def respond(problem: Problem, lang: Language, retry_after_s: int) -> Response:

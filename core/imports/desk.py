@@ -1,0 +1,235 @@
+"""The desk: what a person may do with an import (give a file, look at it, choose, commit) and what comes of it.
+
+It knows the folder and who may change what in which state; it knows no protocol and no language. A wish to
+commit is on the disk before it is answered, and only the importer acts on it, now or in the next life.
+"""
+
+import asyncio
+import hashlib
+import time
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from typing import Final
+from uuid import UUID
+
+import msgspec
+
+from core.guarded.recorder import FlightRecorder
+from core.imports.folder import ImportFolder, Imports, is_import_id
+from core.imports.importer import Importer, Job
+from core.imports.looking import Choices, Looked, Looker, results
+from core.imports.reading.kept import ReadTable, open_table
+from core.imports.reading.mapping import faults_of
+from core.imports.reading.table import Unreadable
+from core.imports.records import Manifest, Progress, Survey
+from core.imports.states import State, Trigger, after
+from core.imports.troubles import Trouble, unreadable
+from core.service import Service
+
+UPLOADS_MAX: Final = 8
+LISTED_MAX: Final = 20
+NAME_CHARACTERS_MAX: Final = 255
+KEPT_FILE_LOST: Final = "kept-file-lost"
+DAY_NS: Final = 86_400 * 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """An import as it stands. `table` is None where its rows are lost; `replayed`: its key had made it before."""
+
+    manifest: Manifest
+    table: ReadTable | None
+    survey: Survey
+    progress: Progress
+    replayed: bool = False
+
+
+class Desk:
+    """All imports of one core. All methods on the loop's thread."""
+
+    def __init__(self, service: Service, recorder: FlightRecorder, data: Path) -> None:
+        """Prepare; the disk is not touched before `open`."""
+        self._service = service
+        self._imports = Imports(data)
+        self._looker = Looker(service)
+        self._importer = Importer(service, recorder)
+        self._uploads: set[str] = set()
+        self._interrupted: list[Manifest] = []
+        self._changing = asyncio.Lock()  # a wish is looked at and replaced in one go
+
+    async def open(self) -> None:
+        """Clear up, and see what a death has interrupted. Before anybody may ask for anything."""
+        await asyncio.to_thread(self._imports.clear_unfinished)
+        await self._tidy()
+        found = await asyncio.to_thread(self._imports.newest_first)
+        self._interrupted = [one for one in found if one.state is State.COMMITTING]
+
+    async def start(self) -> None:
+        """Go on with what was interrupted, and work from now on."""
+        for manifest in reversed(self._interrupted):
+            await self._go_on(manifest)
+        self._importer.start()
+
+    async def stop(self) -> None:
+        """End between two rows. Only after the service takes nothing new."""
+        await self._importer.stop()
+
+    def name(self, key: str | None) -> str:
+        """Return the id of the import that is made under this key of a request."""
+        if key is None:
+            return self._service.new_id()
+        digest = bytearray(hashlib.sha256(b"import\0" + key.encode()).digest()[:16])
+        digest[6], digest[8] = digest[6] & 0x0F | 0x80, digest[8] & 0x3F | 0x80  # the bits of a UUIDv8
+        return str(UUID(bytes=bytes(digest)))
+
+    async def begin(self, import_id: str) -> Path | Trouble:
+        """Return the file to write an upload into. Where it is one, give it to `end` when all is done."""
+        if self._service.draining:
+            return Trouble("leaving")
+        if import_id in self._uploads or len(self._uploads) >= UPLOADS_MAX:
+            return Trouble("busy")
+        self._uploads.add(import_id)
+        folder = await asyncio.to_thread(self._imports.begin, import_id)
+        return folder.file
+
+    async def end(self, import_id: str) -> None:
+        """Throw away what `take_in` has not kept."""
+        await asyncio.to_thread(self._imports.abandon, import_id)
+        self._uploads.discard(import_id)
+
+    async def take_in(
+        self, import_id: str, name: str, sha256: str, choices: Choices, password: str | None
+    ) -> Kept | Trouble:
+        """Read the file that was written and keep the import. `name` is what the client calls the file."""
+        before = await self.get(import_id)
+        if isinstance(before, Kept):
+            same = before.manifest.sha256 == sha256
+            return replace(before, replayed=True) if same else Trouble("key-reused")
+        folder = self._imports.unfinished(import_id)
+        name = name[:NAME_CHARACTERS_MAX]
+        table = await self._looker.read(folder, choices.encoding, password)
+        if isinstance(table, Trouble):
+            return table
+        size = folder.file.stat().st_size
+        made = Manifest(import_id, State.PREVIEW, name, size, sha256, time.time_ns(), choices.encoding)
+        looked = await self._looker.look(table, made, choices, anew=True)
+        if isinstance(looked, Trouble):
+            return looked
+        await asyncio.to_thread(folder.keep_survey, looked.survey)
+        await asyncio.to_thread(folder.keep_manifest, looked.manifest)
+        await asyncio.to_thread(self._imports.finish, import_id)
+        await self._tidy()
+        return await self.get(import_id)
+
+    async def get(self, import_id: str) -> Kept | Trouble:
+        """Return an import."""
+        folder = self._imports.open(import_id) if is_import_id(import_id) else None
+        manifest = await asyncio.to_thread(folder.manifest) if folder is not None else None
+        if folder is None or manifest is None:
+            return Trouble("import-not-found")
+        return await self._kept(folder, manifest)
+
+    async def newest(self) -> list[Kept]:
+        """Return the newest imports."""
+        found = await asyncio.to_thread(self._imports.newest_first)
+        return [await self._kept(self._imports.open(one.id), one) for one in found[:LISTED_MAX]]
+
+    async def preview(self, import_id: str, choices: Choices) -> Kept | Trouble:
+        """Look at the kept file again, with other choices."""
+        kept = await self.get(import_id)
+        if isinstance(kept, Trouble):
+            return kept
+        if after(kept.manifest.state, Trigger.READ_AGAIN) is None:
+            return Trouble("import-committed")
+        folder = self._imports.open(import_id)
+        anew = choices.encoding is not None and choices.encoding != kept.manifest.encoding
+        table = (
+            await self._looker.read(folder, choices.encoding, None)
+            if anew
+            else kept.table or unreadable(KEPT_FILE_LOST)
+        )
+        if isinstance(table, Trouble):
+            return table
+        manifest = msgspec.structs.replace(kept.manifest, encoding=choices.encoding or kept.manifest.encoding)
+        looked = await self._looker.look(table, manifest, choices, anew=anew)
+        return looked if isinstance(looked, Trouble) else await self._keep_look(folder, looked)
+
+    async def commit(self, import_id: str, choices: Choices, *, skip_duplicates: bool) -> Kept | Trouble:
+        """Wish that the rows are booked. Once this returns an import, they will be, whatever dies."""
+        async with self._changing:
+            kept = await self.get(import_id)
+            if isinstance(kept, Trouble):
+                return kept
+            wish = msgspec.structs.replace(
+                kept.manifest,
+                account=choices.account or kept.manifest.account,
+                mapping=choices.mapping or kept.manifest.mapping,
+                skip_duplicates=skip_duplicates,
+            )
+            trigger = Trigger.COMMIT if wish == kept.manifest else Trigger.COMMIT_OTHERWISE
+            state = after(kept.manifest.state, trigger)
+            if state is None:
+                return Trouble("import-committed")
+            if state is kept.manifest.state:
+                return kept
+            return await self._commit(kept, wish, state)
+
+    async def _commit(self, kept: Kept, wish: Manifest, state: State) -> Kept | Trouble:
+        if kept.table is None:
+            return unreadable(KEPT_FILE_LOST)
+        if wish.account is None:
+            return Trouble("import-without-account")
+        account = await self._looker.account(wish.account)
+        if isinstance(account, Trouble):
+            return account
+        faults = faults_of(wish.mapping, kept.table.columns)
+        if faults:
+            return Trouble("import-mapping", faults=faults)
+        wish = msgspec.structs.replace(wish, state=state, currency=account.currency)
+        folder = self._imports.open(wish.id)
+        await asyncio.to_thread(folder.keep_manifest, wish)
+        self._importer.add(_job(folder, wish, kept.table, Progress()))
+        return replace(kept, manifest=wish, progress=Progress())
+
+    async def _go_on(self, manifest: Manifest) -> None:
+        folder = self._imports.open(manifest.id)
+        table = await asyncio.to_thread(open_table, folder.rows)
+        if isinstance(table, ReadTable):
+            progress = await asyncio.to_thread(folder.progress)
+            self._importer.add(_job(folder, manifest, table, progress))
+            return
+        state = after(manifest.state, Trigger.BROKE)
+        assert state is not None, "what is being committed may break"
+        lost = msgspec.structs.replace(manifest, state=state, fault=KEPT_FILE_LOST)
+        await asyncio.to_thread(folder.keep_manifest, lost)
+
+    async def _keep_look(self, folder: ImportFolder, looked: Looked) -> Kept | Trouble:
+        async with self._changing:
+            now = await asyncio.to_thread(folder.manifest)
+            if now is None or after(now.state, Trigger.READ_AGAIN) is None:
+                return Trouble("import-committed")  # in another tab, while this one was looking
+            await asyncio.to_thread(folder.keep_survey, looked.survey)
+            await asyncio.to_thread(folder.keep_manifest, looked.manifest)
+            return await self._kept(folder, looked.manifest)
+
+    async def _kept(self, folder: ImportFolder, manifest: Manifest) -> Kept:
+        job = self._importer.job(manifest.id)
+        progress = job.progress if job is not None else await asyncio.to_thread(folder.progress)
+        table = await asyncio.to_thread(open_table, folder.rows)
+        found = await asyncio.to_thread(folder.survey)
+        return Kept(manifest, None if isinstance(table, Unreadable) else table, found, progress)
+
+    async def _tidy(self) -> None:
+        settings = self._service.settings
+        before_ns = time.time_ns() - settings.import_preview_days * DAY_NS
+        await asyncio.to_thread(
+            self._imports.tidy, before_ns, settings.imports_bytes_max, settings.imports_max
+        )
+
+
+def _job(folder: ImportFolder, manifest: Manifest, table: ReadTable, progress: Progress) -> Job:
+    """Return the work that is left: the rows after those that are known to be settled."""
+    # Parsed from the beginning all the same: which of several identical rows one is depends on those before it.
+    rows = islice(results(manifest, table), progress.done, None)
+    return Job(folder, manifest, table.head.row_count, rows, progress)

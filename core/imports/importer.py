@@ -1,0 +1,280 @@
+"""The importer: a component of its own that books the rows of committed imports, and goes on after a death.
+
+It is one task with its own beat on the recorder page, beside the requests and not among them: rows enter the
+ledger by the same door as everybody's commands, each with a slot, a key and the writer's line, and only a few
+at a time, so a person's request never waits behind a file. A row's key is the import's id and its place in the
+file; where a death leaves it unclear whether a row was booked, it is simply asked again. So the progress on the
+disk may lag, and no second bookkeeping of rows is needed. Several imports take turns, wave by wave.
+"""
+
+import asyncio
+import logging
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Final, TypeVar, assert_never
+
+import msgspec
+
+from core import frames
+from core.guarded.recorder import FlightRecorder
+from core.hub import Frame
+from core.imports import judging
+from core.imports.folder import ImportFolder
+from core.imports.reading.candidates import Candidate, Result, SkippedRow
+from core.imports.records import PROBLEMS_MAX, Manifest, Problem, Progress
+from core.imports.states import State, Trigger, after
+from core.journal.answers import (
+    Answer,
+    DecisionFailed,
+    Done,
+    KeyTaken,
+    KeyUnknown,
+    Leaving,
+    OutcomeUnknown,
+    Refused,
+    StoreBusy,
+    status_of,
+)
+from core.ledger.commands import accounts_of
+from core.ledger.entries import RecordEntry
+from core.ledger.reasons import Rejection, Slug
+from core.service import Draining, NoSlot, Service
+
+T = TypeVar("T")
+
+IN_FLIGHT_MAX: Final = 16  # of 256 slots: the rest is everybody else's
+READ_AHEAD_ROWS: Final = 256
+TELL_EVERY_NS: Final = 250_000_000
+AGAIN_AFTER_S: Final = 0.1
+BEAT_S: Final = 0.25  # while a wave is at the writer, which may wait a second for somebody's lock
+
+KIND: Final = "import.row"
+UNANSWERED: Final = 500
+BUSY: Final = 503
+
+FAILED_INSIDE: Final = "internal"
+
+logger = logging.getLogger("core.imports")
+
+
+class Booked:
+    """The row is in the ledger."""
+
+
+class Duplicate:
+    """The ledger knows the row already."""
+
+
+class Stopped:
+    """The core leaves: what became of the row the next one will find out."""
+
+
+Outcome = Booked | Duplicate | Problem | Stopped
+
+
+@dataclass(slots=True)
+class Job:
+    """One committed import. `rows` are those after the first `progress.done`, parsed as they are needed."""
+
+    folder: ImportFolder
+    manifest: Manifest
+    total: int
+    rows: Iterator[Result]
+    progress: Progress
+    ahead: deque[Result] = field(default_factory=deque)
+    told_ns: int = 0
+
+
+class Importer:
+    """The component. All methods on the loop's thread."""
+
+    def __init__(self, service: Service, recorder: FlightRecorder) -> None:
+        """Prepare. How far each import is, is told to the hub now and then and at every end."""
+        self._service = service
+        self._recorder = recorder
+        self._jobs: deque[Job] = deque()
+        self._wake = asyncio.Event()
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Work from now on."""
+        self._task = asyncio.create_task(self._run())
+
+    def add(self, job: Job) -> None:
+        """Take an import on."""
+        self._jobs.append(job)
+        self._wake.set()
+
+    def job(self, import_id: str) -> Job | None:
+        """Return an import that is being booked."""
+        return next((job for job in self._jobs if job.manifest.id == import_id), None)
+
+    async def stop(self) -> None:
+        """End between two waves; only after the service takes nothing new, so no wave goes on for long."""
+        assert self._task is not None, "what was not started can't be stopped"
+        self._wake.set()
+        await self._task
+
+    async def _run(self) -> None:
+        while not self._service.draining:
+            if not self._jobs:
+                self._recorder.importer_works(False)
+                self._wake.clear()
+                await self._wake.wait()
+                continue
+            self._recorder.importer_works(True)
+            await self._turn(self._jobs[0])
+            self._jobs.rotate(-1)
+        self._recorder.importer_works(False)
+
+    async def _turn(self, job: Job) -> None:
+        """Book one wave of one import. A bug of ours that one file brings to light stops that file alone."""
+        try:
+            state = await self._wave(job)
+        # Anything may arrive here, because any stranger's file may; the guard would take a dead task for a hang.
+        except Exception:
+            logger.exception("Import %s stopped at a mistake of our own", job.manifest.id)
+            job.manifest = msgspec.structs.replace(job.manifest, fault=FAILED_INSIDE)
+            state = after(State.COMMITTING, Trigger.BROKE)
+        if state is not None:
+            await self._end(job, state)
+
+    async def _wave(self, job: Job) -> State | None:
+        """Book the next rows; return the state in which the import ends, None while it goes on."""
+        self._beat()
+        if not job.ahead:
+            reading = asyncio.ensure_future(
+                asyncio.to_thread(lambda: list(islice(job.rows, READ_AHEAD_ROWS)))
+            )
+            some = await self._beating(reading)
+            job.ahead.extend(some)
+        wave = [job.ahead.popleft() for _ in range(min(IN_FLIGHT_MAX, len(job.ahead)))]
+        if not wave:
+            return after(State.COMMITTING, Trigger.LAST_ROW)
+        first = job.progress.done + 1
+        rows = (self._row(job.manifest, n, row) for n, row in enumerate(wave, first))
+        for outcome in await self._beating(asyncio.gather(*rows)):
+            if isinstance(outcome, Stopped):
+                await asyncio.sleep(AGAIN_AFTER_S)  # it leaves: the loop that asks has nothing more to do
+                break
+            job.progress = settle(job.progress, outcome)
+        await self._tell(job)
+        return None
+
+    async def _row(self, manifest: Manifest, ordinal: int, result: Result) -> Outcome | SkippedRow:
+        judged = judging.judge(result, manifest.currency)
+        if not isinstance(judged, Candidate):
+            return judged
+        entry_id = self._service.new_id()
+        command = judging.command_of(judged, ordinal, manifest, entry_id)
+        if isinstance(command, Rejection):
+            return refused(judged, command)
+        key = judging.key_of(manifest, ordinal)
+        # A stranger's lock on the store and a free slot come without an event to wait for.
+        while (outcome := await self._book(judged, command, key)) is None:  # noqa: ASYNC110
+            await asyncio.sleep(AGAIN_AFTER_S)
+        return outcome
+
+    async def _book(self, candidate: Candidate, command: RecordEntry, key: str) -> Outcome | None:
+        """Ask the ledger once; None where it could not be asked now."""
+        slot = self._service.begin(
+            KIND,
+            judging.payload_of(candidate),
+            key=key,
+            command_id=command.id,
+            transaction_id=command.id,
+            account_ids=accounts_of(command),
+        )
+        if isinstance(slot, Draining):
+            return Stopped()
+        if isinstance(slot, NoSlot):
+            return None
+        status = UNANSWERED
+        try:
+            answer = await self._service.carry_out(command, key, key.encode(), command.id, slot)
+            status, outcome = meaning_of(answer, candidate)
+        finally:
+            self._service.finish(slot, status)
+        return outcome
+
+    async def _tell(self, job: Job) -> None:
+        now_ns = time.monotonic_ns()
+        if now_ns - job.told_ns >= TELL_EVERY_NS:
+            job.told_ns = now_ns
+            await asyncio.to_thread(job.folder.keep_progress, job.progress)
+            self._service.hub.tell([frame_of(job)])
+
+    async def _end(self, job: Job, state: State) -> None:
+        job.manifest = msgspec.structs.replace(job.manifest, state=state)
+        await asyncio.to_thread(job.folder.keep_progress, job.progress)
+        await asyncio.to_thread(job.folder.keep_manifest, job.manifest)
+        self._jobs.remove(job)
+        self._service.hub.tell([frame_of(job)])
+
+    async def _beating(self, work: asyncio.Future[T]) -> T:
+        """Wait for work that others do, and beat meanwhile: to wait is not to be stuck."""
+        while not work.done():
+            await asyncio.wait({work}, timeout=BEAT_S)
+            self._beat()
+        return work.result()
+
+    def _beat(self) -> None:
+        self._recorder.beat_importer(time.monotonic_ns())
+
+
+def meaning_of(answer: Answer, candidate: Candidate) -> tuple[int, Outcome | None]:
+    """Return the status an answer has, and what it means for a row; None: ask again."""
+    match answer:
+        case Done(status=status):
+            return status, Booked()
+        case Refused(rejection):
+            return status_of(rejection.slug), refused(candidate, rejection)
+        case KeyTaken() | DecisionFailed():
+            logger.error("Line %d of an import can't be decided: %s", candidate.line, answer)
+            return UNANSWERED, Problem(candidate.line, FAILED_INSIDE, candidate.cells)
+        case StoreBusy():
+            return BUSY, None
+        case OutcomeUnknown() | Leaving():
+            return BUSY, Stopped()
+        case KeyUnknown():
+            raise AssertionError("only a look-up is told this")
+        case _:
+            assert_never(answer)
+
+
+def refused(candidate: Candidate, rejection: Rejection) -> Duplicate | Problem:
+    """Return what a refusal of the ledger means for a row."""
+    if rejection.slug is Slug.ALREADY_IMPORTED:
+        return Duplicate()
+    return Problem(candidate.line, rejection.slug.value, candidate.cells, dict(rejection.values))
+
+
+def frame_of(job: Job) -> Frame:
+    """Return what an open page is told of an import."""
+    wish, now = job.manifest, job.progress
+    return frames.progress(wish.id, wish.state.value, now.done, job.total, now.duplicates, now.refused)
+
+
+def settle(progress: Progress, outcome: Booked | Duplicate | Problem | SkippedRow) -> Progress:
+    """Return the progress with one more row settled."""
+    change = msgspec.structs.replace
+    more = change(progress, done=progress.done + 1)
+    match outcome:
+        case Booked():
+            return change(more, booked=more.booked + 1)
+        case Duplicate():
+            return change(more, duplicates=more.duplicates + 1)
+        case SkippedRow():
+            return change(more, skipped=more.skipped + 1)
+        case Problem():
+            kept = (*more.problems, outcome)[:PROBLEMS_MAX]
+            return change(more, refused=more.refused + 1, problems=kept)
+        case _:
+            assert_never(outcome)
+
+
+def _some(rows: Iterator[Result]) -> list[Result]:
+    return list(islice(rows, READ_AHEAD_ROWS))

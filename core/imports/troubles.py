@@ -1,0 +1,23 @@
+"""Troubles: the ways in which the desk says no, as values without a language."""
+
+from dataclasses import dataclass, field
+
+from core.imports.reading.mapping import MappingFault
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """A no: the slug of its problem and the values its sentence names.
+
+    `reason` says for a file why it gave no rows, `faults` for a mapping what is wrong with it.
+    """
+
+    slug: str
+    values: dict[str, str] = field(default_factory=dict)
+    reason: str | None = None
+    faults: tuple[MappingFault, ...] = ()
+
+
+def unreadable(reason: str, line: int | None = None) -> Trouble:
+    """The file gives no rows."""
+    return Trouble("file-unreadable", {} if line is None else {"line": str(line)}, reason)
