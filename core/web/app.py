@@ -22,7 +22,10 @@ from core.web.asking import service_of
 from core.web.door import Door
 from core.web.live import live
 from core.web.openapi import document
+from core.web.pages_answers import show_problem, wants_page
+from core.web.pages_table import PAGES
 from core.web.problems import Outcome, Problem, ProblemError, respond
+from core.web.same_origin import is_foreign
 from frontend.render import language
 
 Handler = Callable[[Request], Awaitable[Response]]
@@ -52,7 +55,8 @@ def make_app(service: Service, desk: Desk) -> ASGIApp:
     async def openapi(_: Request) -> Response:
         return Response(described, media_type="application/json")
 
-    routes = [Route(path, _by_method(table), methods=list(table)) for path, table in ROUTES.items()]
+    tables = {**ROUTES, **PAGES}
+    routes = [Route(path, _by_method(table), methods=list(table)) for path, table in tables.items()]
     routes.append(Route("/api/openapi.json", openapi, methods=["GET"]))
     app = Starlette(
         routes=[*routes, WebSocketRoute("/ws", live)],
@@ -71,12 +75,16 @@ def make_app(service: Service, desk: Desk) -> ASGIApp:
 
 def _by_method(table: dict[str, Handler]) -> Handler:
     async def dispatch(request: Request) -> Response:
+        if request.method not in _SAFE_METHODS and is_foreign(request.headers):
+            raise ProblemError(Problem("foreign-page"))
         return await table["GET" if request.method == "HEAD" else request.method](request)
 
     return dispatch
 
 
 def _respond(request: Request, problem: Problem) -> Response:
+    if wants_page(request):
+        return show_problem(request, problem)
     lang = language(request.headers.get("accept-language"))
     return respond(problem, lang, service_of(request).settings.retry_after_s)
 

@@ -1,0 +1,191 @@
+"""The ledger's own pages: what each shows, read from the book in one moment and drawn in the reader's language.
+
+The browser gets finished pages; its scripts only send forms without leaving, and ask for the same page again when
+the ledger says that something changed. A program in the browser that draws from the API was not chosen: the page
+must be readable at once, without scripts, and on the slowest phone in the house.
+"""
+
+import functools
+from types import MappingProxyType
+from typing import Final
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from core.ledger.accounts import AccountType, is_account_id
+from core.ledger.fields import is_date
+from core.web import pages_book
+from core.web.asking import read, service_of
+from core.web.pages_answers import reader_of, show
+from core.web.pages_book import EntryPicture
+from core.web.pages_forms import Drawn
+from core.web.problems import Problem, ProblemError
+from frontend.render import Language
+
+RECENT_MAX: Final = 8
+PAGE_LINES_MAX: Final = 50
+WORDS_CHARACTERS_MAX: Final = 200
+CURRENCIES: Final = ("KRW", "USD", "EUR", "JPY", "GBP", "CNY")
+HOME_CURRENCY: Final[MappingProxyType[Language, str]] = MappingProxyType({"ko": "KRW", "en": "USD"})
+TYPES: Final = (AccountType.ASSET, AccountType.LIABILITY, AccountType.EXPENSE, AccountType.INCOME)
+EMPTY_FORM: Final[MappingProxyType[str, str]] = MappingProxyType(
+    {
+        "kind": "out", "description": "", "amount": "", "account": "", "category": "", "date": "",
+        "name": "", "type": "asset", "currency": "",
+    }
+)  # fmt: skip
+PLAIN: Final = Drawn(EMPTY_FORM)
+
+
+async def overview(request: Request) -> Response:
+    """GET /."""
+    return await draw_new_entry(request, _fresh(request), 200, None)
+
+
+async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | None) -> Response:
+    """Return the overview with this state of its form."""
+    reader = reader_of(request)
+    seq = service_of(request).head_seq
+    month = _month(request) or reader.today.strftime("%Y-%m")
+    question = functools.partial(pages_book.overview, month=month, recent_max=RECENT_MAX)
+    seen = await read(request, "page.overview", question)
+    return show(
+        request,
+        "overview.html.j2",
+        "/",
+        status=status,
+        key=key,
+        seq=seq,
+        form=form,
+        accounts=seen.accounts,
+        open_accounts=seen.money_accounts,
+        categories=seen.categories,
+        summary=seen.summary,
+        spent=seen.spent,
+        recent=seen.recent,
+        currencies=CURRENCIES,
+        currency_here=HOME_CURRENCY[reader.lang],
+    )
+
+
+async def register(request: Request) -> Response:
+    """GET /register."""
+    asked = {name: request.query_params.get(name, "") for name in ("account", "q", "from", "to", "cursor")}
+    _refuse_strange(asked)
+    seq = service_of(request).head_seq
+    question = functools.partial(pages_book.register, asked=asked, limit=PAGE_LINES_MAX)
+    seen = await read(request, "page.register", question)
+    older = dict(asked, cursor=seen.next_cursor) if seen.next_cursor else None
+    return show(
+        request,
+        "register.html.j2",
+        "/register",
+        seq=seq,
+        asked={**asked, "any": any(asked.values())},
+        account=seen.account,
+        accounts=seen.accounts,
+        lines=seen.lines,
+        older=pages_book.register_link(older) if older else None,
+        newer=pages_book.register_link({**asked, "cursor": ""}) if asked["cursor"] else None,
+    )
+
+
+async def accounts(request: Request) -> Response:
+    """GET /accounts."""
+    return await draw_accounts(request, _fresh(request), 200, None)
+
+
+async def draw_accounts(request: Request, form: Drawn, status: int, key: str | None) -> Response:
+    """Return the page of accounts with this state of its form."""
+    seq = service_of(request).head_seq
+    groups = await read(request, "page.accounts", pages_book.account_groups)
+    return show(
+        request,
+        "accounts.html.j2",
+        "/accounts",
+        status=status,
+        key=key,
+        seq=seq,
+        form=form,
+        plain=PLAIN,
+        groups=groups,
+        types=[kind.value for kind in TYPES],
+        currencies=CURRENCIES,
+    )
+
+
+async def entry(request: Request) -> Response:
+    """GET /entries/{id}."""
+    seen = await entry_of(request)
+    return await draw_entry(request, seen, _as_form(seen), 200, None)
+
+
+async def entry_of(request: Request) -> EntryPicture:
+    """Return the entry that the path names and what its form needs, or end the request."""
+    entry_id: str = request.path_params["id"]
+    seen = await read(
+        request,
+        "page.entry",
+        functools.partial(pages_book.entry, entry_id=entry_id),
+        transaction_id=entry_id,
+    )
+    if seen is None:
+        raise ProblemError(Problem("not-found"))
+    return seen
+
+
+async def draw_entry(
+    request: Request, seen: EntryPicture, form: Drawn, status: int, key: str | None
+) -> Response:
+    """Return the page of an entry with this state of its form."""
+    return show(
+        request,
+        "entry.html.j2",
+        "/register",
+        status=status,
+        key=key,
+        form=form,
+        plain=PLAIN,
+        id=seen.entry.id,
+        entry=seen.entry,
+        action=f"/entries/{seen.entry.id}",
+        accounts=seen.accounts,
+        categories=seen.categories,
+    )
+
+
+def _fresh(request: Request) -> Drawn:
+    reader = reader_of(request)
+    return Drawn({**EMPTY_FORM, "date": reader.today.isoformat(), "currency": HOME_CURRENCY[reader.lang]})
+
+
+def _as_form(seen: EntryPicture) -> Drawn:
+    shown = seen.entry
+    return Drawn(
+        {
+            **EMPTY_FORM,
+            "kind": "out" if shown.amount.startswith("-") else "in",
+            "description": shown.description,
+            "amount": shown.amount.removeprefix("-"),
+            "account": shown.account,
+            "category": shown.category or "",
+            "date": shown.date,
+        }
+    )
+
+
+def _month(request: Request) -> str | None:
+    given = request.query_params.get("month", "")
+    if not given:
+        return None
+    if not is_date(f"{given}-01"):
+        raise ProblemError(Problem("not-found"))
+    return given
+
+
+def _refuse_strange(asked: dict[str, str]) -> None:
+    days_fit = all(not asked[name] or is_date(asked[name]) for name in ("from", "to"))
+    account_fits = not asked["account"] or is_account_id(asked["account"])
+    cursor_fits = not asked["cursor"] or pages_book.read_place(asked["cursor"]) is not None
+    if not (days_fit and account_fits and cursor_fits and len(asked["q"]) <= WORDS_CHARACTERS_MAX):
+        raise ProblemError(Problem("invalid-parameter"))

@@ -1,0 +1,188 @@
+"""What each page sees of the book: one function per page, all its questions inside one snapshot.
+
+The numbers of a page must agree with each other: a balance beside an entry that it does not hold yet would look
+like a fault. So a page asks once, on a reader's thread, and gets a picture; how it is drawn is the templates'.
+"""
+
+import calendar
+import datetime as dt
+import urllib.parse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from sqlalchemy import Connection
+
+from core.journal import queries
+from core.journal.register import (
+    HouseholdFilter,
+    Position,
+    get_entry,
+    list_entries,
+    list_register,
+    summary_of,
+)
+from core.ledger.accounts import Account, AccountType
+from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
+from core.ledger.money import format_amount
+from core.ledger.overview import CategoryTotal, RegisterLine, Summary, category_name
+from core.ledger.views import EntryView
+
+BARS_MAX: Final = 12
+_GROUPS: Final = (*MONEY_TYPES, *CATEGORY_TYPES, AccountType.EQUITY)
+# People read what they earned and what they began with as positive; inside, both are credits.
+_CREDITS: Final = frozenset({AccountType.INCOME, AccountType.EQUITY})
+
+
+@dataclass(frozen=True, slots=True)
+class ShownAccount:
+    """An account as pages show it: `balance` has the sign that people expect of this kind of account."""
+
+    id: str
+    name: str
+    type: str
+    currency: str
+    closed: bool
+    balance: str
+
+
+@dataclass(frozen=True, slots=True)
+class OverviewPicture:
+    """The overview. `accounts` is empty in a book that has none at all."""
+
+    accounts: Sequence[ShownAccount]
+    money_accounts: Sequence[ShownAccount]
+    categories: Sequence[str]
+    summary: Summary
+    spent: Sequence[CategoryTotal]
+    recent: Sequence[EntryView]
+
+
+@dataclass(frozen=True, slots=True)
+class RegisterPicture:
+    """One page of the register, of one account or of all."""
+
+    account: ShownAccount | None
+    accounts: Sequence[ShownAccount]
+    lines: Sequence[RegisterLine]
+    next_cursor: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class EntryPicture:
+    """An entry and what its form can choose from."""
+
+    entry: EntryView
+    accounts: Sequence[ShownAccount]
+    categories: Sequence[str]
+
+
+def overview(connection: Connection, month: str, recent_max: int) -> OverviewPicture:
+    """Return what the overview shows of a month (YYYY-MM)."""
+    accounts = _accounts(connection)
+    year, number = (int(part) for part in month.split("-"))
+    last_day = calendar.monthrange(year, number)[1]
+    summary = summary_of(connection, month, f"{month}-01", f"{month}-{last_day:02d}")
+    spent = [line for line in summary.categories if line.type == AccountType.EXPENSE.value]
+    return OverviewPicture(
+        accounts=[_shown(account) for account in accounts],
+        money_accounts=_money_accounts(accounts),
+        categories=_category_names(accounts),
+        summary=summary,
+        spent=spent[:BARS_MAX],
+        recent=list_entries(connection, HouseholdFilter(limit=recent_max)),
+    )
+
+
+def register(connection: Connection, asked: Mapping[str, str], limit: int) -> RegisterPicture:
+    """Return a page of the register; `asked` holds account, q, from, to and cursor, empty where not asked."""
+    accounts = _accounts(connection)
+    wanted = HouseholdFilter(
+        account=asked["account"] or None,
+        date_from=asked["from"] or None,
+        date_to=asked["to"] or None,
+        words=asked["q"] or None,
+        after=read_place(asked["cursor"]) if asked["cursor"] else None,
+        limit=limit + 1,
+    )
+    found = list_register(connection, wanted)
+    lines = found[:limit]
+    account = next((one for one in accounts if one.id == wanted.account), None)
+    return RegisterPicture(
+        account=_shown(account) if account else None,
+        accounts=_money_accounts(accounts),
+        lines=lines,
+        next_cursor=_place_of(lines[-1]) if len(found) > limit else None,
+    )
+
+
+def account_groups(connection: Connection) -> list[tuple[str, list[ShownAccount]]]:
+    """Return all accounts by their kind, open ones first; kinds that have none are left out."""
+    accounts = _accounts(connection)
+    groups = [(kind, [one for one in accounts if one.type is kind]) for kind in _GROUPS]
+    in_order = partial(sorted, key=lambda one: (one.closed, one.name.casefold()))
+    return [(kind.value, [_shown(one) for one in in_order(group)]) for kind, group in groups if group]
+
+
+def money_accounts(connection: Connection) -> list[ShownAccount]:
+    """Return the open accounts that money moves on."""
+    return _money_accounts(_accounts(connection))
+
+
+def entry(connection: Connection, entry_id: str) -> EntryPicture | None:
+    """Return an entry with what its form needs; None if none stands under this id."""
+    found = get_entry(connection, entry_id)
+    if found is None:
+        return None
+    accounts = _accounts(connection)
+    choices = _money_accounts(accounts)
+    # The account of an old entry may be closed by now; it stays what the form says until somebody changes it.
+    if all(one.id != found.account for one in choices):
+        choices += [_shown(one) for one in accounts if one.id == found.account]
+    return EntryPicture(found, choices, _category_names(accounts))
+
+
+def read_place(cursor: str) -> Position | None:
+    """Return the place in the register that a link of ours names, None for anything else."""
+    day, _, rest = cursor.partition("_")
+    numbers = rest.split("_")
+    if len(numbers) != 2 or not all(
+        part.isascii() and part.isdigit() and len(part) <= 18 for part in numbers
+    ):
+        return None
+    try:
+        dt.date.fromisoformat(day)
+    except ValueError:
+        return None
+    return Position(day, int(numbers[0]), int(numbers[1]))
+
+
+def register_link(asked: Mapping[str, str]) -> str:
+    """Return the address of a page of the register."""
+    return "/register?" + urllib.parse.urlencode({name: value for name, value in asked.items() if value})
+
+
+def _place_of(line: RegisterLine) -> str:
+    return f"{line.date}_{line.seq}_{line.line}"
+
+
+def _accounts(connection: Connection) -> list[Account]:
+    return queries.list_accounts(connection, None, queries.ACCOUNTS_MAX)
+
+
+def _money_accounts(accounts: Sequence[Account]) -> list[ShownAccount]:
+    return [_shown(one) for one in accounts if one.type in MONEY_TYPES and not one.closed]
+
+
+def _category_names(accounts: Sequence[Account]) -> list[str]:
+    named = (category_name(one) for one in accounts if one.type in CATEGORY_TYPES and not one.closed)
+    return sorted({name for name in named if name is not None}, key=str.casefold)
+
+
+def _shown(account: Account) -> ShownAccount:
+    posted = -account.posted if account.type in _CREDITS else account.posted
+    # The reserved account has a name for every language at once; pages say it in the reader's.
+    name = (category_name(account) if account.type in CATEGORY_TYPES else account.name) or ""
+    balance = format_amount(posted, account.currency)
+    return ShownAccount(account.id, name, account.type.value, account.currency, account.closed, balance)

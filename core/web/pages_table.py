@@ -1,0 +1,24 @@
+"""Which path of the household's pages is answered by what. The API has a table of its own, which is described."""
+
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from core.web import pages, pages_wishes, static
+
+Handler = Callable[[Request], Awaitable[Response]]
+
+PAGES: Final[dict[str, dict[str, Handler]]] = {
+    "/": {"GET": pages.overview},
+    "/register": {"GET": pages.register},
+    "/accounts": {"GET": pages.accounts, "POST": pages_wishes.add_account},
+    "/accounts/{id}/close": {"POST": pages_wishes.shut_account},
+    "/entries": {"POST": pages_wishes.write_entry},
+    "/entries/{id}": {"GET": pages.entry, "POST": pages_wishes.change_entry},
+    "/entries/{id}/delete": {"POST": pages_wishes.delete_entry},
+    "/start": {"POST": pages_wishes.start},
+    "/language": {"POST": pages_wishes.choose_language},
+    "/static/{folder}/{name}": {"GET": static.asset},
+}

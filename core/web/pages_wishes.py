@@ -1,0 +1,222 @@
+"""What the forms of the pages wish: an entry written, changed or deleted, an account opened or closed, a start.
+
+Each handler turns fields into a body of the API and that into a command, so a form can't wish anything that a
+program can't, and every rule is checked in one place. What is wrong comes back at its field, with everything
+that was typed still there.
+"""
+
+from collections.abc import Awaitable, Callable
+from typing import Any, Final
+
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+
+from core.ledger.accounts import AccountType, is_account_id
+from core.ledger.book import ids_for
+from core.ledger.commands import AccountBody, close_account, open_account
+from core.ledger.entries import EntryBody, record_entry, replace_entry, reverse_entry
+from core.ledger.money import is_currency
+from core.ledger.reasons import Fault, Slug
+from core.web import pages
+from core.web.asking import accepted, service_of
+from core.web.pages_answers import LANGUAGE_COOKIE, reader_of, show_problem
+from core.web.pages_forms import (
+    Drawn,
+    Form,
+    carry_out,
+    from_script,
+    go_on,
+    read_form,
+    refuse_script,
+    sentences,
+)
+from core.web.problems import Problem, ProblemError
+from frontend.amounts import read_amount
+from frontend.paper import LANGUAGES, page_text
+from frontend.render import Language, problem_text
+
+YEAR_S: Final = 365 * 24 * 3_600
+# What no amount can be: whatever was typed goes on to the ledger's own check, together with the other fields.
+NO_AMOUNT: Final = "?"
+
+#: The accounts of an empty start, by the name of their text.
+EXAMPLES: Final[tuple[tuple[str, AccountType], ...]] = (
+    ("example_cash", AccountType.ASSET),
+    ("example_bank", AccountType.ASSET),
+    ("example_card", AccountType.LIABILITY),
+    ("example_salary", AccountType.INCOME),
+    ("example_other_income", AccountType.INCOME),
+    ("example_food", AccountType.EXPENSE),
+    ("example_transport", AccountType.EXPENSE),
+    ("example_home", AccountType.EXPENSE),
+    ("example_phone", AccountType.EXPENSE),
+    ("example_health", AccountType.EXPENSE),
+    ("example_leisure", AccountType.EXPENSE),
+)
+
+Redraw = Callable[[Request, Drawn, int, str | None], Awaitable[Response]]
+
+
+async def write_entry(request: Request) -> Response:
+    """POST /entries."""
+    form = await read_form(request)
+
+    async def wish() -> Response:
+        command = accepted(record_entry(_entry_body(form), service_of(request).new_id()))
+        made = await carry_out(request, form, "entry.record", command)
+        return go_on(request, "/", "saved", id=made["id"])
+
+    return await _granted(request, form, wish, pages.draw_new_entry)
+
+
+async def change_entry(request: Request) -> Response:
+    """POST /entries/{id}."""
+    form = await read_form(request)
+    entry_id: str = request.path_params["id"]
+    before = await pages.entry_of(request)
+
+    async def wish() -> Response:
+        service = service_of(request)
+        # The form shows neither: what it does not show, it does not change.
+        body = _entry_body(form, payment_method=before.payment_method, tags=list(before.tags))
+        command = accepted(replace_entry(entry_id, body, service.new_id(), service.new_id()))
+        await carry_out(request, form, "entry.replace", command)
+        return go_on(request, "/register", "saved_change", id=entry_id)
+
+    async def redraw(request: Request, drawn: Drawn, status: int, key: str | None) -> Response:
+        return await pages.draw_entry(request, before, drawn, status, key)
+
+    return await _granted(request, form, wish, redraw)
+
+
+async def delete_entry(request: Request) -> Response:
+    """POST /entries/{id}/delete: a reversal; nothing leaves the record."""
+    form = await read_form(request)
+    entry_id: str = request.path_params["id"]
+
+    async def wish() -> Response:
+        command = reverse_entry(entry_id, service_of(request).new_id())
+        await carry_out(request, form, "entry.reverse", command)
+        return go_on(request, "/register", "deleted", id=entry_id)
+
+    return await _granted(request, form, wish, None)
+
+
+async def add_account(request: Request) -> Response:
+    """POST /accounts."""
+    form = await read_form(request)
+
+    async def wish() -> Response:
+        command = accepted(open_account(_account_body(form)))
+        made = await carry_out(request, form, "account.open", command)
+        return go_on(request, "/accounts", "account_added", id=made["id"])
+
+    return await _granted(request, form, wish, pages.draw_accounts)
+
+
+async def shut_account(request: Request) -> Response:
+    """POST /accounts/{id}/close."""
+    form = await read_form(request)
+    account_id: str = request.path_params["id"]
+    if not is_account_id(account_id):
+        raise ProblemError(Problem("not-found"))
+
+    async def wish() -> Response:
+        await carry_out(request, form, "account.close", close_account(account_id))
+        return go_on(request, "/accounts", "account_closed", id=account_id)
+
+    return await _granted(request, form, wish, None)
+
+
+async def start(request: Request) -> Response:
+    """POST /start: open the example accounts, each under a key of its own made from the form's."""
+    form = await read_form(request)
+    lang = reader_of(request).lang
+
+    async def wish() -> Response:
+        currency = form.text("currency").upper()
+        if not is_currency(currency):
+            raise ProblemError(Problem("invalid-parameter"))
+        for number, (text, kind) in enumerate(EXAMPLES):
+            await _open_example(request, form, f":{number}", page_text(text, lang), kind, currency)
+        return go_on(request, "/", "account_added")
+
+    return await _granted(request, form, wish, None)
+
+
+async def choose_language(request: Request) -> Response:
+    """POST /language: keep the reader's choice in a cookie and go back to where it was made."""
+    form = await read_form(request)
+    back = form.text("back")
+    # A path of this server and nothing else: "//elsewhere" and "/\elsewhere" would leave it.
+    own = (
+        back.startswith("/") and not back.startswith(("//", "/\\")) and back.isprintable() and back.isascii()
+    )
+    response = RedirectResponse(back if own else "/", 303, {"Cache-Control": "no-store"})
+    chosen: Language | None = next((lang for lang in LANGUAGES if lang == form.text("lang")), None)
+    if chosen is not None:
+        response.set_cookie(LANGUAGE_COOKIE, chosen, max_age=YEAR_S, path="/", samesite="lax")
+    return response
+
+
+async def _open_example(
+    request: Request, form: Form, part: str, name: str, kind: AccountType, currency: str
+) -> None:
+    body = AccountBody(ids_for(name, kind, currency)[0], name, kind.value, currency)
+    try:
+        await carry_out(request, form, "account.open", accepted(open_account(body)), part)
+    except ProblemError as error:
+        # Pressed twice, or half done before: what is there already is what was wished.
+        if error.problem.slug != Slug.ACCOUNT_EXISTS:
+            raise
+
+
+async def _granted(
+    request: Request, form: Form, wish: Callable[[], Awaitable[Response]], redraw: Redraw | None
+) -> Response:
+    """Return what the wish gives, or its no: to a script as JSON, else as the form with its faults."""
+    try:
+        return await wish()
+    except ProblemError as error:
+        problem = _at_its_field(error.problem)
+        if from_script(request):
+            return refuse_script(request, problem)
+        response = show_problem(request, problem)
+        if redraw is None:
+            return response
+        lang = reader_of(request).lang
+        _title, detail = problem_text(problem.slug, lang, **problem.values)
+        faults = sentences(request, problem.faults)
+        drawn = Drawn({**pages.EMPTY_FORM, **form.fields}, faults, "" if faults else detail, wrong=True)
+        unanswered = response.status_code >= 500
+        drawn_page = await redraw(request, drawn, response.status_code, form.key if unanswered else None)
+        for name in ("retry-after", "x-core-draining"):
+            if name in response.headers:
+                drawn_page.headers[name] = response.headers[name]
+        return drawn_page
+
+
+def _at_its_field(problem: Problem) -> Problem:
+    # People give names; the id is ours, made of the name.
+    faults = tuple(
+        Fault("/name", fault.reason) if fault.pointer == "/id" else fault for fault in problem.faults
+    )
+    return Problem(problem.slug, faults, problem.values, problem.outcome, problem.headers)
+
+
+def _entry_body(form: Form, **kept: Any) -> EntryBody:
+    amount = read_amount(form.text("amount")) or NO_AMOUNT
+    return EntryBody(
+        date=form.text("date"),
+        amount=amount if form.text("kind") == "in" else f"-{amount}",
+        account=form.text("account") or None,
+        category=form.text("category") or None,
+        description=form.text("description"),
+        **kept,
+    )
+
+
+def _account_body(form: Form) -> AccountBody:
+    name, kind, currency = form.text("name"), form.text("type"), form.text("currency").upper()
+    known = next((one for one in AccountType if one.value == kind), AccountType.ASSET)
+    return AccountBody(ids_for(name, known, currency)[0], name, kind, currency)

@@ -1,0 +1,79 @@
+"""Paper: templates, texts and numbers become one page in one language.
+
+Every value that a template prints is escaped, a name that it does not get is an error and no empty string, and all
+words come from the catalogue. A template sees plain values and a handful of functions (`t`, `money`, `day`,
+`asset`); it can ask nothing of the ledger. No macro library and no inheritance deeper than one: a page should be
+readable beside what it draws.
+"""
+
+import datetime as dt
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from frontend.amounts import show_amount
+from frontend.assets import assets
+from frontend.catalogue_pages import TEXTS
+from frontend.days import month_beside, show_day, show_month
+from frontend.render import Language, language
+
+_TEMPLATES: Final = Path(__file__).parent.parent / "templates"
+LANGUAGES: Final[tuple[Language, ...]] = ("ko", "en")
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """Who reads: the language, the day it is for the household, and the path the page stands on."""
+
+    lang: Language
+    today: dt.date
+    path: str
+
+
+def page_text(name: str, lang: Language, **values: object) -> str:
+    """Return a text of the pages. A name or a value that is missing is our own bug."""
+    return TEXTS[name][lang].format_map(values)
+
+
+def reader_language(cookie: str | None, accept_language: str | None) -> Language:
+    """Return the language of a page: what the reader chose here, else what the browser asks for."""
+    return next((lang for lang in LANGUAGES if lang == cookie), None) or language(accept_language)
+
+
+def draw(template: str, reader: Reader, **values: Any) -> str:
+    """Return a page as HTML."""
+    lang = reader.lang
+    return (
+        _environment()
+        .get_template(template)
+        .render(
+            **values,
+            reader=reader,
+            lang=lang,
+            t=lambda name, **named: page_text(name, lang, **named),
+            money=functools.partial(_money, lang),
+            day=lambda text: show_day(text, lang, reader.today),
+            month=lambda text: show_month(text, lang),
+        )
+    )
+
+
+def _money(lang: Language, amount: str, currency: str, *, signed: bool = False) -> str:
+    return show_amount(amount, currency, lang, signed=signed)
+
+
+@functools.cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(_TEMPLATES),
+        autoescape=True,  # whatever a file is called: all of them become HTML
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        auto_reload=False,
+    )
+    environment.globals.update(asset=assets().path, month_beside=month_beside, languages=LANGUAGES)
+    return environment

@@ -1,0 +1,104 @@
+// Forms that are sent without leaving the page. The form stays an ordinary form: the same fields go to the same
+// address, the server checks them once, and without this script the browser posts it by itself. The script adds
+// that the wish waits out a restart, that faults appear at their fields, and that the typed text is never lost.
+
+import { redraw } from "./redraw.js";
+import { newKey, send } from "./send.js";
+import { say } from "./words.js";
+
+/** Take over every form that says so, also those that are drawn later. */
+export function watchForms() {
+  document.addEventListener("submit", (event) => {
+    const form = event.target;
+    if (!form.matches("form[data-send]")) return;
+    event.preventDefault();
+    void submit(form);
+  });
+}
+
+/** Tell a sentence below a form. `kind` is "", "good" or "wrong". */
+export function tell(form, sentence, kind = "") {
+  const said = form.querySelector("[data-said]");
+  said.textContent = sentence;
+  said.className = `said ${kind}`;
+}
+
+async function submit(form) {
+  if (form.dataset.busy) return;
+  const field = form.elements._idempotency_key;
+  const sent = fieldsOf(form);
+  busy(form, true);
+  clearFaults(form);
+  tell(form, say("sending"));
+  const answer = await send(form.action, {
+    body: sent,
+    type: "application/x-www-form-urlencoded",
+    key: field.value,
+    onWaiting: () => tell(form, say("waiting")),
+  });
+  busy(form, false);
+  if (answer === null) return tell(form, say("unanswered"), "wrong"); // the key stays: pressing again asks the same
+  if (answer.status >= 200 && answer.status < 300) return saved(form, field, sent, answer.body);
+  refused(form, field, answer);
+}
+
+function saved(form, field, sent, body) {
+  const unchanged = fieldsOf(form) === sent;
+  field.value = newKey();
+  form.dispatchEvent(new CustomEvent("hc:sent", { bubbles: true }));
+  if (form.dataset.send === "go") {
+    location.assign(body.location);
+    return;
+  }
+  // What was typed while the wish was on its way is the next one, and stays.
+  if (unchanged) empty(form);
+  form.closest("details")?.removeAttribute("open");
+  tell(form, body.said, "good");
+  void redraw();
+}
+
+function refused(form, field, { status, body }) {
+  // A refusal is remembered under its key; what is corrected is another wish. A fault of the server's own is not an
+  // answer to the wish: its key stays, so that pressing again can't book it twice.
+  if (status < 500) field.value = newKey();
+  const faults = body.faults ?? {};
+  let first = null;
+  for (const [name, sentence] of Object.entries(faults)) {
+    const input = form.elements[name];
+    const place = form.querySelector(`[data-fault="${CSS.escape(name)}"]`);
+    if (!input || !place) continue;
+    place.textContent = sentence;
+    input.setAttribute("aria-invalid", "true");
+    first ??= input;
+  }
+  tell(form, first ? "" : (body.detail ?? say("unsaid")), "wrong");
+  first?.focus();
+}
+
+function fieldsOf(form) {
+  const data = new FormData(form);
+  data.delete("_idempotency_key"); // it goes in the header
+  return new URLSearchParams(data).toString();
+}
+
+function empty(form) {
+  const stays = new Set(["kind", "account", "date", "type", "currency"]);
+  let first = null;
+  for (const input of form.elements) {
+    if (!input.name || input.type === "hidden" || stays.has(input.name)) continue;
+    input.value = "";
+    first ??= input;
+  }
+  if (form.contains(document.activeElement)) first?.focus();
+}
+
+function clearFaults(form) {
+  for (const place of form.querySelectorAll("[data-fault]")) place.textContent = "";
+  for (const input of form.querySelectorAll("[aria-invalid]")) input.removeAttribute("aria-invalid");
+}
+
+function busy(form, is) {
+  if (is) form.dataset.busy = "1";
+  else delete form.dataset.busy;
+  form.querySelector("button:not([type=button])")?.setAttribute("aria-disabled", String(is));
+}

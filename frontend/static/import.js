@@ -1,0 +1,191 @@
+// The way of a bank's file: chosen, read, looked at, booked. Each step asks the import's own API and then lets the
+// server draw the page again. A file that could not be sent is still in its field and is sent again with the same
+// key; a booking that has begun goes on in the server, whatever happens to this page.
+
+import { tell } from "./forms.js";
+import { redraw } from "./redraw.js";
+import { newKey, send } from "./send.js";
+import { say } from "./words.js";
+
+const API = "/api/ledger/imports";
+const POLL_MS = 2000;
+
+const upload = document.querySelector("[data-upload]");
+const made = document.querySelector("[data-import]");
+if (upload) watchUpload(upload);
+if (made) watchImport(made);
+
+/* Choosing */
+
+function watchUpload(form) {
+  const drop = form.querySelector("[data-drop]");
+  const file = form.elements.file;
+  file.addEventListener("change", () => chosen(form));
+  for (const event of ["dragover", "dragleave", "drop"]) {
+    drop.addEventListener(event, (happened) => {
+      happened.preventDefault();
+      drop.classList.toggle("over", event === "dragover");
+    });
+  }
+  drop.addEventListener("drop", (event) => {
+    if (!event.dataTransfer.files.length) return;
+    file.files = event.dataTransfer.files;
+    chosen(form);
+  });
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    void read(form);
+  });
+}
+
+function chosen(form) {
+  form.querySelector("[data-file-name]").textContent = form.elements.file.files[0]?.name ?? say("import_drop");
+  form.elements._idempotency_key.value = newKey();
+  lock(form, false);
+  tell(form, "");
+}
+
+function lock(form, locked) {
+  form.querySelector("[data-locked]").hidden = !locked;
+  form.elements.password.disabled = !locked;
+  if (!locked) form.elements.password.value = "";
+}
+
+async function read(form) {
+  if (form.dataset.busy) return;
+  if (!form.elements.file.files.length) return tell(form, say("import_file_first"), "wrong");
+  const body = new FormData(form);
+  body.delete("_idempotency_key");
+  const answer = await held(form, say("import_reading"), (options) => send(API, { body, ...options }));
+  if (answer === null) return;
+  if (answer.status === 201) return location.assign(`/import/${encodeURIComponent(answer.body.id)}`);
+  form.elements._idempotency_key.value = newKey();
+  const slug = (answer.body.type ?? "").split("/").pop();
+  const locked = slug === "locked" || slug === "wrong-password";
+  if (locked) lock(form, true);
+  tell(form, slug === "locked" ? say("import_password_needed") : sentenceOf(answer), "wrong");
+  if (locked) form.elements.password.select();
+}
+
+/* Looking at it, and booking it */
+
+function watchImport(page) {
+  const api = `${API}/${encodeURIComponent(page.dataset.import)}`;
+  page.addEventListener("change", (event) => void changed(api, event.target));
+  page.addEventListener("click", (event) => {
+    if (event.target.closest("[data-make-account]")) void makeAccount(api, event.target.closest("form"));
+  });
+  page.addEventListener("submit", (event) => {
+    event.preventDefault();
+    if (event.target.matches("[data-commit]")) void commit(api, event.target);
+  });
+  document.addEventListener("ledger:import", ({ detail }) => {
+    if (detail.id === page.dataset.import) progress(page, detail);
+  });
+  // The socket tells it first; this is for a browser whose socket does not come through.
+  setInterval(() => {
+    if (!document.hidden && stateOf(page) === "committing") void look(api, page);
+  }, POLL_MS);
+}
+
+function changed(api, field) {
+  const form = field.form;
+  if (!form?.matches("[data-how]") || field.name.startsWith("new_")) return undefined;
+  form.querySelector("[data-new-account]").hidden = form.elements.account.value !== "+";
+  if (field.name === "account" && field.value === "+") return form.elements.new_name.focus();
+  if ("role" in field.dataset) {
+    form.elements.format.value = ""; // columns chosen by hand are nobody's format
+    return preview(api, form, { mapping: mappingOf(form) });
+  }
+  if (field.name === "format" && !field.value) return preview(api, form, { mapping: mappingOf(form) });
+  return preview(api, form, { [field.name]: field.value || null });
+}
+
+function mappingOf(form) {
+  const mapping = {};
+  for (const select of form.querySelectorAll("[data-role]")) mapping[select.name] = select.value || null;
+  return mapping;
+}
+
+async function preview(api, form, wish) {
+  const body = JSON.stringify(wish);
+  const answer = await held(form, say("import_reading"), (options) => send(`${api}/preview`, { body, type: "application/json", ...options }));
+  if (answer === null) return;
+  if (answer.status >= 300) return tell(form, sentenceOf(answer), "wrong");
+  await drawn();
+}
+
+async function makeAccount(api, form) {
+  const body = new URLSearchParams({
+    name: form.elements.new_name.value,
+    type: form.elements.new_type.value,
+    currency: form.elements.new_currency.value,
+  }).toString();
+  const type = "application/x-www-form-urlencoded";
+  const answer = await held(form, say("sending"), (options) => send("/accounts", { body, type, ...options }));
+  if (answer === null) return;
+  if (answer.status >= 300) return tell(form, Object.values(answer.body.faults ?? {})[0] ?? sentenceOf(answer), "wrong");
+  await preview(api, form, { account: answer.body.id });
+}
+
+async function commit(api, form) {
+  const how = document.querySelector("[data-how]");
+  const body = JSON.stringify({ account: how.elements.account.value, skip_duplicates: !form.elements.again?.checked });
+  const answer = await held(form, say("sending"), (options) => send(`${api}/commit`, { body, type: "application/json", ...options }));
+  if (answer === null) return;
+  if (answer.status >= 300) {
+    form.elements._idempotency_key.value = newKey();
+    return tell(form, sentenceOf(answer), "wrong");
+  }
+  await drawn();
+}
+
+function progress(page, { state, done, total }) {
+  const bar = page.querySelector("#import-bar");
+  if (!bar || state !== "committing") {
+    if (stateOf(page) !== state) void drawn();
+    return;
+  }
+  bar.max = total || 1;
+  bar.value = done;
+  page.querySelector("#import-much").textContent = say("import_progress", { done, total });
+}
+
+async function look(api, page) {
+  try {
+    const response = await fetch(api, { headers: { Accept: "application/json" }, cache: "no-store" });
+    if (response.ok) progress(page, await response.json());
+  } catch {
+    // No server at the moment; the next look, or the socket, will tell.
+  }
+}
+
+/* What all steps share */
+
+function stateOf(page) {
+  return page.querySelector("#import-body").dataset.state;
+}
+
+/** Send with the form's key while its button rests; null where no answer came (the key stays). */
+async function held(form, sentence, sending) {
+  if (form.dataset.busy) return null;
+  form.dataset.busy = "1";
+  tell(form, sentence);
+  const key = form.elements._idempotency_key?.value ?? newKey();
+  const answer = await sending({ key, onWaiting: () => tell(form, say("waiting")) });
+  delete form.dataset.busy;
+  tell(form, answer === null ? say("unanswered") : "", answer === null ? "wrong" : "");
+  return answer;
+}
+
+/** Draw the page anew, also the field that was just used; the focus returns to it. */
+async function drawn() {
+  const focused = document.activeElement?.id;
+  document.activeElement?.blur();
+  await redraw();
+  if (focused) document.getElementById(focused)?.focus();
+}
+
+function sentenceOf({ body }) {
+  return body.sentence ?? body.detail ?? body.title ?? say("unsaid");
+}
