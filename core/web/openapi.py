@@ -22,6 +22,12 @@ from core.ledger.views import (
     EventView,
     TransactionView,
 )
+from core.web.openapi_imports import (
+    IMPORT_PROBLEM_MEMBERS,
+    IMPORT_SHAPES,
+    MAPPING_REASONS,
+    import_paths,
+)
 from core.web.problems import PROBLEM_JSON, PROBLEM_KINDS, Outcome
 
 API_VERSION: Final = "1.0.0"
@@ -53,6 +59,7 @@ _PROBLEM: Final[dict[str, Any]] = {
         "detail": {"type": "string", "description": "In Korean or English, by Accept-Language."},
         "outcome": {"type": "string", "enum": [outcome.value for outcome in Outcome]},
         "retry_after": {"type": "integer", "description": "Seconds."},
+        **IMPORT_PROBLEM_MEMBERS,
         "errors": {
             "type": "array",
             "items": {
@@ -63,7 +70,10 @@ _PROBLEM: Final[dict[str, Any]] = {
                         "type": "string",
                         "description": "JSON pointer into the body, or `?name` for a parameter.",
                     },
-                    "reason": {"type": "string", "enum": [reason.value for reason in Reason]},
+                    "reason": {
+                        "type": "string",
+                        "enum": [*(reason.value for reason in Reason), *MAPPING_REASONS],
+                    },
                 },
             },
         },
@@ -104,7 +114,7 @@ _KEY: Final[dict[str, Any]] = {
 
 def document() -> bytes:
     """Return the description as JSON."""
-    _, shapes = msgspec.json.schema_components(_SHAPES, ref_template="#/components/schemas/{name}")
+    _, shapes = msgspec.json.schema_components((*_SHAPES, *IMPORT_SHAPES), ref_template="#/components/schemas/{name}")
     described = {
         "openapi": "3.1.0",
         "info": {
@@ -204,6 +214,7 @@ def _paths() -> dict[str, Any]:
         "/api/ledger/commands/{key}": {
             "get": _get("What became of a key (404: not done)", _ref("LookUp"), _path("key")),
         },
+        **import_paths(_KEY),
         "/api/openapi.json": {"get": _get("This description", {"type": "object"})},
         "/healthz": {"get": _get("Epoch and last sequence, without asking the store", _ref("Health"))},
     }
