@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Connection, and_, func, literal_column, or_, select, tuple_
+from sqlalchemy import ColumnElement, Connection, and_, func, or_, select, tuple_, union_all
 
 from core.journal import schema
 from core.journal.shelf import account_of
 from core.ledger.events import Booking, EntryPosted, decode
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
-from core.ledger.money import parse_amount
+from core.ledger.money import amount_fault, parse_amount
 from core.ledger.overview import (
     CategoryView,
     RegisterLine,
@@ -70,12 +70,9 @@ def list_entries(connection: Connection, wanted: HouseholdFilter) -> list[EntryV
         query = query.where(or_(entry.account_id == wanted.account, entry.category_id == wanted.account))
     query = _within(query, entry.date, wanted)
     if wanted.words is not None:
-        codes = _currencies(connection)
-        query = query.join(schema.booking, schema.booking.c.seq == entry.seq)
-        query = query.join(_CATEGORY, _CATEGORY.c.id == entry.category_id)
-        money = schema.posting
-        query = query.join(money, and_(money.c.seq == entry.seq, money.c.line == 0))
-        query = query.where(_matches(wanted.words, codes, money.c.amount))
+        money = schema.posting.c
+        query = query.join(schema.posting, and_(money.seq == entry.seq, money.line == 0))
+        query = query.where(_matches(connection, wanted.words))
     if wanted.after is not None:
         here = (wanted.after.date, wanted.after.seq)
         query = query.where(tuple_(entry.date, entry.seq) < here)
@@ -92,20 +89,15 @@ def list_register(connection: Connection, wanted: HouseholdFilter) -> list[Regis
         query = query.where(schema.account.c.type.in_([kind.value for kind in MONEY_TYPES]))
     query = _within(query, posting.date, wanted)
     if wanted.words is not None:
-        codes = _currencies(connection)
-        query = query.join(schema.booking, schema.booking.c.seq == posting.seq)
-        query = query.outerjoin(schema.entry, schema.entry.c.seq == posting.seq)
-        query = query.outerjoin(_CATEGORY, _CATEGORY.c.id == schema.entry.c.category_id)
-        query = query.where(_matches(wanted.words, codes, posting.amount))
+        query = query.where(_matches(connection, wanted.words))
     if wanted.after is not None:
         query = query.where(_place() < (wanted.after.date, wanted.after.seq, wanted.after.line))
     rows = connection.execute(query).all()
     balances = _balances(connection, rows, has_gaps=wanted.words is not None)
+    events = _bookings(connection, [row.seq for row in rows])
     return [
-        view_line(
-            StandingLine(row.seq, row.line, _booking(row), account_of(row), row.amount, balances[index])
-        )
-        for index, row in enumerate(rows)
+        view_line(StandingLine(row.seq, row.line, events[row.seq], account_of(row), row.amount, balance))
+        for row, balance in zip(rows, balances, strict=True)
     ]
 
 
@@ -195,16 +187,24 @@ def _within(query: Any, date: Any, wanted: HouseholdFilter) -> Any:
     return query
 
 
-def _matches(words: str, codes: Sequence[str], amount: Any) -> Any:
+def _matches(connection: Connection, words: str) -> Any:
     """Say what is looked for: words in the description or the category, or exactly this amount, either sign."""
-    found = [
-        schema.booking.c.description.icontains(words, autoescape=True),
-        _CATEGORY.c.name.icontains(words, autoescape=True),
+    booking, entry, account = schema.booking.c, schema.entry.c, _CATEGORY.c
+    categories = select(account.id).where(account.name.icontains(words, autoescape=True))
+    found: list[ColumnElement[bool]] = [
+        schema.posting.c.seq.in_(
+            union_all(
+                select(booking.seq).where(booking.description.icontains(words, autoescape=True)),
+                select(entry.seq).where(entry.category_id.in_(categories)),
+            )
+        )
     ]
-    for code in codes:
-        minor = parse_amount(words.replace(",", "").strip().lstrip("+-"), code)
+    number = words.replace(",", "").strip().lstrip("+-")
+    for code in _currencies(connection) if amount_fault(number) is None else ():
+        minor = parse_amount(number, code)
         if isinstance(minor, int):
-            found.append(and_(schema.account.c.currency == code, amount.in_([minor, -minor])))
+            fits = schema.posting.c.amount.in_([minor, -minor])
+            found.append(and_(schema.account.c.currency == code, fits))
     return or_(*found)
 
 
@@ -212,10 +212,15 @@ def _currencies(connection: Connection) -> list[str]:
     return list(connection.execute(select(schema.account.c.currency).distinct()).scalars())
 
 
-def _booking(row: Any) -> Booking:
-    event = decode(row.body)
-    assert isinstance(event, Booking), f"event {row.seq} is listed as a booking and is none"
-    return event
+def _bookings(connection: Connection, seqs: Sequence[int]) -> dict[int, Booking]:
+    """Return these events, read apart: to find a line must not cost the reading of its event."""
+    query = select(schema.event.c.seq, schema.event.c.body).where(schema.event.c.seq.in_(seqs))
+    bookings: dict[int, Booking] = {}
+    for row in connection.execute(query):
+        event = decode(row.body)
+        assert isinstance(event, Booking), f"event {row.seq} is listed as a booking and is none"
+        bookings[row.seq] = event
+    return bookings
 
 
 def _entry(row: Any) -> EntryView:
@@ -236,8 +241,7 @@ def _entries_query() -> Any:
 
 
 _CATEGORY: Final = schema.account.alias("category")
-# Written out, because a value that is bound would not let the store use the index of what stands.
-_STANDS: Final = schema.posting.c.standing == literal_column("1")
+_STANDS: Final = schema.posting.c.standing == 1
 _HALVES: Final = (
     func.sum(schema.posting.c.amount.op(">>")(_LOW_BITS)).label("high"),
     func.sum(schema.posting.c.amount.op("&")(_LOW_MASK)).label("low"),
@@ -249,10 +253,8 @@ _LINES: Final = (
         schema.posting.c.date,
         schema.posting.c.amount,
         schema.account,
-        schema.event.c.body,
     )
     .select_from(schema.posting)
     .join(schema.account, schema.account.c.id == schema.posting.c.account_id)
-    .join(schema.event, schema.event.c.seq == schema.posting.c.seq)
     .where(_STANDS)
 )

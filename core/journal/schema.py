@@ -28,7 +28,6 @@ from sqlalchemy import (
     Text,
     insert,
     select,
-    text,
     update,
 )
 
@@ -115,10 +114,9 @@ posting: Final = Table(
     Column("date", Text, nullable=False, server_default=""),  # of its booking; a default for the step from 2
     Column("standing", Integer, CheckConstraint("standing IN (0, 1)"), nullable=False, server_default="1"),
     Index("posting_by_account", "account_id", "seq"),
-    # Everything a balance at some day needs, so that adding up reads the index alone.
-    Index(
-        "posting_standing", "account_id", "date", "seq", "line", "amount", sqlite_where=text("standing = 1")
-    ),
+    # Both hold all that a register or a sum asks of a posting, so neither reads the table itself.
+    Index("posting_standing", "account_id", "standing", "date", "seq", "line", "amount"),
+    Index("posting_by_day", "standing", "date", "seq", "line", "account_id", "amount"),
     sqlite_strict=True,
     sqlite_with_rowid=False,
 )
@@ -163,7 +161,8 @@ origin: Final = Table(
     sqlite_strict=True,
 )
 
-_OF_VERSION_3: Final = (account_name, entry, reversal, origin)
+_TABLES_OF_VERSION_3: Final = (account_name, entry, reversal, origin)
+_INDEXES_OF_VERSION_3: Final = frozenset({"posting_standing", "posting_by_day"})
 
 _TRIGGERS: Final = (
     """CREATE TRIGGER event_is_never_changed BEFORE UPDATE ON event
@@ -220,9 +219,9 @@ def _from_2_to_3(connection: Connection) -> None:
         "UPDATE posting SET date = (SELECT date FROM booking WHERE booking.seq = posting.seq)",
     ):
         connection.exec_driver_sql(change).close()
-    metadata.create_all(connection, tables=_OF_VERSION_3, checkfirst=False)
+    metadata.create_all(connection, tables=_TABLES_OF_VERSION_3, checkfirst=False)
     for index in posting.indexes:
-        if index.name == "posting_standing":
+        if index.name in _INDEXES_OF_VERSION_3:
             index.create(connection)
     for trigger in _TRIGGERS_OF_VERSION_3:
         connection.exec_driver_sql(trigger).close()
