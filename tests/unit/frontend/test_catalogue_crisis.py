@@ -1,0 +1,64 @@
+"""What a browser says in a crisis: complete in both languages, and no claim without the fact it stands on."""
+
+import re
+from typing import Final
+
+import pytest
+
+from frontend.catalogue_crisis import CRISIS, FACTS, LANGUAGES, words
+from hardcore.model.phases import Phase
+
+_VALUE: Final = re.compile(r"\{(\w+)\}")
+# With or without a sentence's own mark between: "{n}은", "{stage}를".
+_PARTICLE: Final = re.compile(r"\}(은|는|이|가|을|를|과|와|로|으로)(\s|$|[.,])")
+#: Words that claim something of the ledger, the storage, the clipboard or the past.
+_CLAIMS: Final = re.compile(
+    r"확인했어요|잃은 내역은 없|저장해 뒀|되살렸|복사했|처리하지 않았|보내지 않았|알림을 보내지 못|돌아왔어요|관리자가 껐"
+    r"|were checked|Nothing was lost|is stored in|^Restored|^Copied|was not done|not been sent|No alert could"
+    r"|It took|Interrupted for|was stopped by"
+)
+
+
+@pytest.mark.parametrize("code", CRISIS)
+def test_every_text_is_there_in_both_languages_with_the_same_values(code: str) -> None:
+    korean, english = CRISIS[code]
+    assert korean.strip()
+    assert english.strip()
+    assert set(_VALUE.findall(korean)) == set(_VALUE.findall(english))
+
+
+@pytest.mark.parametrize("code", CRISIS)
+def test_no_korean_particle_stands_right_after_a_value(code: str) -> None:
+    assert not _PARTICLE.search(CRISIS[code][0])
+
+
+@pytest.mark.parametrize("code", CRISIS)
+def test_the_tone_is_calm(code: str) -> None:
+    assert not any("!" in text or "oops" in text.lower() for text in CRISIS[code])
+
+
+@pytest.mark.parametrize("code", CRISIS)
+def test_whatever_claims_something_names_its_fact(code: str) -> None:
+    claims = [text for text in CRISIS[code] if _CLAIMS.search(text)]
+    base = code.removesuffix(".line")
+    assert not claims or code in FACTS or base in FACTS
+
+
+def test_every_fact_belongs_to_a_text() -> None:
+    assert FACTS.keys() <= CRISIS.keys()
+    assert all(FACTS.values())
+
+
+def test_every_phase_of_the_guard_has_its_words() -> None:
+    named = {code.removeprefix("phase.") for code in CRISIS if code.startswith("phase.")}
+    assert named == {*Phase, "UNKNOWN"}
+
+
+def test_words_are_those_of_the_language() -> None:
+    for which, lang in enumerate(LANGUAGES):
+        assert words(lang) == {code: texts[which] for code, texts in CRISIS.items()}
+
+
+def test_a_sentence_with_a_particle_after_its_value_is_noticed() -> None:
+    assert _PARTICLE.search("지금 {stage}를 하고 있어요.")
+    assert not _PARTICLE.search("기다리는 요청 {n}건")
