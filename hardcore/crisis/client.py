@@ -79,6 +79,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._begun: AnswerHead | None = None  # of the answer that is being streamed
         self._chunked = False
         self._unsent_bytes = 0
+        self._left_ns = 0
 
     # -- asyncio ---------------------------------------------------------------------------------------
 
@@ -113,6 +114,7 @@ class ClientConnection(asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         """Parse what came, or keep it until its turn."""
         if self._mode is Mode.LEAVING:
+            self._hear_out()
             return
         data = bytes(_SCRATCH[:nbytes])
         self._rest = self._rest + data if self._rest else data
@@ -465,7 +467,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         A client that still sends is heard out: closing on it would reset the connection, and the reset
         would overtake the answer.
         """
-        self._mode, self._rest = Mode.LEAVING, b""
+        self._mode, self._rest, self._left_ns = Mode.LEAVING, b"", self._census.now_ns()
         self._drop_queue()
         if self._transport is None:
             return
@@ -473,9 +475,14 @@ class ClientConnection(asyncio.BufferedProtocol):
         if linger and not self._eof and self._transport.can_write_eof():
             self._read_on(on=True)
             self._transport.write_eof()
-            self._watch.set(self._limits.linger_ms)
+            self._hear_out()
         else:
             self._close()
+
+    def _hear_out(self) -> None:
+        """Wait on for a client that still sends: many browsers read an answer only when all is sent."""
+        gone_ms = (self._census.now_ns() - self._left_ns) / 1_000_000
+        self._watch.set(max(0.0, min(self._limits.linger_ms, self._limits.linger_total_ms - gone_ms)))
 
     def _close(self) -> None:
         if self._transport is not None:

@@ -25,7 +25,8 @@ class GatewayLimits(Limits):
     stats_ms: int = setting(200, "numbers are told at most this often", low=5, high=60_000)
     client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
     flush_ms: int = setting(500, "at the end: how long the last answers may leave", low=0, high=60_000)
-    linger_ms: int = setting(2_000, "reads on after an early answer, so that it arrives", low=10, high=60_000)
+    linger_ms: int = setting(2_000, "hears a client out that says nothing more", low=10, high=60_000)
+    linger_total_ms: int = setting(60_000, "hears a client out that still sends", low=10, high=3_600_000)
     live_beat_ms: int = setting(
         5_000, "while no core serves: pages hear at least this often", low=5, high=60_000
     )

@@ -2,11 +2,12 @@
 
 import gzip
 import re
+import threading
 from pathlib import Path
 
 import pytest
 
-from tests.contract.gateway_world import Call, Response, World, silent, world
+from tests.contract.gateway_world import Call, Client, Response, World, silent, world
 from tests.waiting import until
 
 A_TAB = (
@@ -352,16 +353,31 @@ def test_a_guard_that_refuses_a_drill_or_is_away_is_told_as_that(tmp_path: Path)
 # -- uploads ---------------------------------------------------------------------------------------------
 
 
-def test_a_file_that_is_too_large_is_answered_though_its_sender_reads_only_at_the_end(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
+def send_slowly(client: Client, size: int, pieces: int, pause_s: float) -> None:
+    """As a browser on a busy machine: it looks for no answer until all is sent."""
+    pause = threading.Event()
+    client.send(f"POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: {size}\r\n\r\n".encode())
+    for _ in range(pieces):
+        client.send(bytes(size // pieces))
+        pause.wait(pause_s)
+
+
+@pytest.mark.parametrize(("pieces", "pause_s"), [(50, 0), (60, 0.025)])
+def test_a_file_that_is_too_large_is_answered_though_its_sender_reads_only_at_the_end(
+    tmp_path: Path, pieces: int, pause_s: float
+) -> None:
+    with world(tmp_path, linger_ms=1_000) as w:
         core = w.serving()
-        size = 50_000_000
-        client = w.client().send(
-            f"POST /upload HTTP/1.1\r\nHost: localhost\r\nContent-Length: {size}\r\n\r\n".encode()
-        )
-        piece = b"x" * (1 << 20)
-        for start in range(0, size, len(piece)):
-            client.send(piece[: size - start])
+        client = w.client()
+        send_slowly(client, 60_000_000, pieces, pause_s)
         answer = client.read()
         assert (answer.status, answer.json()["type"]) == (413, "/problems/body-too-large")
         assert core.targets() == []
+
+
+def test_a_sender_that_never_ends_is_heard_out_for_a_time_only(tmp_path: Path) -> None:
+    with world(tmp_path, linger_total_ms=200) as w:
+        w.serving()
+        client = w.client()
+        with pytest.raises(OSError, match=r"Broken pipe|reset"):
+            send_slowly(client, 1 << 50, 1 << 50, 0.001)
