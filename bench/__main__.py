@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench import crowd, deaths, rates, weight
+from bench import bench_page, crowd, deaths, rates, weight
 from bench.figures import Figure
 from bench.machine import described, machine
 from examples.guarded import GuardError, stop_cleanly
@@ -65,6 +65,11 @@ PARTS: dict[str, Part] = {
         lambda folder: rates.measure(folder, rounds=5, seconds=2),
         lambda folder: rates.measure(folder, rounds=1, seconds=1),
     ),
+    "page": Part(
+        "what a person at the page waits for",
+        lambda folder: bench_page.measure(folder, kills=20, freezes=10, reloads=5),
+        lambda folder: bench_page.measure(folder, kills=1, freezes=1, reloads=1),
+    ),
 }
 SCRIPTS: dict[str, Script] = {
     "gateway": Script("what the gateway costs by itself", ("--rounds", "1", "--seconds", "0.5")),
@@ -80,7 +85,7 @@ def parse() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m bench",
-        description="Measure this machine. Without a name: everything, in about four minutes.",
+        description="Measure this machine. Without a name: everything, in about six minutes.",
         epilog="\n".join(f"  {name:<10}{about}" for name, about in ABOUT.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

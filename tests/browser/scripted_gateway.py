@@ -51,6 +51,7 @@ class ScriptedGateway:
     def __init__(self, pages: Mapping[str, str]) -> None:
         self.pages = dict(pages)
         self.recovering: tuple[Language, Kind, Outcome] | None = None
+        self.refuses_sockets = False
         self.asked: list[str] = []
         self._state: Mapping[str, Any] = SERVING
         self._listeners: set[ServerConnection] = set()
@@ -123,7 +124,11 @@ class ScriptedGateway:
         path = request.path.partition("?")[0]
         self.asked.append(path)
         if path == "/__hc/live":
-            return None
+            return (
+                _response(b"", "text/plain", {}, HTTPStatus.SERVICE_UNAVAILABLE)
+                if self.refuses_sockets
+                else None
+            )
         if path == "/__hc/status.json":
             return _response(json.dumps(self._state).encode(), "application/json", {})
         if path in own_files():

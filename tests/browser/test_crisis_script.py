@@ -1,0 +1,463 @@
+"""The browser's half of a takeover, moment by moment: what is shown, what is claimed, what is kept.
+
+The gateway here is scripted (scripted_gateway.py), because most of these moments last for milliseconds with the
+real one; that the real one says the same is shown beside this, with a house.
+"""
+
+import itertools
+import json
+from collections.abc import Callable, Iterator
+from typing import Any, Final
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+from tests import waiting
+from tests.browser.scripted_gateway import SERVING, ScriptedGateway, back, down
+from tests.browser.tabs import Watch
+
+PAGE: Final = """<!doctype html><html lang="{lang}"><head><meta charset="utf-8"><title>Ledger</title>
+<link rel="icon" href="data:,"></head><body><h1>October</h1>
+<form id="entry" data-hc-draft>
+<input name="what"><input name="amount" value="0"><input name="secret" type="password">
+<input name="code" autocomplete="one-time-code"><input name="mine" data-hc-nodraft>
+<textarea name="memo"></textarea><button>Save</button></form>
+<form id="other" data-hc-draft><input name="what"></form>
+<input id="loose"><dialog id="own"><input id="inside"></dialog>
+{lines}</body></html>"""
+PATIENCE_MS: Final = 10_000
+
+OpenLedger = Callable[..., Page]
+
+
+@pytest.fixture
+def gateway() -> Iterator[ScriptedGateway]:
+    lines = "<p>a line</p>" * 80
+    pages = {f"/{lang}": PAGE.format(lang=lang, lines=lines) for lang in ("ko", "en")}
+    with ScriptedGateway(pages) as gateway:
+        yield gateway
+
+
+@pytest.fixture
+def open_ledger(chromium: Browser, watch: Watch, gateway: ScriptedGateway) -> Iterator[OpenLedger]:
+    contexts: list[BrowserContext] = []
+
+    def open_one(path: str = "/en", **options: Any) -> Page:
+        contexts.append(chromium.new_context(base_url=gateway.url, **options))
+        contexts[-1].set_default_timeout(PATIENCE_MS)
+        page = contexts[-1].new_page()
+        watch.on(page)
+        page.goto(path)
+        if gateway.recovering is None:
+            _marks(page, "serving")
+        waiting.until(lambda: gateway.refuses_sockets or gateway.listeners > 0, "the page to listen")
+        return page
+
+    yield open_one
+    for context in contexts:
+        context.close()
+
+
+def _shows(page: Page, text: str) -> None:
+    expect(page.get_by_text(text, exact=False).locator("visible=true").first).to_be_visible()
+
+
+def _overlay(page: Page) -> Any:
+    return page.locator("dialog:modal:not(#own)")
+
+
+def _is_over(gateway: ScriptedGateway, frame: dict[str, Any]) -> None:
+    gateway.say(frame)
+    gateway.say(SERVING)
+
+
+def _marks(page: Page, mark: str) -> None:
+    expect(page.locator("html")).to_have_attribute("data-hc", mark)
+
+
+# -- the life of an outage -----------------------------------------------------------------------------
+
+
+def test_every_event_has_its_move_in_every_mode(open_ledger: OpenLedger) -> None:
+    moves = open_ledger().evaluate(
+        """async () => Object.entries((await import("/__hc/outage.js")).MOVES)
+        .map(([mode, row]) => [mode, Object.keys(row).sort().join()])"""
+    )
+    events = ",".join(sorted(["down", "serving", "back", "verified", "lost", "tick", "dismiss"]))
+    assert {mode for mode, _ in moves} == {"calm", "sign", "card", "result", "short", "lost", "again"}
+    assert {row for _, row in moves} == {events}
+
+
+def test_the_first_sign_comes_before_the_overlay(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
+    page = open_ledger()
+    page.evaluate("addEventListener('keydown', () => {}); window.seen = []")
+    page.evaluate("document.addEventListener('hc:down', (event) => seen.push(event.detail.text))")
+    gateway.say(down())
+    _shows(page, "Restarting the server")
+    assert page.evaluate("seen") == ["R1"]
+    _marks(page, "down")
+    assert page.title() == "(Recovering) Ledger"
+    expect(_overlay(page)).to_be_visible()
+    _shows(page, "Starting the server")
+
+
+def test_a_break_that_is_over_at_once_shows_no_overlay_and_claims_nothing_unproven(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    gateway.say(down())
+    _is_over(gateway, back(212))
+    _shows(page, "Interrupted for 212 ms")
+    assert _overlay(page).count() == 0
+    assert page.get_by_text("Nothing was lost.").count() == 0
+    gateway.say({"v": 1, "type": "verified", "ok": True})
+    _shows(page, "Nothing was lost.")
+
+
+def test_the_overlay_comes_at_once_when_history_says_that_it_lasts(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    gateway.say(down(eta={"low_s": 2, "high_s": 4, "samples": 7}, samples=7))
+    expect(_overlay(page)).to_be_visible(timeout=PATIENCE_MS)
+    _shows(page, "Usually 2-4 seconds")
+
+
+def test_a_proof_that_comes_later_turns_the_neutral_card_into_the_proven_one(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger("/ko")
+    gateway.say(down("R7b", elapsed_ms=2000))
+    expect(_overlay(page)).to_be_visible()
+    _is_over(gateway, back(3210))
+    _shows(page, "다시 사용할 수 있어요")
+    _shows(page, "잔액 확인은 뒤에서 계속하고 있어요.")
+    assert _overlay(page).count() == 0
+    gateway.say({"v": 1, "type": "verified", "ok": True})
+    _shows(page, "모든 잔액이 맞는 것을 확인했어요.")
+    assert page.title() == "✓ Ledger"
+    page.get_by_role("button", name="닫기").click()
+    expect(page.get_by_text("다시 사용할 수 있어요")).to_be_hidden()
+    assert page.title() == "Ledger"
+
+
+def test_a_proof_that_failed_is_said(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
+    page = open_ledger()
+    gateway.say(down("R7b"))
+    _is_over(gateway, back(3000))
+    gateway.say({"v": 1, "type": "verified", "ok": False})
+    _shows(page, "A balance does not match")
+    assert page.get_by_text("All balances were checked").count() == 0
+
+
+def test_escape_does_not_close_the_overlay_while_it_recovers_and_does_when_nobody_tries(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    gateway.say(down("R7b"))
+    expect(_overlay(page)).to_be_visible()
+    for _ in range(4):
+        page.keyboard.press("Escape")
+    expect(_overlay(page)).to_be_visible()
+    gateway.say(down("R8", phase="FATAL"))
+    _shows(page, "Automatic recovery has stopped")
+    page.get_by_text("Details").click()
+    _shows(page, "hardcore resume")
+    page.keyboard.press("Escape")
+    expect(_overlay(page)).to_have_count(0)
+    _shows(page, "Automatic recovery has stopped")
+
+
+def test_the_page_is_told_that_it_is_back_once_also_when_only_the_state_says_so(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    page.evaluate(
+        "window.seen = []; document.addEventListener('hc:back', (event) => seen.push(event.detail.type))"
+    )
+    for frames in ([back(100), SERVING], [SERVING, back(100)], [SERVING]):
+        gateway.say(down())
+        _marks(page, "down")
+        for frame in frames:
+            gateway.say(frame)
+        _marks(page, "serving")
+    assert page.evaluate("seen") == ["back"] * 3
+
+
+# -- the page underneath -------------------------------------------------------------------------------
+
+
+def test_text_selection_and_place_are_as_they_were(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
+    page = open_ledger()
+    page.fill("textarea", "half of a sentence")
+    page.evaluate("document.querySelector('textarea').setSelectionRange(5, 7); scrollTo(0, 300)")
+    gateway.say(down("R7b"))
+    expect(_overlay(page).get_by_role("heading")).to_be_focused()
+    _is_over(gateway, back(1500))
+    expect(page.locator("textarea")).to_be_focused()
+    place = "(({selectionStart, selectionEnd, value}) => [selectionStart, selectionEnd, value, scrollY])"
+    assert page.evaluate(f"{place}(document.querySelector('textarea'))") == [5, 7, "half of a sentence", 300]
+    page.keyboard.type("X")
+    assert page.input_value("textarea") == "half X a sentence"
+
+
+def test_a_dialog_of_the_page_stays_open_underneath(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    page.evaluate("document.getElementById('own').showModal()")
+    page.fill("#inside", "kept")
+    gateway.say(down("R7b"))
+    expect(_overlay(page)).to_be_visible()
+    _is_over(gateway, back(900))
+    expect(_overlay(page)).to_have_count(0)
+    expect(page.locator("#inside")).to_be_focused()
+    assert page.input_value("#inside") == "kept"
+    _shows(page, "You are back")
+
+
+def test_the_language_can_be_switched_on_the_overlay(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger("/ko")
+    gateway.say(down("R7b"))
+    page.get_by_role("button", name="English").click()
+    _shows(page, "Taking longer than usual")
+
+
+def test_what_was_typed_can_be_copied_out_of_the_overlay(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger(permissions=["clipboard-read", "clipboard-write"])
+    page.fill("#entry [name=what]", "tea")
+    page.fill("[name=secret]", "hunter2")
+    gateway.say(down("R7b"))
+    page.get_by_role("button", name="Copy my text").click()
+    _shows(page, "Copied")
+    assert page.evaluate("navigator.clipboard.readText()") == "what: tea"
+
+
+@pytest.mark.parametrize("lang", ["ko", "en"])
+@pytest.mark.parametrize("scale", ["100%", "200%"])
+def test_nothing_is_cut_off_on_a_phone(
+    open_ledger: OpenLedger, gateway: ScriptedGateway, lang: str, scale: str
+) -> None:
+    page = open_ledger(f"/{lang}", viewport={"width": 390, "height": 700})
+    page.evaluate("(scale) => { document.documentElement.style.fontSize = scale }", scale)
+    page.fill("#entry [name=what]", "tea")
+    for text, phase in (("R1", "STARTING"), ("R7b", "KILLING"), ("R8", "FATAL"), ("OFF", "STOPPED")):
+        gateway.say(down(text, phase=phase, held=3, eta={"low_s": 1, "high_s": 2, "samples": 9}))
+        expect(_overlay(page)).to_be_visible()
+        wide = _overlay(page).evaluate(
+            "(dialog) => [...dialog.querySelectorAll('*')].filter((one) => !one.closest('.unseen')"
+            " && one.getBoundingClientRect().right > 391).map((one) => one.outerHTML)"
+        )
+        assert wide == []
+
+
+# -- claims --------------------------------------------------------------------------------------------
+
+
+def test_a_claim_is_made_exactly_where_its_fact_is(open_ledger: OpenLedger) -> None:
+    """All combinations of what can be known, asked of the pure room that chooses the words."""
+    page = open_ledger()
+    said = """async ([view, facts]) => {
+      const { face } = await import("/__hc/wording.js");
+      const { words } = await import("/__hc/words.en.js");
+      return JSON.stringify(face(view, facts, 9000, words));
+    }"""
+    facts = {"pending": 0, "draft": None, "slow": False, "alive": True, "unheard": False, "request": None}
+    base = {"frame": down(), "back": None, "begun_ms": 0, "reached": {}}
+    for mode, verified, draft, held, slow in itertools.product(
+        ("calm", "sign", "card", "result", "short", "lost", "again"),
+        (True, None, False),
+        (None, "page", "stored"),
+        (0, 2),
+        (True, False),
+    ):
+        view = base | {
+            "mode": mode,
+            "frame": down(held=held),
+            "back": {"outage_ms": 900, "verified": verified},
+        }
+        text = page.evaluate(said, [view, facts | {"draft": draft, "slow": slow}])
+        card = mode == "card"
+        assert ("All balances were checked" in text) == (mode == "result" and verified is True)
+        assert ("still running" in text) == (mode == "result" and verified is None)
+        assert ("Nothing was lost" in text) == (mode == "short" and verified is True)
+        assert ("does not match" in text) == (mode in {"result", "short"} and verified is False)
+        assert ("stored in this browser" in text) == (card and draft == "stored")
+        assert ("still on this page" in text) == (card and draft == "page")
+        assert ("2 waiting" in text) == (card and held == 2)
+        assert ("slow to answer" in text) == (mode == "calm" and slow)
+        assert ("Check this device" in text) == (mode == "lost")
+        assert ("No alert could be sent" in text) is False
+
+
+def test_waiting_requests_of_the_page_are_counted(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
+    page = open_ledger()
+    gateway.say(down("R7b"))
+    page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 2}}))")
+    _shows(page, "2 waiting")
+    page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 0}}))")
+    expect(page.get_by_text("2 waiting")).to_be_hidden()
+
+
+def test_a_slow_answer_is_said_while_the_page_stays_usable(open_ledger: OpenLedger) -> None:
+    page = open_ledger()
+    held: list[Any] = []
+    page.route("**/slow", held.append)
+    page.evaluate("void fetch('/slow').catch(() => {})")
+    _shows(page, "The server is slow to answer")
+    _marks(page, "slow")
+    page.fill("#loose", "still typing")
+    held[0].fulfill(status=200, body="")
+    expect(page.get_by_text("The server is slow to answer")).to_be_hidden()
+    _marks(page, "serving")
+
+
+# -- the line ------------------------------------------------------------------------------------------
+
+
+def test_a_lost_line_is_told_apart_from_a_server_that_is_out(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    page.context.set_offline(True)
+    gateway.hang_up()
+    _shows(page, "No connection to the server")
+    _marks(page, "down")
+    assert _overlay(page).count() == 0
+    page.context.set_offline(False)
+    _shows(page, "Connected again")
+    _marks(page, "serving")
+
+
+def test_without_a_socket_the_state_is_asked_for(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
+    gateway.refuses_sockets = True
+    page = open_ledger()
+    gateway.say(down("R7b"))
+    expect(_overlay(page)).to_be_visible()
+    gateway.say(SERVING)
+    _shows(page, "You are back")
+
+
+def test_frames_that_cannot_be_read_change_nothing(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
+    page = open_ledger()
+    for frame in ({"v": 2, "type": "state"}, {"v": 1, "type": "news"}, {"type": "back"}):
+        gateway.say(frame)
+    gateway.say(down())
+    _shows(page, "Restarting the server")
+
+
+# -- drafts --------------------------------------------------------------------------------------------
+
+
+def test_a_draft_survives_a_reload_and_secrets_are_never_kept(open_ledger: OpenLedger) -> None:
+    page = open_ledger()
+    for name, typed in {
+        "what": "tea",
+        "amount": "4500",
+        "secret": "s3cret",
+        "code": "123456",
+        "mine": "m1ne",
+    }.items():
+        page.fill(f"#entry [name={name}]", typed)
+    page.goto("/en?again")  # another address of the same path: a new page that restores nothing by itself
+    _shows(page, "Restored what you typed")
+    _shows(page, "It has not been sent.")
+    assert [page.input_value(f"#entry [name={name}]") for name in ("what", "amount", "secret", "code", "mine")] == [
+        "tea", "4500", "", "", "",
+    ]  # fmt: skip
+    kept = json.dumps(page.evaluate("({...sessionStorage})"))
+    assert not any(secret in kept for secret in ("s3cret", "123456", "m1ne"))
+    page.get_by_role("button", name="Undo").click()
+    assert [page.input_value(f"#entry [name={name}]") for name in ("what", "amount")] == ["", "0"]
+
+
+def test_a_draft_that_was_sent_is_forgotten_and_one_that_may_have_been_claims_nothing(
+    open_ledger: OpenLedger,
+) -> None:
+    page = open_ledger()
+    page.evaluate("document.addEventListener('submit', (event) => event.preventDefault())")
+    page.fill("#other [name=what]", "kept")
+    page.fill("#entry [name=what]", "tea")
+    page.get_by_role("button", name="Save").click()
+    page.goto("/en?again")
+    _shows(page, "Please check the records to see whether it was sent.")
+    page.evaluate(
+        "document.getElementById('entry').dispatchEvent(new CustomEvent('hc:sent', {bubbles: true}))"
+    )
+    page.evaluate("document.getElementById('entry').reset()")
+    page.goto("/en?third")
+    assert page.input_value("#entry [name=what]") == ""
+    assert page.input_value("#other [name=what]") == "kept"
+
+
+def test_stored_is_said_only_of_what_was_read_back(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
+    page = open_ledger()
+    page.evaluate(
+        "Storage.prototype.setItem = () => { throw new DOMException('full', 'QuotaExceededError') }"
+    )
+    page.fill("#entry [name=what]", "tea")
+    gateway.say(down("R7b"))
+    _shows(page, "What you were typing is still on this page.")
+    assert page.get_by_text("stored in this browser").count() == 0
+
+
+# -- the recovery page ---------------------------------------------------------------------------------
+
+
+def test_the_recovery_page_opens_the_address_again_by_itself(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    gateway.recovering = ("ko", "recovering", "get")
+    gateway.say(down(stage=1, phase="SNAPSHOT_LIVE"))
+    page = open_ledger("/ko?month=10")
+    before = page.evaluate("history.length")
+    _shows(page, "문제 발견")
+    assert page.title() == "(복구 중) 서버를 다시 켜고 있어요"
+    gateway.recovering = None
+    _is_over(gateway, back(2000))
+    expect(page.get_by_role("heading", name="October")).to_be_visible()
+    assert page.url.endswith("/ko?month=10")
+    assert page.evaluate("history.length") == before
+
+
+@pytest.mark.parametrize("outcome", ["not_done", "unknown"])
+def test_a_recovery_page_for_a_form_sends_nothing_and_shows_the_way_back(
+    open_ledger: OpenLedger, gateway: ScriptedGateway, outcome: Any
+) -> None:
+    gateway.recovering = ("en", "recovering", outcome)
+    gateway.say(down())
+    page = open_ledger("/en")
+    _shows(page, {"not_done": "was not done", "unknown": "It is not known whether"}[outcome])
+    asked = len(gateway.asked)
+    _is_over(gateway, back(2000))
+    expect(page.get_by_role("link", name="Open the page again")).to_be_visible()
+    assert [path for path in gateway.asked[asked:] if path == "/en"] == []
+
+
+def test_the_recovery_page_changes_its_language_and_remembers_it(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    gateway.recovering = ("ko", "stopped_trying", "get")
+    gateway.say(down("R8", phase="FATAL"))
+    page = open_ledger("/ko")
+    _shows(page, "자동 복구를 멈췄어요")
+    page.get_by_role("button", name="English").click()
+    _shows(page, "Automatic recovery has stopped")
+    assert page.evaluate("document.cookie") == "lang=en"
+
+
+def test_the_recovery_page_tells_and_reopens_without_a_script(
+    chromium: Browser, gateway: ScriptedGateway
+) -> None:
+    gateway.recovering = ("en", "recovering", "get")
+    context = chromium.new_context(base_url=gateway.url, java_script_enabled=False)
+    page = context.new_page()
+    page.goto("/en")
+    expect(page.get_by_text("This page reopens every 5 seconds.")).to_be_visible()
+    gateway.recovering = None
+    expect(page.get_by_role("heading", name="October")).to_be_visible(timeout=15_000)
+    context.close()
