@@ -165,7 +165,7 @@ class Life:
             return book
         service = self._serve_book(book, loop)
         desk = Desk(service, self._recorder, self._data)
-        await desk.open()
+        await desk.clear_up()
         server = LedgerServer(make_app(service, desk))
         await server.start(bound)
         self._ready(book, bound)

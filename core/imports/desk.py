@@ -49,7 +49,7 @@ class Desk:
     """All imports of one core. All methods on the loop's thread."""
 
     def __init__(self, service: Service, recorder: FlightRecorder, data: Path) -> None:
-        """Prepare; the disk is not touched before `open`."""
+        """Prepare; the disk is not touched before `clear_up`."""
         self._service = service
         self._imports = Imports(data)
         self._looker = Looker(service)
@@ -58,7 +58,7 @@ class Desk:
         self._interrupted: list[Manifest] = []
         self._changing = asyncio.Lock()  # a wish is looked at and replaced in one go
 
-    async def open(self) -> None:
+    async def clear_up(self) -> None:
         """Clear up, and see what a death has interrupted. Before anybody may ask for anything."""
         await asyncio.to_thread(self._imports.clear_unfinished)
         await self._tidy()
