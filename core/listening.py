@@ -25,7 +25,7 @@ TICK_S: Final = 1.0
 SAID_BYTES_MAX: Final = 4_096
 PING_EVERY_S: Final = 20.0
 PONG_WITHIN_S: Final = 20.0
-STUCK_S: Final = 10.0
+STUCK_S: Final = 5.0
 
 
 def bind_unix(path: Path) -> socket.socket | str:
