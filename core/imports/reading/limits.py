@@ -5,6 +5,7 @@ from typing import Final
 import msgspec
 
 MEBIBYTE: Final = 1 << 20
+PASSWORD_CHARACTERS_MAX: Final = 255
 
 
 class ReadingLimits(msgspec.Struct, frozen=True):

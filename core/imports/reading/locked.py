@@ -5,14 +5,12 @@ wrong password are told apart, because the person does different things about th
 """
 
 import io
-from typing import Final
 
 import msoffcrypto  # type: ignore[import-untyped]  # it has no types
 from msoffcrypto.exceptions import FileFormatError, InvalidKeyError  # type: ignore[import-untyped]  # as above
 
+from core.imports.reading.limits import PASSWORD_CHARACTERS_MAX
 from core.imports.reading.table import Unreadable, Why
-
-PASSWORD_CHARACTERS_MAX: Final = 255
 
 
 def open_ole(data: bytes, password: str | None) -> bytes | Unreadable:
