@@ -54,12 +54,21 @@ def show_amount(amount: str, currency: str, lang: Language, *, signed: bool = Fa
     whole, _, fraction = amount.lstrip("-").partition(".")
     if len(fraction) > PLAIN_DIGITS_MAX:
         fraction = fraction.rstrip("0")
-    digits = _group(whole) + (f".{fraction}" if fraction else "")
+    digits = group_digits(f"{whole}.{fraction}" if fraction else whole)
     if lang == "ko" and currency in _AFTER_KOREAN:
         return f"{sign}{digits}{_AFTER_KOREAN[currency]}"
     if currency in _BEFORE:
         return f"{sign}{_BEFORE[currency]}{digits}"
     return f"{sign}{digits}\N{NO-BREAK SPACE}{currency}"
+
+
+def group_digits(amount: str) -> str:
+    """Return an unsigned decimal string with a comma before each three digits of its whole part."""
+    whole, _, fraction = amount.partition(".")
+    first = len(whole) % 3
+    parts = [whole[:first]] if first else []
+    parts += [whole[at : at + 3] for at in range(first, len(whole), 3)]
+    return ",".join(parts) + (f".{fraction}" if fraction else "")
 
 
 def read_amount(typed: str) -> str | None:
@@ -77,10 +86,3 @@ def read_amount(typed: str) -> str | None:
     whole, _, fraction = text.partition(".")
     whole = whole.lstrip("0") or "0"
     return f"{whole}.{fraction}" if fraction else whole
-
-
-def _group(whole: str) -> str:
-    first = len(whole) % 3
-    parts = [whole[:first]] if first else []
-    parts += [whole[at : at + 3] for at in range(first, len(whole), 3)]
-    return ",".join(parts)

@@ -33,9 +33,9 @@ class Reader:
     path: str
 
 
-def page_text(name: str, lang: Language, **values: object) -> str:
-    """Return a text of the pages. A name or a value that is missing is our own bug."""
-    return TEXTS[name][lang].format_map(values)
+def page_text(text: str, lang: Language, /, **values: object) -> str:
+    """Return a text of the pages by its name. One that is missing, or a value of it, is our own bug."""
+    return TEXTS[text][lang].format_map(values)
 
 
 def reader_language(cookie: str | None, accept_language: str | None) -> Language:
@@ -53,7 +53,7 @@ def draw(template: str, reader: Reader, **values: Any) -> str:
             **values,
             reader=reader,
             lang=lang,
-            t=lambda name, **named: page_text(name, lang, **named),
+            t=lambda text, /, **named: page_text(text, lang, **named),
             money=functools.partial(_money, lang),
             day=lambda text: show_day(text, lang, reader.today),
             month=lambda text: show_month(text, lang),

@@ -20,6 +20,7 @@ from core.web.pages_answers import reader_of, show
 from core.web.pages_book import EntryPicture
 from core.web.pages_forms import Drawn
 from core.web.problems import Problem, ProblemError
+from frontend.amounts import group_digits
 from frontend.render import Language
 
 RECENT_MAX: Final = 8
@@ -61,6 +62,7 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
         open_accounts=seen.money_accounts,
         categories=seen.categories,
         summary=seen.summary,
+        flows=seen.flows,
         spent=seen.spent,
         recent=seen.recent,
         currencies=CURRENCIES,
@@ -166,7 +168,7 @@ def _as_form(seen: EntryPicture) -> Drawn:
             **EMPTY_FORM,
             "kind": "out" if shown.amount.startswith("-") else "in",
             "description": shown.description,
-            "amount": shown.amount.removeprefix("-"),
+            "amount": group_digits(shown.amount.removeprefix("-")),
             "account": shown.account,
             "category": shown.category or "",
             "date": shown.date,

@@ -26,7 +26,7 @@ from core.journal.register import (
 from core.ledger.accounts import Account, AccountType
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import format_amount
-from core.ledger.overview import CategoryTotal, RegisterLine, Summary, category_name
+from core.ledger.overview import CategoryTotal, Flow, RegisterLine, Summary, category_name
 from core.ledger.views import EntryView
 
 BARS_MAX: Final = 12
@@ -55,6 +55,7 @@ class OverviewPicture:
     money_accounts: Sequence[ShownAccount]
     categories: Sequence[str]
     summary: Summary
+    flows: Sequence[Flow]
     spent: Sequence[CategoryTotal]
     recent: Sequence[EntryView]
 
@@ -90,6 +91,7 @@ def overview(connection: Connection, month: str, recent_max: int) -> OverviewPic
         money_accounts=_money_accounts(accounts),
         categories=_category_names(accounts),
         summary=summary,
+        flows=[flow for flow in summary.currencies if _moved(flow)] or summary.currencies[:1],
         spent=spent[:BARS_MAX],
         recent=list_entries(connection, HouseholdFilter(limit=recent_max)),
     )
@@ -161,6 +163,10 @@ def read_place(cursor: str) -> Position | None:
 def register_link(asked: Mapping[str, str]) -> str:
     """Return the address of a page of the register."""
     return "/register?" + urllib.parse.urlencode({name: value for name, value in asked.items() if value})
+
+
+def _moved(flow: Flow) -> bool:
+    return any(amount.strip("-0.") for amount in (flow.income, flow.expense))
 
 
 def _place_of(line: RegisterLine) -> str:

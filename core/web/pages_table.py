@@ -6,7 +6,7 @@ from typing import Final
 from starlette.requests import Request
 from starlette.responses import Response
 
-from core.web import pages, pages_wishes, static
+from core.web import pages, pages_imports, pages_wishes, static
 
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -18,6 +18,8 @@ PAGES: Final[dict[str, dict[str, Handler]]] = {
     "/entries": {"POST": pages_wishes.write_entry},
     "/entries/{id}": {"GET": pages.entry, "POST": pages_wishes.change_entry},
     "/entries/{id}/delete": {"POST": pages_wishes.delete_entry},
+    "/import": {"GET": pages_imports.imports},
+    "/import/{id}": {"GET": pages_imports.one_import},
     "/start": {"POST": pages_wishes.start},
     "/language": {"POST": pages_wishes.choose_language},
     "/static/{folder}/{name}": {"GET": static.asset},

@@ -60,11 +60,10 @@ async function read(form) {
   if (answer === null) return;
   if (answer.status === 201) return location.assign(`/import/${encodeURIComponent(answer.body.id)}`);
   form.elements._idempotency_key.value = newKey();
-  const slug = (answer.body.type ?? "").split("/").pop();
-  const locked = slug === "locked" || slug === "wrong-password";
-  if (locked) lock(form, true);
-  tell(form, slug === "locked" ? say("import_password_needed") : sentenceOf(answer), "wrong");
-  if (locked) form.elements.password.select();
+  tell(form, sentenceOf(answer), "wrong");
+  if (answer.body.reason !== "locked" && answer.body.reason !== "wrong-password") return;
+  lock(form, true);
+  form.elements.password.select();
 }
 
 /* Looking at it, and booking it */
@@ -94,11 +93,10 @@ function changed(api, field) {
   form.querySelector("[data-new-account]").hidden = form.elements.account.value !== "+";
   if (field.name === "account" && field.value === "+") return form.elements.new_name.focus();
   if ("role" in field.dataset) {
-    form.elements.format.value = ""; // columns chosen by hand are nobody's format
     return preview(api, form, { mapping: mappingOf(form) });
   }
-  if (field.name === "format" && !field.value) return preview(api, form, { mapping: mappingOf(form) });
-  return preview(api, form, { [field.name]: field.value || null });
+  if (!field.value && field.name === "account") return undefined;
+  return preview(api, form, { [field.name]: field.value });
 }
 
 function mappingOf(form) {
@@ -187,5 +185,5 @@ async function drawn() {
 }
 
 function sentenceOf({ body }) {
-  return body.sentence ?? body.detail ?? body.title ?? say("unsaid");
+  return body.errors?.[0]?.sentence ?? body.detail ?? say("unsaid");
 }
