@@ -5,8 +5,10 @@ from itertools import product
 import pytest
 
 from frontend import crisis_paper
+from hardcore.crisis.heads import RequestHead, read_request
+from hardcore.crisis.pages import plain
 from hardcore.crisis.plight import Asked, Cover, Plight, cover, plight
-from hardcore.crisis.problems import Outcome, Problem
+from hardcore.crisis.problems import RETRY_AFTER_S, STATUS, Outcome, Problem
 from hardcore.crisis.shelf import stock
 from hardcore.model.phases import Face
 
@@ -54,3 +56,23 @@ def test_a_full_house_is_an_outage_only_while_nobody_serves() -> None:
 def test_a_fault_that_is_no_outage_is_not_called_one() -> None:
     for problem in (Problem.BROKEN_ANSWER, Problem.CORE_TOO_SLOW, Problem.BODY_TOO_LARGE, Problem.WRONG_HOST):
         assert cover(problem, Outcome.NOT_DONE, Face.FORWARD, safe=True, planned=False) is None
+
+
+@pytest.mark.parametrize(("method", "returns"), [("GET", True), ("POST", False)])
+def test_the_page_that_needs_no_rendering_comes_back_by_itself_only_if_that_sends_nothing(
+    method: str, returns: bool
+) -> None:
+    head = read_request(
+        method,
+        b"/",
+        "1.1",
+        ((b"Host", b"h"), (b"Accept", b"text/html")),
+        {"h"},
+        keep_alive=True,
+        upgrade=False,
+    )
+    assert isinstance(head, RequestHead)
+    for problem in Problem:
+        answer = plain(problem, head)
+        assert answer.head.status == STATUS[problem]
+        assert (b'http-equiv="refresh"' in answer.body) is (returns and problem in RETRY_AFTER_S)
