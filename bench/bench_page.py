@@ -7,6 +7,7 @@ is stamped right before the system call. An overlay is there only where an outag
 going is measured on freezes, from the moment that the incident names as `ready`.
 """
 
+import contextlib
 import http.client
 import signal
 import subprocess
@@ -17,7 +18,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import Browser, Page, Response, sync_playwright
+from playwright.sync_api import Browser, Error, Page, Request, Response, sync_playwright
 
 from bench.figures import Figure, Target
 from bench.instance import Watched, fill
@@ -106,10 +107,12 @@ def _joined(page: Page) -> None:
 def _until(page: Page, holds: str) -> None:
     """Ask the page until something holds; from outside, because its own policy forbids it to evaluate a text."""
     give_up_at = time.monotonic() + PATIENCE_MS / 1000
-    while not page.evaluate(holds):
-        if time.monotonic() > give_up_at:
-            raise GuardError(f"The page did not come so far that {holds}.")
+    while time.monotonic() < give_up_at:
+        with contextlib.suppress(Error):  # the recovery page is just being left for the page behind it
+            if page.evaluate(holds):
+                return
         page.wait_for_timeout(LOOK_EVERY_MS)
+    raise GuardError(f"The page did not come so far that {holds}.")
 
 
 def _ahead_ms(page: Page) -> float:
@@ -201,8 +204,12 @@ def _first_load_kb(browser: Browser, url: str) -> float:
     """Everything a new visitor's browser is sent until the page is at rest."""
     context = browser.new_context(locale="ko-KR")
     page = context.new_page()
-    asked: list[Any] = []
-    page.on("requestfinished", asked.append)
+    asked: list[Request] = []
+
+    def finished(request: Request) -> None:
+        asked.append(request)
+
+    page.on("requestfinished", finished)
     page.goto(url, wait_until="networkidle")
     sizes = [request.sizes() for request in asked]
     context.close()
