@@ -21,6 +21,7 @@ from hardcore.crisis.heads import RequestHead, answer_bytes, browser_of
 from hardcore.crisis.lifeline import TRY_LATER
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.messages import PING, SILENT, Message, Messages
+from hardcore.crisis.mishap import contained
 from hardcore.crisis.pages import Answer
 
 
@@ -57,7 +58,7 @@ class BrowserSocket(asyncio.Protocol):
         self._limits = limits
         self._ws: ServerProtocol | None = None
         self._messages = Messages()
-        self._ending = Alarm(loop, self._cut)
+        self._ending = Alarm(loop, self.cut)
         self._ends = False  # our last bytes were written
         self._heard = True  # since it was asked last
         census.connections.add(self)
@@ -110,7 +111,7 @@ class BrowserSocket(asyncio.Protocol):
         """Write a frame, unless it is ending; one that reads too slowly is ended."""
         if not self.open:
             return
-        if self._transport.get_write_buffer_size() + len(frame) > self._limits.socket_unsent_bytes_max:
+        if self._transport.get_write_buffer_size() > self._limits.socket_unsent_bytes_max:
             self.close(TRY_LATER, "read faster")
             return
         self._transport.write(frame)
@@ -125,7 +126,7 @@ class BrowserSocket(asyncio.Protocol):
     def ask(self) -> None:
         """Ask whether somebody is still there; whoever said nothing since the last time is not."""
         if not self._heard:
-            self._cut()
+            self.cut()
         elif self.open:
             self._heard = False
             self.send(PING)
@@ -142,7 +143,7 @@ class BrowserSocket(asyncio.Protocol):
     def depart(self) -> None:
         """The gateway leaves. Said again, there is no more time."""
         if self._ends or (self._ws is not None and not self.open):
-            self._cut()
+            self.cut()
         elif self.party is not None:
             self.party.leaves()
 
@@ -153,9 +154,11 @@ class BrowserSocket(asyncio.Protocol):
         self._heard = True
         if self._ends:
             return
-        if self._ws is None:
-            self._cut()
-            return
+        if self._ws is None or not contained("a browser's socket", lambda: self._take_in(data)):
+            self.cut()
+
+    def _take_in(self, data: bytes) -> None:
+        assert self._ws is not None, "what is said before the answer is not taken in"
         self._ws.receive_data(data)
         events = self._ws.events_received()
         self._flush()
@@ -193,7 +196,7 @@ class BrowserSocket(asyncio.Protocol):
         if over:
             self._end()
         elif self._transport.get_write_buffer_size() > 2 * self._limits.socket_unsent_bytes_max:
-            self._cut()  # it asks and asks, and reads none of our answers
+            self.cut()  # it asks and asks, and reads none of our answers
 
     def _end(self) -> None:
         """End after what was written. Whoever still speaks is heard out: a reset would overtake our words."""
@@ -205,5 +208,6 @@ class BrowserSocket(asyncio.Protocol):
         self._transport.resume_reading()
         self._ending.set(self._limits.socket_close_ms)
 
-    def _cut(self) -> None:
+    def cut(self) -> None:
+        """End it at once."""
         self._transport.abort()

@@ -17,8 +17,11 @@ from websockets.uri import WebSocketURI
 from hardcore.crisis.heads import AnswerHead, RequestHead, read_answer
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.messages import SILENT, Message, Messages
+from hardcore.crisis.mishap import contained
 from hardcore.crisis.pages import Answer
 
+#: The core's end failed in a way that has no other name.
+LOST = 1011
 _WRITE_HIGH_BYTES = 256 << 10
 _ANYWHERE = WebSocketURI(secure=False, host="localhost", port=80, path="/", query="")
 
@@ -116,6 +119,10 @@ class CoreSocket(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Judge the answer, then pass on what the core says."""
+        if not contained("a core's socket", lambda: self._take_in(data)) and self._transport is not None:
+            self._transport.abort()
+
+    def _take_in(self, data: bytes) -> None:
         self._ws.receive_data(data)
         events = self._ws.events_received()
         self._flush()
@@ -130,7 +137,8 @@ class CoreSocket(asyncio.Protocol):
         if self._ws.close_rcvd is not None:
             self._closed(self._ws.close_rcvd.code)
         elif self._ws.parser_exc is not None:
-            self._closed(1011)  # the core broke the protocol, or said too much at a time
+            # The core broke the protocol, or said too much at a time: what it was told, the browser is told.
+            self._closed(self._ws.close_sent.code if self._ws.close_sent is not None else LOST)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The core, or its end, is gone."""

@@ -17,6 +17,7 @@ from hardcore.crisis.history import History
 from hardcore.crisis.holding import OVER, WAITING, Life, Trigger, WaitingRoom
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.live import Live
+from hardcore.crisis.mishap import contained
 from hardcore.crisis.moves import TURNED_AWAY, Moves
 from hardcore.crisis.problems import Problem
 from hardcore.crisis.routing import Route
@@ -146,8 +147,8 @@ class Desk:
 
     def _look(self, was: Standing) -> None:
         """Something was learned about the core: whoever watches is told, and sockets go on."""
-        self.live.look(was, self.moves.outlook.standing)
-        self.sockets.look()
+        contained("telling pages", lambda: self.live.look(was, self.moves.outlook.standing))
+        contained("moving sockets", self.sockets.look)
 
     def _own_page(self, exchange: Exchange, way: Route) -> None:
         exchange.life = Life.ANSWERED  # it never was on its way to a core

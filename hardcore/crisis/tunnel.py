@@ -131,7 +131,8 @@ class Tunnel:
         match deed:
             case Tug.ASK:
                 self._limit.set(self._limits.upstream_deadline_ms)
-                self._board.dial(self, target_after(self.head.target, self._seen))
+                target, goes_on = self.head.target, self.line is Line.RESUMING
+                self._board.dial(self, target_after(target, self._seen) if goes_on else target)
             case Tug.WAIT | Tug.KEEP:
                 self._wait(answered=deed is Tug.KEEP)
             case Tug.OPEN | Tug.JOIN:
@@ -281,6 +282,12 @@ class Tunnel:
     def superseded(self) -> None:
         """Another core was named: nothing more is taken from this one."""
         self.pull(Pull.CORE_LOST)
+
+    def cut(self) -> None:
+        """End both ends at once."""
+        self.line = Line.OVER
+        self._let_go()
+        self._socket.cut()
 
     def flowing(self, core: CoreSocket, *, on: bool) -> None:
         """Let the browser wait with what it says, or go on."""

@@ -13,6 +13,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -284,7 +285,7 @@ class Feed:
         self.raw(json.dumps({"type": kind, "generation": self.generation, **fields}).encode() + b"\n")
 
     def phase(self, face: str, *, phase: str = "RUNNING", state: str = "OPERATIONAL", **fields: Any) -> None:
-        line = {"stage": None, "since_ns": 1, "incident": None, "planned": False, **fields}
+        line = {"stage": None, "since_ns": time.monotonic_ns(), "incident": None, "planned": False, **fields}
         self.say("phase", phase=phase, state=state, face=face, **line)
 
     def hold(self, incident: str | None = "i1") -> None:
