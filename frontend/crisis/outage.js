@@ -7,7 +7,8 @@
 export const SHORT_STAY_MS = 5000;
 export const RESULT_STAY_MS = 8000;
 const AGAIN_STAY_MS = 3000;
-const DRIVE_ON_S = 1; // history says it takes at least this long: no reason to wait with the overlay
+const LONG_S = 1;     // history says it takes at least this long: no reason to wait with the overlay
+const BRIEF_MS = 1000; // history says it is usually over by then: an overlay would only flash
 
 export const CALM = Object.freeze({
   mode: "calm",     // calm | sign (strip) | card (overlay) | result (card, not modal) | short (strip) | lost | again
@@ -28,7 +29,7 @@ export function isFinal(frame) {
 }
 
 function isLong(frame) {
-  return isFinal(frame) || frame.text === "R7b" || (frame.eta !== null && frame.eta.low_s >= DRIVE_ON_S);
+  return isFinal(frame) || frame.text === "R7b" || (frame.eta !== null && frame.eta.low_s >= LONG_S);
 }
 
 function withStage(view, frame, now_ms) {
@@ -46,7 +47,10 @@ function begins(view, frame, now_ms) {
 }
 
 function goesOn(view, frame, now_ms) {
-  const next = withStage(view, frame, now_ms);
+  const followed = withStage(view, frame, now_ms);
+  const isBrief = frame.eta !== null && frame.eta.high_s * 1000 <= BRIEF_MS;
+  const due_ms = isBrief ? Math.max(view.due_ms, followed.begun_ms + BRIEF_MS) : view.due_ms;
+  const next = { ...followed, due_ms };
   const heardBefore = view.frame !== null && view.frame.text === frame.text;
   return isLong(frame) && !(isFinal(frame) && heardBefore) ? { ...next, mode: "card" } : next;
 }

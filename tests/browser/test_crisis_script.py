@@ -135,6 +135,17 @@ def test_the_overlay_comes_at_once_when_history_says_that_it_lasts(
     _shows(page, "Usually 2-4 seconds")
 
 
+def test_the_overlay_waits_a_second_when_history_says_that_it_is_brief(open_ledger: OpenLedger) -> None:
+    due = open_ledger().evaluate(
+        """async ([brief, unknown]) => {
+          const { CALM, next } = await import("/__hc/outage.js");
+          return [brief, unknown].map((frame) => next(CALM, frame, 5000).due_ms - 5000);
+        }""",
+        [down(elapsed_ms=20, eta={"low_s": 0, "high_s": 1, "samples": 9}), down(elapsed_ms=20)],
+    )
+    assert due == [980, 400]
+
+
 def test_a_proof_that_comes_later_turns_the_neutral_card_into_the_proven_one(
     open_ledger: OpenLedger, gateway: ScriptedGateway
 ) -> None:
