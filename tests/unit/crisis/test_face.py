@@ -1,0 +1,179 @@
+"""What a page is told of an outage follows from what the gateway knows: never back, never more than is true."""
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hardcore.crisis.estimate import Range, Sample, sample
+from hardcore.crisis.face import NS_PER_MS, Outage, Pace, Text, due_ms, fields, finished, follow, show
+from hardcore.crisis.standing import Serving, Standing, doubt, posture
+from hardcore.model.phases import Face
+
+PACE = Pace(longer_than_ms=30_000, floor_ms=5_000)
+PEACE = Standing(
+    1, "RUNNING", "OPERATIONAL", Face.FORWARD, serving=Serving("/run/a", 7), released=7, heard_ns=1
+)
+DOWN = replace(PEACE, phase="KILLING", state="RECOVERY", face=Face.HOLD, stage=2, released=None)
+
+
+def _ms(count: int) -> int:
+    return count * NS_PER_MS
+
+
+def _outage(*, since_ms: int = 1000, now_ms: int = 1000, samples: tuple[Sample, ...] = ()) -> Outage:
+    begun = follow(None, PEACE, replace(DOWN, since_ns=_ms(since_ms)), samples, _ms(now_ms))
+    assert begun is not None
+    return begun
+
+
+def test_while_a_core_serves_there_is_no_outage() -> None:
+    assert follow(None, PEACE, PEACE, (), 5) is None
+    assert follow(_outage(), DOWN, PEACE, (), 5) is None
+    shown = show(None, PEACE, 3, PACE, 5)
+    assert (shown.text, shown.stage, shown.elapsed_ms, shown.samples) == (None, None, 0, 3)
+
+
+def test_a_doubt_of_our_own_is_the_first_stage_of_an_outage_that_nobody_planned() -> None:
+    doubted = doubt(replace(PEACE, planned=True))  # the last start was a planned one
+    begun = follow(None, PEACE, doubted, (), _ms(1000))
+    assert begun is not None
+    assert (begun.began_ns, begun.stage, begun.planned, begun.epoch) == (_ms(1000), 1, False, 7)
+    assert show(begun, doubted, 0, PACE, _ms(1000)).state == "RECOVERY"
+
+
+def test_the_outage_begins_with_whoever_saw_it_first() -> None:
+    doubted = follow(None, PEACE, doubt(PEACE), (), _ms(1000))
+    later = follow(doubted, doubt(PEACE), replace(DOWN, since_ns=_ms(1004)), (), _ms(1005))
+    earlier = follow(doubted, doubt(PEACE), replace(DOWN, since_ns=_ms(400)), (), _ms(1005))
+    assert later is not None
+    assert earlier is not None
+    assert (later.began_ns, earlier.began_ns) == (_ms(1000), _ms(400))
+    unsaid = follow(None, PEACE, replace(DOWN, since_ns=0), (), _ms(1005))
+    assert unsaid is not None
+    assert unsaid.began_ns == _ms(1005)
+
+
+@given(st.lists(st.sampled_from([None, 1, 2, 3, 4]), max_size=9))
+def test_a_stage_never_goes_back(stages: list[int | None]) -> None:
+    outage, before = _outage(), 0
+    for at_ms, stage in enumerate(stages, 1001):
+        followed = follow(outage, DOWN, replace(DOWN, stage=stage), (), _ms(at_ms))
+        assert followed is not None
+        outage = followed
+        assert outage.stage >= before
+        before = outage.stage
+
+
+def test_the_promise_never_grows_while_the_stages_go_on() -> None:
+    samples = tuple(sample(total, [(1, 0), (3, total // 2), (4, total - 100)]) for total in range(2000, 2010))
+    outage = _outage(samples=samples)
+    first = outage.told
+    late = follow(outage, DOWN, replace(DOWN, stage=4), samples, _ms(1000 + 60_000))
+    early = follow(outage, DOWN, replace(DOWN, stage=4), samples, _ms(1000 + 200))
+    assert first is not None
+    assert late is not None
+    assert early is not None
+    assert late.told is not None
+    assert early.told is not None
+    assert late.told.high_ms <= first.high_ms
+    assert early.told.high_ms == 300
+
+
+@pytest.mark.parametrize(
+    ("face", "planned", "elapsed_ms", "told", "text"),
+    [
+        (Face.HOLD, False, 0, None, Text.RECOVERING),
+        (Face.HOLD, True, 0, None, Text.PLANNED),
+        (Face.HOLD, False, 30_000, None, Text.RECOVERING),
+        (Face.HOLD, False, 30_001, None, Text.LONGER),
+        (Face.HOLD, True, 30_001, None, Text.LONGER),
+        (
+            Face.HOLD,
+            False,
+            1_500,
+            Range(300, 900),
+            Text.RECOVERING,
+        ),  # past it, but nobody is to be alarmed yet
+        (Face.HOLD, False, 5_001, Range(300, 900), Text.LONGER),
+        (Face.HOLD, False, 5_001, Range(4_000, 8_900), Text.RECOVERING),
+        (Face.HOLD, False, 9_001, Range(4_000, 8_900), Text.LONGER),
+        (Face.REFUSE, False, 90_000, None, Text.STOPPED_TRYING),
+        (Face.CLOSED, True, 90_000, None, Text.OFF),
+    ],
+)
+def test_each_text_is_said_where_its_facts_are(
+    face: Face, planned: bool, elapsed_ms: int, told: Range | None, text: Text
+) -> None:
+    outage = replace(_outage(), planned=planned, told=told)
+    shown = show(outage, replace(DOWN, face=face), 9, PACE, outage.began_ns + _ms(elapsed_ms))
+    assert shown.text is text
+
+
+@pytest.mark.parametrize(("elapsed_ms", "promised"), [(1_000, True), (1_001, False)])
+def test_past_its_end_a_promise_is_no_longer_shown(elapsed_ms: int, promised: bool) -> None:
+    outage = replace(_outage(), told=Range(300, 900))
+    shown = show(outage, DOWN, 9, PACE, outage.began_ns + _ms(elapsed_ms))
+    assert (shown.eta is not None) is promised
+
+
+@pytest.mark.parametrize("face", [Face.REFUSE, Face.CLOSED])
+def test_no_time_is_promised_where_nobody_is_coming(face: Face) -> None:
+    outage = replace(_outage(), told=Range(300, 900))
+    assert show(outage, replace(DOWN, face=face), 9, PACE, outage.began_ns).eta is None
+
+
+def test_the_moment_in_which_time_alone_changes_what_is_shown_is_known() -> None:
+    outage = replace(_outage(), told=Range(300, 900))
+    began_ns = outage.began_ns
+    assert due_ms(outage, PACE, began_ns) == 1_001
+    assert due_ms(outage, PACE, began_ns + _ms(1_001)) == 4_000
+    assert due_ms(outage, PACE, began_ns + _ms(5_001)) is None
+    assert due_ms(_outage(), PACE, began_ns) == 30_001
+
+
+def test_an_outage_that_is_over_teaches_how_long_it_took_and_when_each_stage_came() -> None:
+    outage = follow(_outage(), DOWN, replace(DOWN, stage=4), (), _ms(1_700))
+    assert outage is not None
+    assert finished(outage, 8, _ms(2_000)) == Sample(1_000, (0, 0, 700, 700))
+
+
+def test_an_outage_teaches_nothing_that_was_nobodys_to_foresee() -> None:
+    outage = _outage()
+    assert finished(replace(outage, epoch=None), 8, _ms(2_000)) is None  # its begin was not seen
+    assert finished(outage, 7, _ms(2_000)) is None  # the same core went on
+    for face in (Face.REFUSE, Face.CLOSED):  # a person had to act
+        touched = follow(outage, DOWN, replace(DOWN, face=face), (), _ms(1_500))
+        assert touched is not None
+        again = follow(touched, DOWN, DOWN, (), _ms(1_600))
+        assert again is not None
+        assert finished(again, 8, _ms(2_000)) is None
+
+
+def test_a_core_that_takes_over_without_a_pause_is_no_outage() -> None:
+    after = replace(PEACE, serving=Serving("/run/b", 8), released=8)
+    assert posture(after) is Face.FORWARD
+    assert follow(None, PEACE, after, (), 5) is None
+
+
+def test_the_frame_has_every_field_of_the_wire() -> None:
+    outage = replace(_outage(), told=Range(300, 900))
+    told = fields(show(outage, DOWN, 9, PACE, outage.began_ns + _ms(250)), 2, "2026-01-01T00:00:00.000Z")
+    assert told == {
+        "v": 1,
+        "type": "state",
+        "state": "RECOVERY",
+        "phase": "KILLING",
+        "stage": 2,
+        "stages": 4,
+        "since": "2026-01-01T00:00:00.000Z",
+        "elapsed_ms": 250,
+        "eta": {"low_s": 0, "high_s": 1, "samples": 9},
+        "samples": 9,
+        "incident": None,
+        "held": 2,
+        "planned": False,
+        "alerted_at": None,
+        "text": "R1",
+    }
