@@ -66,7 +66,7 @@ def parse_number(text: str, decimal: Decimal) -> Number | Refusal:
     return Number(
         negative=negative,
         signed=negative or bool(signs),
-        whole=re.sub(r"[^0-9]", "", digits["whole"]),
+        whole="".join(filter(str.isdigit, digits["whole"])),
         part=digits["part"] or "",
     )
 

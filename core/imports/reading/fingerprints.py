@@ -17,6 +17,7 @@ from core.imports.reading.candidates import Candidate
 
 FINGERPRINT_BYTES: Final = 16
 
+_BEGINNINGS: Final = frozenset("0123456789+-")
 _NUMBER: Final = re.compile(r"[-+]?[0-9]{1,3}(?:,[0-9]{3})+(?:\.[0-9]+)?|[-+]?[0-9]+(?:\.[0-9]+)?")
 _NOUGHTS: Final = re.compile(r"(\.[0-9]*?)0+$")
 _DATE: Final = re.compile(r"([0-9]{4})[-./]([0-9]{2})[-./]([0-9]{2})(?:[T\s]+(.*))?")
@@ -31,6 +32,8 @@ def fingerprint(account: str, candidate: Candidate) -> str:
 def settled(cell: str) -> str:
     """The spelling of a cell that every container agrees on."""
     text = " ".join(unicodedata.normalize("NFKC", cell).split())
+    if text[:1] not in _BEGINNINGS:
+        return text
     if _NUMBER.fullmatch(text):
         return _number(text.replace(",", "").removeprefix("+"))
     if date := _DATE.fullmatch(text):

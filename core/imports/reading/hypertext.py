@@ -11,6 +11,7 @@ from typing import Final
 
 from lxml import etree, html
 
+from core.imports.reading.formats import SCAN_ROWS_MAX
 from core.imports.reading.raw import RawTable
 from core.imports.reading.table import COLUMNS_MAX, ROWS_MAX, Row, Unreadable, Why
 
@@ -34,7 +35,7 @@ def read_hypertext(text: str) -> list[RawTable] | Unreadable:
     tables: list[RawTable] = []
     for number, element in enumerate(found, 1):
         rows = tuple(_rows(element))
-        if len(rows) > ROWS_MAX:
+        if len(rows) > ROWS_MAX + SCAN_ROWS_MAX:
             return Unreadable(Why.TOO_MANY_ROWS)
         if rows:
             tables.append(RawTable(str(number) if len(found) > 1 else None, rows))

@@ -8,11 +8,12 @@ stay: an amount in (USD) is not the amount.
 import re
 import unicodedata
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 NAME_CHARACTERS_MAX: Final = 200
 
-_WHITE: Final = re.compile(r"\s+")
+_REMEMBERED_CHARACTERS_MAX: Final = 40
 _TWIN: Final = re.compile(r"#\d+$")
 _LETTERED: Final = re.compile(r"\[[A-Z]{1,3}\]")
 # Invisible characters that turn the direction of a line around or hide in it: no bank means them.
@@ -23,12 +24,22 @@ _UNSEEN: Final = re.compile(
 
 def canonical(text: str) -> str:
     """`text` as it is compared: NFKC, no white space, no invisible characters, no case."""
-    return _WHITE.sub("", _UNSEEN.sub("", unicodedata.normalize("NFKC", text))).casefold()
+    return _remembered(text) if len(text) <= _REMEMBERED_CHARACTERS_MAX else _made_canonical(text)
+
+
+def _made_canonical(text: str) -> str:
+    return "".join(_UNSEEN.sub("", unicodedata.normalize("NFKC", text)).split()).casefold()
+
+
+# A file says the same few words in every row; long cells are no words and are not kept.
+_remembered = lru_cache(maxsize=4_096)(_made_canonical)
 
 
 def tidy(text: str, characters_max: int) -> str:
     """`text` on one line, without control characters, at most `characters_max` long (cut with an ellipsis)."""
-    line = _WHITE.sub(" ", _UNSEEN.sub(" ", unicodedata.normalize("NFC", text))).strip()
+    if not text:
+        return ""
+    line = " ".join(_UNSEEN.sub(" ", unicodedata.normalize("NFC", text)).split())
     return line if len(line) <= characters_max else line[: characters_max - 1] + "…"
 
 

@@ -136,12 +136,9 @@ def _canonical(words: tuple[str, ...]) -> frozenset[str]:
 
 
 def _judge(reader: _Reader, row: Row) -> Result:
-    skip = _skip_of_shape(reader, row)
-    if skip is not None:
-        return SkippedRow(row.line, row.cells, skip)
     date = _date(reader, row)
     if isinstance(date, _Fault):
-        skip = _skip_without_date(row)
+        skip = _skip_without_date(reader, row)
         return _refused(reader, row, date) if skip is None else SkippedRow(row.line, row.cells, skip)
     status = _status(reader, row)
     if isinstance(status, Skip):
@@ -163,16 +160,15 @@ def _cell(reader: _Reader, row: Row, role: str) -> str:
     return "" if place is None else row.cells[place].strip()
 
 
-def _skip_of_shape(reader: _Reader, row: Row) -> Skip | None:
-    if not any(cell.strip() for cell in row.cells):
+def _skip_without_date(reader: _Reader, row: Row) -> Skip | None:
+    """What a row without a date is that is no transaction. Asked of no other: a merchant may be called 합계마트."""
+    words = tuple(map(canonical, row.cells))
+    filled = [word for word in words if word]
+    if not filled:
         return Skip.BLANK
-    return Skip.HEADER if any(reader.header) and tuple(map(canonical, row.cells)) == reader.header else None
-
-
-def _skip_without_date(row: Row) -> Skip | None:
-    """A total or a note; asked only of rows without a date, because a merchant may be called 합계마트."""
-    filled = [canonical(cell) for cell in row.cells if cell.strip()]
-    if any(_FOOTER.fullmatch(cell) for cell in filled):
+    if words == reader.header:
+        return Skip.HEADER
+    if any(_FOOTER.fullmatch(word) for word in filled):
         return Skip.FOOTER
     return Skip.NOTE if len(filled) == 1 else None
 

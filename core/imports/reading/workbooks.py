@@ -14,6 +14,7 @@ from typing import Final
 
 import python_calamine as calamine
 
+from core.imports.reading.formats import SCAN_ROWS_MAX
 from core.imports.reading.raw import RawTable
 from core.imports.reading.table import COLUMNS_MAX, ROWS_MAX, Row, Unreadable, Why
 
@@ -67,7 +68,7 @@ def _sheets(book: calamine.CalamineWorkbook) -> list[RawTable] | Unreadable:
         sheet = book.get_sheet_by_name(name)
         if sheet.start is None:
             continue
-        if sheet.height > ROWS_MAX:
+        if sheet.height > ROWS_MAX + SCAN_ROWS_MAX:
             return Unreadable(Why.TOO_MANY_ROWS)
         if sheet.width > COLUMNS_MAX:
             return Unreadable(Why.TOO_MANY_COLUMNS)
