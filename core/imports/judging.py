@@ -49,7 +49,7 @@ def sample_of(judged: Candidate | Problem | SkippedRow) -> SampleRow:
             )
             return SampleRow(judged.line, judged.cells, entry, None)
         case Problem():
-            return SampleRow(judged.line, judged.cells, None, judged.reason)
+            return SampleRow(judged.line, judged.cells, None, judged.reason, judged.values)
         case SkippedRow():
             return SampleRow(judged.line, judged.cells, None, judged.reason.value)
         case _:

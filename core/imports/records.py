@@ -62,6 +62,7 @@ class SampleRow(msgspec.Struct, frozen=True):
     cells: tuple[str, ...]
     entry: EntryShown | None
     reason: str | None
+    values: dict[str, str] = {}  # as in Problem
 
 
 class Survey(msgspec.Struct, frozen=True):

@@ -11,7 +11,7 @@ import msgspec
 from core.imports.desk import Kept
 from core.imports.reading.formats import builtin_formats
 from core.imports.reading.mapping import Mapping, MappingFault, faults_of
-from core.imports.records import EntryShown, Problem
+from core.imports.records import EntryShown, Problem, SampleRow
 from core.imports.states import State
 from core.ledger.views import timestamp
 from frontend.catalogue_imports import BOOKING, REASONS
@@ -165,10 +165,7 @@ def view_of(kept: Kept, lang: Language) -> ImportView:
         account=wish.account,
         currency=wish.currency,
         rows=_counts(kept),
-        sample=tuple(
-            RowView(row.line, row.cells, row.entry, row.reason, row.reason and sentence(row.reason, lang))
-            for row in kept.survey.sample
-        ),
+        sample=tuple(_row(row, lang) for row in kept.survey.sample),
         problems=tuple(_refused(problem, lang) for problem in found),
         balance_check=kept.survey.balance_check.value,
         done=kept.progress.done,
@@ -195,6 +192,11 @@ def sentence(reason: str, lang: Language, **values: str) -> str:
         return _PAIRS[reason][lang].format_map(values)
     assert reason in PROBLEMS, f"nothing says what {reason!r} means"
     return problem_text(reason, lang, **values)[1]
+
+
+def _row(row: SampleRow, lang: Language) -> RowView:
+    said = None if row.reason is None else sentence(row.reason, lang, **row.values)
+    return RowView(row.line, row.cells, row.entry, row.reason, said)
 
 
 def _refused(problem: Problem, lang: Language) -> RefusedView:
