@@ -1,9 +1,10 @@
 """What the gateway shows of its own: the recovery page and the files under `/__hc/`, made once and kept as bytes.
 
 The recovery page must work when nothing else does, so it needs nothing but itself: its style and its script stand
-in it and are allowed by their hash. The script is the same ES modules that a living page loads, set one after the
-other; a bundler was not needed for that, because each module imports by one line from its neighbours and no two
-of them use the same name at their top (a test sees to both). Comments stay in the checkout and are not sent.
+in it and are allowed by their hash. Its script and that of a living page are ES modules set one after the other, so
+that a page never has half of them or two versions at once. A bundler was not needed for that, because each module
+imports by one line from its neighbours and no two of them use the same name at their top (a test sees to both).
+Comments stay in the checkout and are not sent.
 """
 
 import base64
@@ -31,14 +32,21 @@ Outcome = Literal["get", "not_done", "unknown"]
 KINDS: Final[tuple[Kind, ...]] = ("recovering", "planned", "stopped_trying", "off")
 OUTCOMES: Final[tuple[Outcome, ...]] = ("get", "not_done", "unknown")
 
-#: The modules of the recovery page, each after those it imports from.
+#: The modules of the recovery page and of a living page, each after those it imports from.
 PAGE_MODULES: Final = ("channel.js", "outage.js", "wording.js", "card.js", "recovery.js")
-
-_FOLDER: Final = Path(__file__).parent / "crisis"
-_TEMPLATES: Final = Path(__file__).parent.parent / "templates"
-_TYPES: Final = MappingProxyType(
-    {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8"},
+CLIENT_MODULES: Final = (
+    *PAGE_MODULES[:-1],
+    "place.js",
+    "screen.js",
+    "drafts.js",
+    "slowness.js",
+    "client.js",
 )
+
+SOURCES: Final = Path(__file__).parent / "crisis"
+_TEMPLATES: Final = Path(__file__).parent.parent / "templates"
+_SCRIPT: Final = "text/javascript; charset=utf-8"
+_STYLE: Final = "text/css; charset=utf-8"
 #: The code of the heading and the sentence that a page begins with, before its script has heard anything.
 _OPENING: Final[Mapping[Kind, str]] = MappingProxyType(
     {"recovering": "R1", "planned": "R2", "stopped_trying": "R8", "off": "OFF"}
@@ -69,11 +77,14 @@ class Page:
 @functools.cache
 def own_files() -> Mapping[str, OwnFile]:
     """Return the scripts and styles of the gateway by their path, such as `/__hc/client.js`."""
-    files = {path.name: _source(path.name).encode() for path in sorted(_FOLDER.iterdir()) if path.suffix in _TYPES}
-    files |= {f"words.{lang}.js": f"export const words = {_json(words(lang))};\n".encode() for lang in LANGUAGES}
-    return MappingProxyType(
-        {f"/__hc/{name}": OwnFile(body, _TYPES[Path(name).suffix]) for name, body in files.items()}
-    )
+    files = {
+        "client.js": OwnFile(_modules(CLIENT_MODULES).encode(), _SCRIPT),
+        "client.css": OwnFile(_source("client.css").encode(), _STYLE),
+    }
+    for lang in LANGUAGES:
+        body = f"export const words = {_json(words(lang))};\n".encode()
+        files[f"words.{lang}.js"] = OwnFile(body, _SCRIPT)
+    return MappingProxyType({f"/__hc/{name}": one for name, one in files.items()})
 
 
 @functools.cache
@@ -111,12 +122,16 @@ def in_one(modules: Iterable[str]) -> str:
 @functools.cache
 def _page_script() -> str:
     texts = {lang: words(lang) for lang in LANGUAGES}
-    return f"\nconst WORDS = {_json(texts)};\n" + in_one("\n" + _source(name) for name in PAGE_MODULES)
+    return f"\nconst WORDS = {_json(texts)};\n" + _modules(PAGE_MODULES)
+
+
+def _modules(names: Iterable[str]) -> str:
+    return in_one("\n" + _source(name) for name in names)
 
 
 def _source(name: str) -> str:
     """A file of the folder without its comments; they are full lines here, so no string can be mistaken."""
-    return _COMMENT.sub("", (_FOLDER / name).read_text("utf-8"))
+    return _COMMENT.sub("", (SOURCES / name).read_text("utf-8"))
 
 
 def _json(value: object) -> str:

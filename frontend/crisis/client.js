@@ -6,7 +6,7 @@
 
 import { openChannel } from "./channel.js";
 import { CALM, RESULT_STAY_MS, next } from "./outage.js";
-import { face, fill } from "./wording.js";
+import { face } from "./wording.js";
 import { makeScreen } from "./screen.js";
 import { keepDrafts } from "./drafts.js";
 import { watchRequests } from "./slowness.js";

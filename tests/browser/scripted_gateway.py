@@ -18,7 +18,7 @@ from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from frontend.crisis_paper import Kind, Outcome, Page, own_files, recovery_page
+from frontend.crisis_paper import SOURCES, Kind, Outcome, Page, own_files, recovery_page
 from frontend.render import Language
 
 PAGE_POLICY: Final = (
@@ -134,6 +134,9 @@ class ScriptedGateway:
         if path in own_files():
             one = own_files()[path]
             return _response(one.body, one.content_type, {"Cache-Control": "no-cache"})
+        if path.startswith("/source/"):  # single modules, for tests of one of them
+            body = (SOURCES / path.removeprefix("/source/")).read_bytes()
+            return _response(body, "text/javascript", {})
         if self.recovering is not None:
             return _recovery(recovery_page(*self.recovering))
         if path in self.pages:

@@ -92,7 +92,7 @@ def _marks(page: Page, mark: str) -> None:
 
 def test_every_event_has_its_move_in_every_mode(open_ledger: OpenLedger) -> None:
     moves = open_ledger().evaluate(
-        """async () => Object.entries((await import("/__hc/outage.js")).MOVES)
+        """async () => Object.entries((await import("/source/outage.js")).MOVES)
         .map(([mode, row]) => [mode, Object.keys(row).sort().join()])"""
     )
     events = ",".join(sorted(["down", "serving", "back", "verified", "lost", "tick", "dismiss"]))
@@ -138,7 +138,7 @@ def test_the_overlay_comes_at_once_when_history_says_that_it_lasts(
 def test_the_overlay_waits_a_second_when_history_says_that_it_is_brief(open_ledger: OpenLedger) -> None:
     due = open_ledger().evaluate(
         """async ([brief, unknown]) => {
-          const { CALM, next } = await import("/__hc/outage.js");
+          const { CALM, next } = await import("/source/outage.js");
           return [brief, unknown].map((frame) => next(CALM, frame, 5000).due_ms - 5000);
         }""",
         [down(elapsed_ms=20, eta={"low_s": 0, "high_s": 1, "samples": 9}), down(elapsed_ms=20)],
@@ -290,7 +290,7 @@ def test_a_claim_is_made_exactly_where_its_fact_is(open_ledger: OpenLedger) -> N
     """All combinations of what can be known, asked of the pure room that chooses the words."""
     page = open_ledger()
     said = """async ([view, facts]) => {
-      const { face } = await import("/__hc/wording.js");
+      const { face } = await import("/source/wording.js");
       const { words } = await import("/__hc/words.en.js");
       return JSON.stringify(face(view, facts, 9000, words));
     }"""
