@@ -29,6 +29,10 @@ def read_hypertext(text: str) -> list[RawTable] | Unreadable:
         page = html.document_fromstring(text.encode("utf-8", "replace"), parser=parser)
     except (etree.LxmlError, ValueError):
         return Unreadable(Why.NO_TABLE)
+    # Where the parser gives up (nested too deep) it keeps what it has and is silent: rows would be missing.
+    given_up = parser.error_log.filter_from_fatals()
+    if len(given_up):
+        return Unreadable(Why.UNREADABLE, given_up[0].line)
     found = page.findall(".//table")
     if len(found) > TABLES_MAX:
         return Unreadable(Why.NO_TABLE)

@@ -162,6 +162,12 @@ def test_an_html_table_named_xls_is_read_from_the_table_with_the_best_header() -
     ]
 
 
+def test_a_page_that_the_parser_gives_up_on_is_refused_and_not_read_in_part() -> None:
+    rows = "<tr><td>2026-01-02</td><td>1</td></tr>"
+    page = f"<table>{rows}<tr><td>{'<div>' * 400}x</td></tr>{rows}</table>"
+    assert why(page) is Why.UNREADABLE
+
+
 def test_spans_without_measure_do_no_harm() -> None:
     wide = table(
         '<table><tr><td rowspan="999999999">Date</td><td colspan="99999999">Amount</td></tr></table>'
