@@ -114,7 +114,9 @@ _KEY: Final[dict[str, Any]] = {
 
 def document() -> bytes:
     """Return the description as JSON."""
-    _, shapes = msgspec.json.schema_components((*_SHAPES, *IMPORT_SHAPES), ref_template="#/components/schemas/{name}")
+    _, shapes = msgspec.json.schema_components(
+        (*_SHAPES, *IMPORT_SHAPES), ref_template="#/components/schemas/{name}"
+    )
     described = {
         "openapi": "3.1.0",
         "info": {
@@ -161,6 +163,27 @@ def _paths() -> dict[str, Any]:
         "/api/ledger/transactions/{id}": {
             "get": _get("One transaction", _ref("TransactionView"), _path("id")),
         },
+        **_household(),
+        "/api/ledger/events": {
+            "get": _get(
+                "Events in order; `next_cursor` is the next `after`",
+                _page("EventView"),
+                _query("after", "Begin after this sequence"),
+                _limit(500),
+            ),
+        },
+        "/api/ledger/verify": {"get": _get("Prove the whole book", _ref("Verdict"))},
+        "/api/ledger/commands/{key}": {
+            "get": _get("What became of a key (404: not done)", _ref("LookUp"), _path("key")),
+        },
+        **import_paths(_KEY),
+        "/api/openapi.json": {"get": _get("This description", {"type": "object"})},
+        "/healthz": {"get": _get("Epoch and last sequence, without asking the store", _ref("Health"))},
+    }
+
+
+def _household() -> dict[str, Any]:
+    return {
         "/api/ledger/entries": {
             "get": _get(
                 "What stands of the household's entries, newest day first", _page("EntryView"), *_LIST
@@ -202,21 +225,6 @@ def _paths() -> dict[str, Any]:
         "/api/ledger/categories": {
             "get": _get("Open categories by id", _page("CategoryView"), _query("cursor"), _limit(10_000)),
         },
-        "/api/ledger/events": {
-            "get": _get(
-                "Events in order; `next_cursor` is the next `after`",
-                _page("EventView"),
-                _query("after", "Begin after this sequence"),
-                _limit(500),
-            ),
-        },
-        "/api/ledger/verify": {"get": _get("Prove the whole book", _ref("Verdict"))},
-        "/api/ledger/commands/{key}": {
-            "get": _get("What became of a key (404: not done)", _ref("LookUp"), _path("key")),
-        },
-        **import_paths(_KEY),
-        "/api/openapi.json": {"get": _get("This description", {"type": "object"})},
-        "/healthz": {"get": _get("Epoch and last sequence, without asking the store", _ref("Health"))},
     }
 
 
