@@ -325,11 +325,6 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "fault_overdraft": {"ko": "잔액이 모자라요.", "en": "There is not enough money in it."},
     "fault_other": {"ko": "확인해 주세요.", "en": "Please check this."},
     # Problems that only a page has
-    "foreign_title": {"ko": "다른 사이트에서 온 요청이에요", "en": "This request comes from another site"},
-    "foreign_detail": {
-        "ko": "이 가계부의 화면에서 다시 해 주세요. 아무것도 바뀌지 않았어요.",
-        "en": "Please do it again from this ledger's own pages. Nothing was changed.",
-    },
     "problem_home": {"ko": "처음 화면으로", "en": "To the overview"},
 }
 

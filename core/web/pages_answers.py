@@ -39,7 +39,8 @@ def reader_of(request: Request) -> Reader:
     """Return who reads this page."""
     cookie = request.cookies.get(LANGUAGE_COOKIE, "")[:COOKIE_CHARACTERS_MAX]
     lang = reader_language(cookie, request.headers.get("accept-language"))
-    path = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+    # Where the choice of another language leads back to; what was posted to can't be got.
+    path = f"{request.url.path}?{request.url.query}" if request.method == "GET" else "/"
     # The day of the household's machine; the browser corrects a fresh form to its own.
     return Reader(lang, dt.datetime.now().astimezone().date(), path)
 

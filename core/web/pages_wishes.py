@@ -78,7 +78,7 @@ async def change_entry(request: Request) -> Response:
     async def wish() -> Response:
         service = service_of(request)
         # The form shows neither: what it does not show, it does not change.
-        body = _entry_body(form, payment_method=before.payment_method, tags=list(before.tags))
+        body = _entry_body(form, payment_method=before.entry.payment_method, tags=list(before.entry.tags))
         command = accepted(replace_entry(entry_id, body, service.new_id(), service.new_id()))
         await carry_out(request, form, "entry.replace", command)
         return go_on(request, "/register", "saved_change", id=entry_id)

@@ -27,6 +27,7 @@ async function submit(form) {
   if (form.dataset.busy) return;
   const field = form.elements._idempotency_key;
   const sent = fieldsOf(form);
+  field.value = keyFor(form, sent, field.value);
   busy(form, true);
   clearFaults(form);
   tell(form, say("sending"));
@@ -37,6 +38,7 @@ async function submit(form) {
     onWaiting: () => tell(form, say("waiting")),
   });
   busy(form, false);
+  if (answer !== null && answer.status < 500) forget(form);
   if (answer === null) return tell(form, say("unanswered"), "wrong"); // the key stays: pressing again asks the same
   if (answer.status >= 200 && answer.status < 300) return saved(form, field, sent, answer.body);
   refused(form, field, answer);
@@ -73,6 +75,31 @@ function refused(form, field, { status, body }) {
   }
   tell(form, first ? "" : (body.detail ?? say("unsaid")), "wrong");
   first?.focus();
+}
+
+// A page that is loaded again while a wish is on its way has a fresh key, and the typed text comes back. Whoever sends
+// the same once more means the same wish: it keeps the key that nobody has answered yet.
+function keyFor(form, sent, fresh) {
+  try {
+    const open = JSON.parse(sessionStorage.getItem(nameOf(form)) ?? "null");
+    const key = open?.sent === sent ? open.key : fresh;
+    sessionStorage.setItem(nameOf(form), JSON.stringify({ key, sent }));
+    return key;
+  } catch {
+    return fresh; // no storage in this browser: a reload in an outage is then a new wish
+  }
+}
+
+function forget(form) {
+  try {
+    sessionStorage.removeItem(nameOf(form));
+  } catch {
+    // Nothing was kept.
+  }
+}
+
+function nameOf(form) {
+  return `wish:${form.getAttribute("action")}`;
 }
 
 function fieldsOf(form) {
