@@ -154,6 +154,10 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
         "ko": ("계좌를 골라 주세요", "어느 계좌의 내역인지 알아야 가져올 수 있어요."),
         "en": ("Please choose an account", "The rows can only be booked on the account they belong to."),
     },
+    "import-not-kept": {
+        "ko": ("파일을 보관하지 못했어요", "디스크에 빈 자리가 있는지 확인하고 다시 해 주세요."),
+        "en": ("The file could not be kept", "Please check that the disk has room, then try again."),
+    },
     "import-format-unknown": {
         "ko": ("모르는 파일 형식이에요", "찾은 이름: {format}."),
         "en": ("This format is not known", "No format is called {format}."),

@@ -8,7 +8,6 @@ import asyncio
 import hashlib
 import time
 from dataclasses import dataclass, replace
-from itertools import islice
 from pathlib import Path
 from typing import Final
 from uuid import UUID
@@ -229,7 +228,5 @@ class Desk:
 
 
 def _job(folder: ImportFolder, manifest: Manifest, table: ReadTable, progress: Progress) -> Job:
-    """Return the work that is left: the rows after those that are known to be settled."""
-    # Parsed from the beginning all the same: which of several identical rows one is depends on those before it.
-    rows = islice(results(manifest, table), progress.done, None)
-    return Job(folder, manifest, table.head.row_count, rows, progress)
+    """Return the work that is left after `progress`."""
+    return Job(folder, manifest, table.head.row_count, results(manifest, table), progress)

@@ -77,13 +77,18 @@ Outcome = Booked | Duplicate | Problem | Stopped
 
 @dataclass(slots=True)
 class Job:
-    """One committed import. `rows` are those after the first `progress.done`, parsed as they are needed."""
+    """One committed import. `rows` are all of its rows, parsed as they are needed; `parsed` of them are.
+
+    Those before `progress.done` are settled and only parsed: which of several identical rows one is depends on
+    the rows before it.
+    """
 
     folder: ImportFolder
     manifest: Manifest
     total: int
     rows: Iterator[Result]
     progress: Progress
+    parsed: int = 0
     ahead: deque[Result] = field(default_factory=deque)
     told_ns: int = 0
 
@@ -120,15 +125,19 @@ class Importer:
 
     async def _run(self) -> None:
         while not self._service.draining:
-            if not self._jobs:
+            self._wake.clear()
+            if self._jobs:
+                self._beat()
+                self._recorder.importer_works(True)
+                await self._until_idle()
                 self._recorder.importer_works(False)
-                self._wake.clear()
+            else:
                 await self._wake.wait()
-                continue
-            self._recorder.importer_works(True)
+
+    async def _until_idle(self) -> None:
+        while self._jobs and not self._service.draining:
             await self._turn(self._jobs[0])
             self._jobs.rotate(-1)
-        self._recorder.importer_works(False)
 
     async def _turn(self, job: Job) -> None:
         """Book one wave of one import. A bug of ours that one file brings to light stops that file alone."""
@@ -145,15 +154,9 @@ class Importer:
     async def _wave(self, job: Job) -> State | None:
         """Book the next rows; return the state in which the import ends, None while it goes on."""
         self._beat()
-        if not job.ahead:
-            reading = asyncio.ensure_future(
-                asyncio.to_thread(lambda: list(islice(job.rows, READ_AHEAD_ROWS)))
-            )
-            some = await self._beating(reading)
-            job.ahead.extend(some)
-        wave = [job.ahead.popleft() for _ in range(min(IN_FLIGHT_MAX, len(job.ahead)))]
-        if not wave:
+        if not job.ahead and not await self._read_ahead(job):
             return after(State.COMMITTING, Trigger.LAST_ROW)
+        wave = [job.ahead.popleft() for _ in range(min(IN_FLIGHT_MAX, len(job.ahead)))]
         first = job.progress.done + 1
         rows = (self._row(job.manifest, n, row) for n, row in enumerate(wave, first))
         for outcome in await self._beating(asyncio.gather(*rows)):
@@ -163,6 +166,14 @@ class Importer:
             job.progress = settle(job.progress, outcome)
         await self._tell(job)
         return None
+
+    async def _read_ahead(self, job: Job) -> bool:
+        """Parse the next rows, some at a time so that a core may leave in between; False where none are left."""
+        some = await self._beating(asyncio.create_task(asyncio.to_thread(_some, job.rows)))
+        settled = max(0, job.progress.done - job.parsed)
+        job.parsed += len(some)
+        job.ahead.extend(some[settled:])
+        return bool(some)
 
     async def _row(self, manifest: Manifest, ordinal: int, result: Result) -> Outcome | SkippedRow:
         judged = judging.judge(result, manifest.currency)
@@ -204,15 +215,23 @@ class Importer:
         now_ns = time.monotonic_ns()
         if now_ns - job.told_ns >= TELL_EVERY_NS:
             job.told_ns = now_ns
-            await asyncio.to_thread(job.folder.keep_progress, job.progress)
+            await self._keep(job)
             self._service.hub.tell([frame_of(job)])
 
     async def _end(self, job: Job, state: State) -> None:
         job.manifest = msgspec.structs.replace(job.manifest, state=state)
-        await asyncio.to_thread(job.folder.keep_progress, job.progress)
-        await asyncio.to_thread(job.folder.keep_manifest, job.manifest)
+        await self._keep(job)
         self._jobs.remove(job)
         self._service.hub.tell([frame_of(job)])
+
+    async def _keep(self, job: Job) -> None:
+        """Write down how far it is. A full disk costs a later life some asking again, and this one nothing."""
+        try:
+            await asyncio.to_thread(job.folder.keep_progress, job.progress)
+            if job.manifest.state is not State.COMMITTING:
+                await asyncio.to_thread(job.folder.keep_manifest, job.manifest)
+        except OSError as error:
+            logger.warning("How far import %s is could not be kept: %s", job.manifest.id, error.strerror)
 
     async def _beating(self, work: asyncio.Future[T]) -> T:
         """Wait for work that others do, and beat meanwhile: to wait is not to be stuck."""

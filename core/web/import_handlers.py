@@ -5,6 +5,7 @@ no slot while its file streams in and is read, because a slot without progress w
 password is in no body that is kept anywhere, neither by the recorder nor in a log.
 """
 
+import logging
 from typing import Any
 
 import msgspec
@@ -22,6 +23,8 @@ from core.web.intake import decode_body, idempotency_key, read_body
 from core.web.problems import Problem, ProblemError
 from core.web.upload import Upload, receive
 from frontend.render import Language, language
+
+logger = logging.getLogger("core.web")
 
 
 class PreviewBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -49,8 +52,13 @@ async def upload(request: Request) -> Response:
     if isinstance(path, Trouble):
         raise _problem(path, _lang(request))
     try:
+        # Room may end anywhere between the first byte and the name of the folder: nothing is kept then.
         came = await receive(request, path, service_of(request).settings.import_file_bytes_max)
-        kept = await desk.take_in(import_id, came.name, came.sha256, _chosen(came), came.fields.get("password"))
+        kept = await desk.take_in(
+            import_id, came.name, came.sha256, _chosen(came), came.fields.get("password")
+        )
+    except OSError as error:
+        raise _no_room(error) from None
     finally:
         await desk.end(import_id)
     return _tell(request, kept, 201)
@@ -79,9 +87,12 @@ async def commit(request: Request) -> Response:
     """POST /api/ledger/imports/{id}/commit."""
     body = decode_body(await _body(request), CommitBody)
     choices = Choices(body.account, body.mapping)
-    kept = await _desk(request).commit(
-        request.path_params["id"], choices, skip_duplicates=body.skip_duplicates
-    )
+    try:
+        kept = await _desk(request).commit(
+            request.path_params["id"], choices, skip_duplicates=body.skip_duplicates
+        )
+    except OSError as error:
+        raise _no_room(error) from None
     return _tell(request, kept, 202)
 
 
@@ -126,6 +137,11 @@ def _problem(trouble: Trouble, lang: Language) -> ProblemError:
         extra = {"errors": shown}
     faults = (Fault("/account", Reason.MISSING),) if trouble.slug == "import-without-account" else ()
     return ProblemError(Problem(trouble.slug, faults, values, extra=extra))
+
+
+def _no_room(error: OSError) -> ProblemError:
+    logger.error("An import could not be kept: %s", error.strerror)
+    return ProblemError(Problem("import-not-kept"))
 
 
 def _desk(request: Request) -> Desk:

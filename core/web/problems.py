@@ -59,6 +59,7 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "import-mapping": ProblemKind(422),
     "import-without-account": ProblemKind(422),
     "import-format-unknown": ProblemKind(422),
+    "import-not-kept": ProblemKind(507),
     "method-not-allowed": ProblemKind(405),
     "body-too-large": ProblemKind(413),
     **{slug.value: ProblemKind(status_of(slug)) for slug in Slug},

@@ -16,7 +16,10 @@ import openpyxl
 import pytest
 from msoffcrypto.format.ooxml import OOXMLFile  # type: ignore[import-untyped]  # it has no types
 
+from hardcore.host.recorder import PageReader
+from hardcore.model.recorder import Beats
 from tests.integration.house import ANSWER_S, BANK, Answer, House
+from tests.integration.lone_core import ready, started
 from tests.waiting import until
 
 ROWS = 2_000
@@ -223,6 +226,29 @@ def test_an_upload_into_the_outage_is_held_and_answered(house: House, mark: str)
     assert_each_once(house, mark, 10)
 
 
+def test_the_guard_sees_on_the_recorder_whether_the_importer_works(house: House, mark: str) -> None:
+    before = beats(house)
+    assert before.importer_since_ns == 0
+    import_id = committed(house, uploaded(house, statement(600, mark)))
+    until(lambda: beats(house).importer_since_ns > 0, "the importer to say that it works")
+    over(house, import_id)
+    until(lambda: beats(house).importer_since_ns == 0, "the importer to say that it has nothing to do")
+    assert beats(house).importer_ns > before.importer_ns
+
+
+def beats(house: House) -> Beats:
+    """What the serving core says on its recorder page."""
+    pid = house.status()["core"]["pid"]
+    for path in house.folders.run.glob("recorder-*"):
+        if path.suffix != ".stacks":
+            reader = PageReader(path, path.name.removeprefix("recorder-"))
+            found, owner = reader.beats(), reader.identity()
+            reader.close()
+            if found is not None and owner is not None and owner[0] == pid:
+                return found
+    raise AssertionError(f"no page of {pid}")
+
+
 def test_what_was_chosen_is_looked_at_again(house: House, mark: str) -> None:
     answer = upload(house, statement(4, mark), account="")
     assert answer.status == 201
@@ -301,3 +327,12 @@ def files_of(house: House) -> list[Path]:
     return [
         path for folder in folders for path in folder.rglob("*") if path.is_file() and not path.is_symlink()
     ] + sorted(house.data.parent.glob(f"{house.data.name}.up-*.txt"))
+
+
+def test_where_no_room_is_left_an_upload_says_so_and_leaves_nothing(tmp_path: Path) -> None:
+    body, kind = form(b"x" * (3 << 20), {}, "bank.csv")
+    with started(tmp_path / "data", file_bytes_max=2 << 20) as core:
+        answer = ready(core).ask("POST", "/api/ledger/imports", body, Content_Type=kind)
+        assert (answer.status, answer.body["type"]) == (507, "/problems/import-not-kept")
+        assert list((tmp_path / "data" / "imports").iterdir()) == []
+        assert core.open("cash").status == 201

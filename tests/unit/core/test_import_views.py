@@ -1,0 +1,57 @@
+import re
+import string
+
+import pytest
+
+from core.imports.desk import KEPT_FILE_LOST
+from core.imports.importer import FAILED_INSIDE
+from core.imports.judging import OTHER_CURRENCY, judge, sample_of
+from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Skip, SkippedRow
+from core.imports.reading.mapping import FaultKind
+from core.imports.reading.table import Note, Why
+from core.imports.records import Problem
+from core.web.import_views import sentence
+from frontend.catalogue_imports import BOOKING
+
+REASONS = sorted({*Refusal, *Skip, *FaultKind, *Why, *Note, KEPT_FILE_LOST, FAILED_INSIDE})
+
+
+def candidate(currency: str) -> Candidate:
+    return Candidate(2, ("a",), "2026-03-01", -500, currency, "shop", None, None, None, None, ("a",), 1)
+
+
+@pytest.mark.parametrize("reason", REASONS)
+def test_every_reason_has_a_sentence_in_both_languages(reason: str) -> None:
+    assert sentence(reason, "ko")
+    assert sentence(reason, "en")
+
+
+def test_a_row_of_another_currency_is_refused_and_both_currencies_are_named() -> None:
+    judged = judge(candidate("USD"), "KRW")
+    assert judged == Problem(2, OTHER_CURRENCY, ("a",), {"given": "USD", "currency": "KRW"})
+    for lang in ("ko", "en"):
+        said = sentence(OTHER_CURRENCY, lang, **judged.values)
+        assert "USD" in said
+        assert "KRW" in said
+
+
+def test_before_an_account_is_chosen_no_currency_is_wrong() -> None:
+    assert judge(candidate("USD"), None) == candidate("USD")
+
+
+def test_a_row_is_shown_with_its_entry_or_with_its_reason() -> None:
+    assert sample_of(candidate("KRW")).entry is not None
+    assert sample_of(SkippedRow(3, ("x",), Skip.FOOTER)).reason == "footer"
+    refused = judge(RefusedRow(4, ("x",), Refusal.NO_DATE, "Date"), "KRW")
+    assert sample_of(refused).reason == "no-date"
+
+
+@pytest.mark.parametrize("slug", sorted(BOOKING))
+def test_the_sentences_of_booking_are_alike_in_both_languages(slug: str) -> None:
+    named = [
+        {name for _, name, _, _ in string.Formatter().parse(BOOKING[slug][lang]) if name}
+        for lang in ("ko", "en")
+    ]
+    assert named[0] == named[1]
+    assert "!" not in "".join(BOOKING[slug].values())
+    assert not re.findall(r"\}[가-힣]", BOOKING[slug]["ko"])
