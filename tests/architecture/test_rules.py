@@ -23,6 +23,7 @@ PURE_ROOMS: Final = (
     "hardcore/crisis/injection.py",
     "hardcore/crisis/lifeline.py",
     "hardcore/crisis/face.py",
+    "hardcore/crisis/estimate.py",
     "hardcore/control/protocol.py",
     "core/ledger/",
     "postmortem/incident.py",
