@@ -70,7 +70,8 @@ def _ready_at(up: "subprocess.Popen[bytes]", data: Path) -> str | None:
     give_up_at = time.monotonic() + START_S
     while up.poll() is None and time.monotonic() < give_up_at:
         told = _status(data)
-        if told.get("url") and told["core"]["ready"]:
+        # What runs there already, and is somebody's own, has another launcher.
+        if told.get("url") and told["core"]["ready"] and told["launcher"]["pid"] == up.pid:
             return str(told["url"])
         time.sleep(LOOK_EVERY_S)
     return None

@@ -1,48 +1,63 @@
-"""A demo breaks its own core from a page, through the same doors as everything; nothing else ever does."""
+"""`make demo`: the sample household is in the ledger once, however often and in whichever language it is started."""
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
-from tests.integration.conftest import MakeHouse
-from tests.integration.house import START_S
+import pytest
 
-
-def test_a_demo_breaks_its_core_from_a_page_and_comes_back_with_its_entries(new_house: MakeHouse) -> None:
-    house = new_house().up("--demo")
-    assert f"{house.url}/__hc/demo" in house.said
-    assert str(house.data) in house.said
-    house.open_accounts()
-    assert house.book("before").status == 201
-    before = house.status()["core"]["epoch"]
-    answer = house.ask("POST", "/__hc/drill/crash", b"")
-    assert (answer.status, answer.body["fault"]) == (202, "crash")
-    assert house.book("after").status == 201  # held meanwhile, and answered once
-    assert house.running()["core"]["epoch"] == before + 1
-    assert sorted(house.booked()) == ["after", "before"]
-    assert house.closed(1)["diagnosis"] == "CRASHED"
+from tests.integration.house import START_S, House
+from tests.waiting import until
 
 
-def test_a_ledger_that_is_no_demo_has_no_door_for_drills_whatever_a_shell_has_left_over(
-    new_house: MakeHouse,
-) -> None:
-    house = new_house()
-    command = [sys.executable, "-m", "hardcore.cli", "--data", str(house.data), "up", "--port", "0"]
-    house.begin_as(["env", "HARDCORE_DEMO=1", *command])
-    house.running()
-    for path in ("/__hc/demo", "/__hc/demo.js"):
-        assert house.ask("GET", path).status == 404
-    assert house.ask("POST", "/__hc/drill/crash", b"").status == 404
+@pytest.fixture
+def demo_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    house = House(tmp_path_factory.mktemp("demo") / "data")
+    yield house
+    house.end()
 
 
-def test_a_ledger_that_runs_is_not_made_a_demo_behind_its_back(new_house: MakeHouse) -> None:
-    house = new_house()
-    house.up_unproven()
-    launcher = house.hit("launcher")
+def begin(house: House, lang: str) -> str:
+    """Start the demo as its make target does; return what it has printed when all is ready."""
+    house.begin_as(
+        [sys.executable, "-m", "examples.demo", "--data", str(house.data), "--port", "0", "--lang", lang]
+    )
     assert house.launcher is not None
-    house.launcher.wait(START_S)
-    assert launcher.gone
-    refused: subprocess.Popen[bytes] = house.begin("--demo")
-    assert refused.wait(START_S) == 1
-    assert "--demo" in house.said
-    assert house.ask("POST", "/__hc/drill/crash", b"").status == 404
-    assert house.cli("down").code == 0
+    launcher = house.launcher
+    until(
+        lambda: "/__hc/demo\nC" in house.said or launcher.poll() is not None, "the demo to be ready", START_S
+    )
+    assert launcher.poll() is None, house.said
+    house.url = house.status()["url"]
+    return house.said
+
+
+def end(house: House) -> None:
+    """End it as a service manager would."""
+    assert house.launcher is not None
+    house.launcher.terminate()
+    assert house.launcher.wait(START_S) == 0
+
+
+def test_a_year_is_in_the_ledger_once_and_the_page_that_breaks_it_is_there(demo_house: House) -> None:
+    begin(demo_house, "ko")
+    first = demo_house.booked()
+    assert "월급" in first
+    assert len(first) > 400
+    assert demo_house.ask("GET", "/__hc/demo").status == 200
+    assert demo_house.ask("GET", "/api/ledger/verify").body["ok"]
+    end(demo_house)
+    begin(demo_house, "en")
+    assert demo_house.booked() == first
+    end(demo_house)
+
+
+def test_a_folder_that_is_in_use_is_said_and_nothing_is_booked(demo_house: House, tmp_path: Path) -> None:
+    demo_house.up()
+    words = [sys.executable, "-m", "examples.demo", "--data", str(demo_house.data), "--port", "0"]
+    done = subprocess.run(
+        words, env=demo_house.environment(), capture_output=True, timeout=50, check=False, cwd=tmp_path
+    )
+    assert done.returncode != 0
+    assert demo_house.booked() == []
