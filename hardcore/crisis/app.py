@@ -105,7 +105,8 @@ class Gateway:
 
     async def _drain(self) -> None:
         _LOG.info("leaving: %d connections", len(self._census.connections))
-        self._desk.leave()
+        self._desk.moves.leave()
+        self._desk.sockets.leaving = True
         for connection in list(self._census.connections):
             connection.depart()
         await self._wait_until_gone(self._limits.drain_ms)

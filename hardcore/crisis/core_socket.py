@@ -5,6 +5,7 @@ differently does not reach the core. One connection is one socket: nothing here 
 """
 
 import asyncio
+from dataclasses import dataclass
 from typing import Protocol, cast
 
 from websockets.client import ClientProtocol
@@ -21,31 +22,62 @@ from hardcore.crisis.mishap import contained
 from hardcore.crisis.pages import Answer
 
 #: The core's end failed in a way that has no other name.
-LOST = 1011
+FAILED = 1011
 _WRITE_HIGH_BYTES = 256 << 10
 _ANYWHERE = WebSocketURI(secure=False, host="localhost", port=80, path="/", query="")
 
 
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """The core opened its end."""
+
+    head: AnswerHead
+
+
+@dataclass(frozen=True, slots=True)
+class Declined:
+    """The core answered with something else. Nothing more comes."""
+
+    answer: Answer
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """What came is no answer. Nothing more comes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """The core said something."""
+
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """The core said that the socket is over. Nothing more comes."""
+
+    code: int
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The connection is gone. Nothing more comes."""
+
+
+@dataclass(frozen=True, slots=True)
+class NotTaken:
+    """There never was a connection. Nothing more comes."""
+
+
+Fact = Accepted | Declined | Broken | Told | Closed | Lost | NotTaken
+
+
 class CoreParty(Protocol):
-    """Who asked for the socket. After `refused`, `broken`, `closed` or `lost` nothing more comes."""
+    """Who asked for the socket."""
 
-    def accepted(self, core: "CoreSocket", head: AnswerHead) -> None:
-        """The core opened its end."""
-
-    def refused(self, core: "CoreSocket", answer: Answer) -> None:
-        """The core answered with something else."""
-
-    def broken(self, core: "CoreSocket") -> None:
-        """What came is no answer."""
-
-    def told(self, core: "CoreSocket", message: Message) -> None:
-        """The core said something."""
-
-    def closed(self, core: "CoreSocket", code: int) -> None:
-        """The core said that the socket is over."""
-
-    def lost(self, core: "CoreSocket") -> None:
-        """The connection is gone."""
+    def learn(self, core: "CoreSocket", fact: Fact) -> None:
+        """Something happened at the core's end."""
 
     def flowing(self, core: "CoreSocket", *, on: bool) -> None:
         """The core takes more (`on`), or wants no more for now."""
@@ -133,12 +165,12 @@ class CoreSocket(asyncio.Protocol):
             self._broken()
         for message in self._messages.take(events):
             if self._party is not None:
-                self._party.told(self, message)
+                self._party.learn(self, Told(message))
         if self._ws.close_rcvd is not None:
             self._closed(self._ws.close_rcvd.code)
         elif self._ws.parser_exc is not None:
             # The core broke the protocol, or said too much at a time: what it was told, the browser is told.
-            self._closed(self._ws.close_sent.code if self._ws.close_sent is not None else LOST)
+            self._closed(self._ws.close_sent.code if self._ws.close_sent is not None else FAILED)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The core, or its end, is gone."""
@@ -146,7 +178,7 @@ class CoreSocket(asyncio.Protocol):
         self._transport = None
         party, self._party = self._party, None
         if party is not None:
-            party.lost(self)
+            party.learn(self, Lost())
 
     def pause_writing(self) -> None:
         """The core reads slowly."""
@@ -167,24 +199,24 @@ class CoreSocket(asyncio.Protocol):
         lines = [(n.encode("latin-1"), v.encode("latin-1")) for n, v in answer.headers.raw_items()]
         head = read_answer(answer.status_code, answer.reason_phrase.encode("latin-1"), lines)
         if self._ws.handshake_exc is None:
-            party.accepted(self, head)
+            party.learn(self, Accepted(head))
         elif answer.status_code == 101:
             self._broken()
         else:
             self._end()
-            party.refused(self, Answer(head, bytes(answer.body)))
+            party.learn(self, Declined(Answer(head, bytes(answer.body))))
 
     def _broken(self) -> None:
         party = self._party
         self._end()
         if party is not None:
-            party.broken(self)
+            party.learn(self, Broken())
 
     def _closed(self, code: int) -> None:
         party = self._party
         self._end()
         if party is not None:
-            party.closed(self, code)
+            party.learn(self, Closed(code))
 
     def _end(self) -> None:
         self._party = None

@@ -134,11 +134,6 @@ class Desk:
                 pass
         self.moves.outlook.hear(message)
 
-    def leave(self) -> None:
-        """The gateway is being stopped: whoever waits is answered, and no socket begins."""
-        self.moves.leave()
-        self.sockets.leaving = True
-
     def upkeep(self) -> None:
         """What is due now and then."""
         self.moves.outlook.upkeep()

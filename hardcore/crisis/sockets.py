@@ -12,7 +12,7 @@ from functools import partial
 from hardcore.crisis import pages
 from hardcore.crisis.browser_socket import BrowserSocket
 from hardcore.crisis.census import Census
-from hardcore.crisis.core_socket import CoreSocket
+from hardcore.crisis.core_socket import CoreSocket, NotTaken
 from hardcore.crisis.heads import RequestHead
 from hardcore.crisis.lifeline import TRY_LATER, Line, Pull
 from hardcore.crisis.limits import GatewayLimits
@@ -144,7 +144,7 @@ class Sockets:
         try:
             await self._loop.create_unix_connection(lambda: core, path)
         except OSError:
-            tunnel.not_taken(core)
+            tunnel.learn(core, NotTaken())
 
     # -- who may ask -----------------------------------------------------------------------------------
 

@@ -7,12 +7,22 @@ can follow a newer one's words.
 
 import asyncio
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, assert_never
 
 from hardcore.crisis import pages
 from hardcore.crisis.alarm import Alarm
 from hardcore.crisis.browser_socket import BrowserSocket
-from hardcore.crisis.core_socket import CoreSocket
+from hardcore.crisis.core_socket import (
+    Accepted,
+    Broken,
+    Closed,
+    CoreSocket,
+    Declined,
+    Fact,
+    Lost,
+    NotTaken,
+    Told,
+)
 from hardcore.crisis.heads import AnswerHead, RequestHead
 from hardcore.crisis.lifeline import (
     GOING_AWAY,
@@ -49,7 +59,7 @@ class Board(Protocol):
         """It waits no longer."""
 
     def dial(self, tunnel: "Tunnel", target: bytes) -> None:
-        """Give the socket a core's end that asks the serving core with `target`, or is `not_taken`."""
+        """Give the socket a core's end that asks the serving core with `target`, or tells it that there is none."""
 
     def doubt(self, epoch: int) -> None:
         """The core of `epoch` hung up, refused a connection, or is another one."""
@@ -212,27 +222,46 @@ class Tunnel:
 
     # -- the core's end --------------------------------------------------------------------------------
 
-    def not_taken(self, core: CoreSocket) -> None:
-        """The core could not be reached."""
-        if core is self.core:
-            self.pull(Pull.NOT_TAKEN)
-            self._board.doubt(core.epoch)
-
-    def accepted(self, core: CoreSocket, head: AnswerHead) -> None:
-        """The core opened its end."""
+    def learn(self, core: CoreSocket, fact: Fact) -> None:
+        """Something happened at the core's end; of one that was left, nothing counts any more."""
         if core is not self.core:
             return
+        match fact:
+            case Told(message=message):
+                self._pass_on(message)
+            case Accepted(head=head):
+                self._judge(core, head)
+            case Declined(answer=answer):
+                self._decline(core, answer)
+            case Broken():
+                self._mistaken(core)
+            case NotTaken():
+                self.pull(Pull.NOT_TAKEN)
+                self._board.doubt(core.epoch)
+            case Closed(code=code):
+                self._core_code = code
+                self._lose(core, when_closed(code))
+            case Lost():
+                self._lose(core, Pull.CORE_LOST)
+            case _:
+                assert_never(fact)
+
+    def _pass_on(self, message: Message) -> None:
+        """Pass on what the core says, and remember how far the browser has seen."""
+        if self.line is not Line.OPEN:
+            return
+        if self._subprotocol == RESUMABLE and message.text:
+            self._seen = seq_after(self._seen, message.data)
+        self._socket.send(frame_of(message))
+
+    def _judge(self, core: CoreSocket, head: AnswerHead) -> None:
         other = self.line is Line.RESUMING and core.subprotocol != self._subprotocol
         if head.epoch != core.epoch or other:
             self._mistaken(core)
         else:
             self.pull(Pull.ACCEPTED)
 
-    def refused(self, core: CoreSocket, answer: Answer) -> None:
-        """The core answered with something else."""
-        if core is not self.core:
-            return
-        self.core = None
+    def _decline(self, core: CoreSocket, answer: Answer) -> None:
         if answer.head.epoch not in {None, core.epoch}:
             self._mistaken(core)
         elif answer.head.draining and answer.head.status == 503:
@@ -242,34 +271,10 @@ class Tunnel:
             self._refusal = answer
             self.pull(Pull.REFUSED)
 
-    def broken(self, core: CoreSocket) -> None:
-        """What came is no answer."""
-        if core is self.core:
-            self._mistaken(core)
-
     def _mistaken(self, core: CoreSocket) -> None:
         """Step away first, so that nothing the doubt sets going finds this one led to a stranger."""
         self.pull(Pull.BROKEN)
         self._board.doubt(core.epoch)
-
-    def told(self, core: CoreSocket, message: Message) -> None:
-        """Pass on what the core says, and remember how far the browser has seen."""
-        if core is not self.core or self.line is not Line.OPEN:
-            return
-        if self._subprotocol == RESUMABLE and message.text:
-            self._seen = seq_after(self._seen, message.data)
-        self._socket.send(frame_of(message))
-
-    def closed(self, core: CoreSocket, code: int) -> None:
-        """The core said that the socket is over, or that it is leaving itself."""
-        if core is self.core:
-            self._core_code = code
-            self._lose(core, when_closed(code))
-
-    def lost(self, core: CoreSocket) -> None:
-        """The core, or its end, is gone without a word."""
-        if core is self.core:
-            self._lose(core, Pull.CORE_LOST)
 
     def _lose(self, core: CoreSocket, pull: Pull) -> None:
         if pull is Pull.CORE_LOST:
