@@ -57,11 +57,11 @@ def parse_amount(text: str, code: str) -> int | Reason:
     Fewer digits than the currency has are fine ("12" dollars); more are refused, also when they are zeros,
     because nobody can have meant them.
     """
-    malformed = amount_fault(text)
-    if malformed is not None:
-        return malformed
+    if len(text) > AMOUNT_CHARACTERS_MAX:
+        return Reason.TOO_LONG
     match = _AMOUNT.fullmatch(text)
-    assert match is not None
+    if match is None:
+        return Reason.MALFORMED
     sign, whole, fraction = match.group(1), match.group(2), match.group(3) or ""
     digits = digits_of(code)
     if len(fraction) > digits:

@@ -5,6 +5,7 @@ As in `handlers.py`, each takes a request apart, asks and tells; the rules are t
 
 import calendar
 import datetime as dt
+import re
 from collections.abc import Awaitable, Callable
 from typing import Final
 
@@ -19,6 +20,7 @@ from core.web.asking import accepted, as_json, as_list, carry_out, read, service
 from core.web.intake import Parameters, decode_body, make_position, read_body
 from core.web.problems import Problem, ProblemError
 
+_ENTRY_ID: Final = re.compile(r"[0-9a-f-]{36}")
 _LIST_PARAMETERS: Final = frozenset({"account", "from", "to", "q", "limit", "cursor"})
 _CATEGORY_PARAMETERS: Final = frozenset({"limit", "cursor"})
 _SUMMARY_PARAMETERS: Final = frozenset({"month"})
@@ -36,9 +38,8 @@ async def change_entry(request: Request) -> Response:
     """PUT /api/ledger/entries/{id}."""
     service = service_of(request)
     body = await read_body(request, service.settings.body_bytes_max)
-    wish = replace_entry(
-        request.path_params["id"], decode_body(body, EntryBody), service.new_id(), service.new_id()
-    )
+    details = decode_body(body, EntryBody)
+    wish = replace_entry(_entry_in_path(request), details, service.new_id(), service.new_id())
     return await carry_out(request, "entry.replace", accepted(wish), body)
 
 
@@ -48,13 +49,13 @@ async def delete_entry(request: Request) -> Response:
     body = await read_body(request, service.settings.body_bytes_max)
     if body:
         decode_body(body, NoBody)
-    command = reverse_entry(request.path_params["id"], service.new_id())
+    command = reverse_entry(_entry_in_path(request), service.new_id())
     return await carry_out(request, "entry.reverse", command, body)
 
 
 async def get_entry(request: Request) -> Response:
     """GET /api/ledger/entries/{id}."""
-    wanted: str = request.path_params["id"]
+    wanted = _entry_in_path(request)
     found = await read(request, "read.entry", lambda c: register.get_entry(c, wanted), transaction_id=wanted)
     if found is None:
         raise ProblemError(Problem("entry-not-found"))
@@ -104,6 +105,13 @@ def days_of(month: str) -> tuple[str, str]:
     """Return the first and the last day of a month written YYYY-MM."""
     year, number = int(month[:4]), int(month[5:])
     return f"{month}-01", f"{month}-{calendar.monthrange(year, number)[1]:02d}"
+
+
+def _entry_in_path(request: Request) -> str:
+    entry_id: str = request.path_params["id"]
+    if _ENTRY_ID.fullmatch(entry_id) is None:
+        raise ProblemError(Problem("entry-not-found"))
+    return entry_id
 
 
 def _wanted(request: Request) -> tuple[HouseholdFilter, int]:

@@ -53,7 +53,10 @@ def test_an_entry_is_written_changed_read_and_reversed(core: Core) -> None:
     wrong(core.ask("DELETE", one), 409, "entry-reversed", "")
     wrong(core.ask("PUT", one, LUNCH), 409, "entry-reversed", "")
     wrong(core.ask("GET", one), 404, "entry-not-found")
-    wrong(core.ask("PUT", f"{ENTRIES}/nothing", LUNCH), 404, "entry-not-found", "")
+    nobody = "0" * 36
+    wrong(core.ask("PUT", f"{ENTRIES}/{nobody}", LUNCH), 404, "entry-not-found", "")
+    for path in ("nothing", "%00", "%ff", "x" * 5_000):
+        wrong(core.ask("DELETE", f"{ENTRIES}/{path}"), 404, "entry-not-found")
     assert len(get(core, "transactions")["items"]) == 4
     assert get(core, "verify")["ok"]
 
