@@ -51,6 +51,9 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
     "stage.2": ("멈춘 서버 정리", "Stopping the old server"),
     "stage.3": ("서버 켜기", "Starting the server"),
     "stage.4": ("잔액 확인", "Checking balances"),
+    # The first two of a restart that was asked for.
+    "plan.1": ("다시 켜기 요청", "Restart asked for"),
+    "plan.2": ("하던 일 마무리", "Finishing what was under way"),
     "mark.done": ("끝남", "done"),
     "mark.now": ("하는 중", "now"),
     "mark.next": ("다음", "next"),

@@ -75,9 +75,15 @@ function paint() {
   };
   const shown = face(view, facts, performance.now(), words);
   const isDown = view.mode === "sign" || view.mode === "card" || view.mode === "lost";
-  document.documentElement.dataset.hc = isDown ? "down" : shown.strip && facts.slow && view.mode === "calm" ? "slow" : "serving";
+  mark(isDown ? "down" : facts.slow && view.mode === "calm" ? "slow" : "serving");
   if (window.parent === window) screen.show(shown, words, lang, view.mode === "card", drafts.asText() !== "");
   nameTab(shown.title);
+}
+
+// Only when it changes: a page may watch it.
+function mark(state) {
+  const { dataset } = document.documentElement;
+  if (dataset.hc !== state) dataset.hc = state;
 }
 
 // The page may rename itself meanwhile: what it calls itself is kept, our sign stands before it.
@@ -124,13 +130,14 @@ async function other() {
 }
 
 function undo() {
-  restored?.undo();
+  const filled = restored;
   leave();
+  filled?.undo();
 }
 
 function leave() {
+  if (restored) screen.note(null, words);
   restored = null;
-  screen.note(null, words);
 }
 
 document.addEventListener("hc:pending", (event) => {
@@ -138,6 +145,8 @@ document.addEventListener("hc:pending", (event) => {
   paint();
 });
 document.addEventListener("hc:sent", leave);
+// Whoever types on has taken the draft; undoing it now would take the new words along.
+document.addEventListener("input", (event) => { if (event.isTrusted) leave(); });
 
 restored = drafts.restore();
 if (restored) screen.note({ head: words.R13, line: words[restored.tried ? "R13.tried" : "R13.unsent"] }, words);

@@ -9,7 +9,7 @@ const SAVE_AFTER_MS = 300;
 const DRAFTS_MAX = 20;
 const DRAFT_CHARACTERS_MAX = 100000;
 const NEVER = new Set(["password", "file", "hidden", "submit", "button", "reset", "image"]);
-const SECRET = /one-time-code|^cc-|\bcc-|password/;
+const SECRET = /one-time-code|\bcc-|password/;
 
 function isCheck(field) {
   return field.type === "checkbox" || field.type === "radio";

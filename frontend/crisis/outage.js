@@ -71,7 +71,8 @@ function verifies(stay_ms) {
   });
 }
 
-const loses = (view) => ({ ...calms(view), mode: "lost" });
+// Who was told that the server is being switched off knows why nobody answers any more.
+const loses = (view) => (view.frame?.text === "OFF" ? view : { ...calms(view), mode: "lost" });
 const knows = (view, frame) => ({ ...view, frame });
 const finds = (view, frame, now_ms) => ({ ...calms(view), frame, mode: "again", due_ms: now_ms + AGAIN_STAY_MS });
 const short = ends("short", SHORT_STAY_MS);

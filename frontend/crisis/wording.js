@@ -34,7 +34,12 @@ function promises(frame, words) {
 }
 
 function stageNow(frame, words) {
-  return frame.stage === null ? [] : [fill(words["R7.stage"], { stage: words[`stage.${frame.stage}`] })];
+  return frame.stage === null ? [] : [fill(words["R7.stage"], { stage: stageName(frame, frame.stage, words) })];
+}
+
+// A restart that was asked for finds no problem and stops no broken server.
+function stageName(frame, number, words) {
+  return (frame.planned && words[`plan.${number}`]) || words[`stage.${number}`];
 }
 
 function timing(frame, elapsed_s, words) {
@@ -61,7 +66,7 @@ function stages(view, words) {
     const ended_ms = reached[number + 1];
     const took = mark === "done" && number in reached && ended_ms !== undefined;
     return {
-      mark, name: words[`stage.${number}`], word: words[`mark.${mark}`],
+      mark, name: stageName(frame, number, words), word: words[`mark.${mark}`],
       took: took ? fill(words.took, { t: seconds(ended_ms - reached[number]) }) : null,
     };
   });

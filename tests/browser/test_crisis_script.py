@@ -244,6 +244,16 @@ def test_a_dialog_of_the_page_stays_open_underneath(
     _shows(page, "You are back")
 
 
+def test_a_restart_that_was_asked_for_speaks_of_no_problem(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    gateway.say(down("R2", stage=2, phase="STOPPING", eta={"low_s": 2, "high_s": 3, "samples": 6}))
+    _shows(page, "Nothing is broken.")
+    _shows(page, "Restart asked for")
+    assert page.get_by_text("Problem found").count() == 0
+
+
 def test_the_language_can_be_switched_on_the_overlay(
     open_ledger: OpenLedger, gateway: ScriptedGateway
 ) -> None:
@@ -359,6 +369,22 @@ def test_a_lost_line_is_told_apart_from_a_server_that_is_out(
     page.context.set_offline(False)
     _shows(page, "Connected again")
     _marks(page, "serving")
+
+
+def test_a_server_that_said_it_is_switched_off_is_not_taken_for_a_bad_network(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    gateway.say(down("OFF", phase="STOPPED"))
+    page.context.set_offline(True)
+    gateway.hang_up()
+    # A socket that is tried again and fails: by then the line was found to be lost.
+    page.wait_for_event("console", lambda message: "WebSocket" in message.text)
+    _shows(page, "The server is switched off")
+    assert page.get_by_text("No connection to the server").count() == 0
+    page.context.set_offline(False)
+    gateway.say(SERVING)
+    _shows(page, "You are back")
 
 
 def test_without_a_socket_the_state_is_asked_for(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
