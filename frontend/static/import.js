@@ -36,6 +36,7 @@ function watchUpload(form) {
     event.preventDefault();
     void read(form);
   });
+  form.querySelector("button.primary").disabled = false;
 }
 
 function chosen(form) {

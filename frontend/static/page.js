@@ -8,7 +8,6 @@ watchForms();
 watchAmounts(document);
 ownDay();
 listen();
-if (document.querySelector("[data-upload], [data-import]")) await import("./import.js");
 
 // The server's day may not be the reader's: a fresh entry is of the day it is where it is typed.
 function ownDay() {

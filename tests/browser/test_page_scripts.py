@@ -1,0 +1,63 @@
+"""The scripts of the ledger's own pages, where only a browser can say whether they are right."""
+
+import json
+from pathlib import Path
+
+from playwright.sync_api import Browser, expect
+
+from tests.browser.conftest import OpenTab
+from tests.browser.outages import outage
+from tests.browser.readers import a_bank, booked, is_down, is_joined, is_serving, save, write_entry
+from tests.integration.house import House
+
+ROOT = Path(__file__).parents[2]
+AMOUNTS = (ROOT / "frontend" / "static" / "amounts.js").read_text()
+CASES = json.loads((ROOT / "tests" / "unit" / "frontend" / "amount_cases.json").read_text())
+
+
+def test_the_browser_reads_and_groups_amounts_exactly_as_the_server_does(chromium: Browser) -> None:
+    page = chromium.new_page()
+    told = page.evaluate(
+        """async ([source, cases]) => {
+            const amounts = await import(URL.createObjectURL(new Blob([source], {type: "text/javascript"})));
+            return {
+                read: cases.read.map(([typed]) => [typed, amounts.readAmount(typed)]),
+                group: cases.group.map(([plain]) => [plain, amounts.groupAmount(plain)]),
+            };
+        }""",
+        [AMOUNTS, CASES],
+    )
+    page.close()
+    assert told == CASES
+
+
+def test_digits_are_grouped_under_the_caret(house: House, open_tab: OpenTab) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    amount = page.locator("form#entry [name=amount]")
+    amount.press_sequentially("1234567")
+    assert amount.input_value() == "1,234,567"
+    for _ in range(3):
+        amount.press("ArrowLeft")
+    amount.press_sequentially("89")
+    assert amount.input_value() == "123,489,567"
+
+
+def test_the_same_text_sent_again_after_a_reload_in_an_outage_is_one_entry(
+    house: House, open_tab: OpenTab
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    with outage(house):
+        is_down(page)
+        # The form's own way of sending, as the overlay is over it: the wish waits for the server.
+        form = write_entry(page, "Sent twice", "7000")
+        form.evaluate("form => form.requestSubmit()")
+        expect(page.locator("html")).to_have_attribute("data-hc", "down")
+        page.reload()
+    is_serving(page)
+    form = write_entry(page, "Sent twice", "7000")
+    save(form)
+    expect(form.locator("[data-said].good")).to_be_visible()
+    assert booked(house, "Sent twice") == 1
