@@ -226,6 +226,10 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "import_format_own": {"ko": "직접 고르기", "en": "I choose the columns"},
     "import_encoding": {"ko": "글자 인코딩", "en": "Text encoding"},
     "import_columns": {"ko": "어느 칸이 무엇인가요", "en": "Which column is what"},
+    "import_unasked": {
+        "ko": "어느 계좌의 내역인지 고르면 읽은 내용을 보여 드려요.",
+        "en": "Choose which account it is of, and what was read is shown.",
+    },
     "import_columns_other": {"ko": "다른 칸", "en": "Other columns"},
     "import_rows": {"ko": "파일에서 {n}줄을 찾았어요.", "en": "{n} rows were found in the file."},
     "import_columns_more": {
