@@ -16,6 +16,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 from psutil import Process
 
 from tests import leftovers, waiting
+from tests.browser.scripted_pages import gateway, open_ledger  # noqa: F401 - fixtures, found by their names
 from tests.browser.tabs import Watch
 from tests.integration.house import House
 

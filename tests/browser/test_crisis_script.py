@@ -6,86 +6,13 @@ real one; that the real one says the same is shown beside this, with a house.
 
 import itertools
 import json
-import subprocess
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, expect
+from playwright.sync_api import expect
 
-from tests import waiting
-from tests.browser.conftest import ARGUMENTS
 from tests.browser.scripted_gateway import SERVING, ScriptedGateway, back, down
-from tests.browser.tabs import Watch
-
-PAGE: Final = """<!doctype html><html lang="{lang}"><head><meta charset="utf-8"><title>Ledger</title>
-<link rel="icon" href="data:,"></head><body><h1>October</h1>
-<form id="entry" data-hc-draft>
-<input name="what"><input name="amount" value="0"><input name="secret" type="password">
-<input name="code" autocomplete="one-time-code"><input name="mine" data-hc-nodraft>
-<textarea name="memo"></textarea><button>Save</button></form>
-<form id="other" data-hc-draft><input name="what"></form>
-<input id="loose"><dialog id="own"><input id="inside"></dialog>
-{lines}</body></html>"""
-PATIENCE_MS: Final = 10_000
-
-ROOT: Final = Path(__file__).parents[2]
-
-OpenLedger = Callable[..., Page]
-
-
-@pytest.fixture
-def gateway() -> Iterator[ScriptedGateway]:
-    lines = "<p>a line</p>" * 80
-    pages = {f"/{lang}": PAGE.format(lang=lang, lines=lines) for lang in ("ko", "en")}
-    with ScriptedGateway(pages) as gateway:
-        yield gateway
-
-
-@pytest.fixture
-def open_ledger(chromium: Browser, watch: Watch, gateway: ScriptedGateway) -> Iterator[OpenLedger]:
-    contexts: list[BrowserContext] = []
-
-    def open_one(path: str = "/en", **options: Any) -> Page:
-        contexts.append(chromium.new_context(base_url=gateway.url, **options))
-        contexts[-1].set_default_timeout(PATIENCE_MS)
-        page = contexts[-1].new_page()
-        watch.on(page)
-        page.goto(path)
-        if gateway.recovering is None:
-            _marks(page, "serving")
-        waiting.until(lambda: gateway.refuses_sockets or gateway.listeners > 0, "the page to listen")
-        return page
-
-    yield open_one
-    for context in contexts:
-        context.close()
-
-
-def _path_of_browser() -> str:
-    found = subprocess.run(
-        ["sh", "scripts/browser"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=30
-    )
-    return found.stdout.strip()
-
-
-def _shows(page: Page, text: str) -> None:
-    expect(page.get_by_text(text, exact=False).locator("visible=true").first).to_be_visible()
-
-
-def _overlay(page: Page) -> Any:
-    return page.locator("dialog:modal:not(#own)")
-
-
-def _is_over(gateway: ScriptedGateway, frame: dict[str, Any]) -> None:
-    gateway.say(frame)
-    gateway.say(SERVING)
-
-
-def _marks(page: Page, mark: str) -> None:
-    expect(page.locator("html")).to_have_attribute("data-hc", mark)
-
+from tests.browser.scripted_pages import OpenLedger, is_over, marks, overlay, shows
 
 # -- the life of an outage -----------------------------------------------------------------------------
 
@@ -105,12 +32,12 @@ def test_the_first_sign_comes_before_the_overlay(open_ledger: OpenLedger, gatewa
     page.evaluate("addEventListener('keydown', () => {}); window.seen = []")
     page.evaluate("document.addEventListener('hc:down', (event) => seen.push(event.detail.text))")
     gateway.say(down())
-    _shows(page, "Restarting the server")
+    shows(page, "Restarting the server")
     assert page.evaluate("seen") == ["R1"]
-    _marks(page, "down")
+    marks(page, "down")
     assert page.title() == "(Recovering) Ledger"
-    expect(_overlay(page)).to_be_visible()
-    _shows(page, "Starting the server")
+    expect(overlay(page)).to_be_visible()
+    shows(page, "Starting the server")
 
 
 def test_a_break_that_is_over_at_once_shows_no_overlay_and_claims_nothing_unproven(
@@ -118,12 +45,12 @@ def test_a_break_that_is_over_at_once_shows_no_overlay_and_claims_nothing_unprov
 ) -> None:
     page = open_ledger()
     gateway.say(down())
-    _is_over(gateway, back(212))
-    _shows(page, "Interrupted for 212 ms")
-    assert _overlay(page).count() == 0
+    is_over(gateway, back(212))
+    shows(page, "Interrupted for 212 ms")
+    assert overlay(page).count() == 0
     assert page.get_by_text("Nothing was lost.").count() == 0
     gateway.say({"v": 1, "type": "verified", "ok": True})
-    _shows(page, "Nothing was lost.")
+    shows(page, "Nothing was lost.")
 
 
 def test_the_overlay_comes_at_once_when_history_says_that_it_lasts(
@@ -131,8 +58,8 @@ def test_the_overlay_comes_at_once_when_history_says_that_it_lasts(
 ) -> None:
     page = open_ledger()
     gateway.say(down(eta={"low_s": 2, "high_s": 4, "samples": 7}, samples=7))
-    expect(_overlay(page)).to_be_visible(timeout=PATIENCE_MS)
-    _shows(page, "Usually 2-4 seconds")
+    expect(overlay(page)).to_be_visible()
+    shows(page, "Usually 2-4 seconds")
 
 
 def test_the_overlay_waits_a_second_when_history_says_that_it_is_brief(open_ledger: OpenLedger) -> None:
@@ -151,13 +78,13 @@ def test_a_proof_that_comes_later_turns_the_neutral_card_into_the_proven_one(
 ) -> None:
     page = open_ledger("/ko")
     gateway.say(down("R7b", elapsed_ms=2000))
-    expect(_overlay(page)).to_be_visible()
-    _is_over(gateway, back(3210))
-    _shows(page, "다시 사용할 수 있어요")
-    _shows(page, "잔액 확인은 뒤에서 계속하고 있어요.")
-    assert _overlay(page).count() == 0
+    expect(overlay(page)).to_be_visible()
+    is_over(gateway, back(3210))
+    shows(page, "다시 사용할 수 있어요")
+    shows(page, "잔액 확인은 뒤에서 계속하고 있어요.")
+    assert overlay(page).count() == 0
     gateway.say({"v": 1, "type": "verified", "ok": True})
-    _shows(page, "모든 잔액이 맞는 것을 확인했어요.")
+    shows(page, "모든 잔액이 맞는 것을 확인했어요.")
     assert page.title() == "✓ Ledger"
     page.get_by_role("button", name="닫기").click()
     expect(page.get_by_text("다시 사용할 수 있어요")).to_be_hidden()
@@ -167,9 +94,9 @@ def test_a_proof_that_comes_later_turns_the_neutral_card_into_the_proven_one(
 def test_a_proof_that_failed_is_said(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
     page = open_ledger()
     gateway.say(down("R7b"))
-    _is_over(gateway, back(3000))
+    is_over(gateway, back(3000))
     gateway.say({"v": 1, "type": "verified", "ok": False})
-    _shows(page, "A balance does not match")
+    shows(page, "A balance does not match")
     assert page.get_by_text("All balances were checked").count() == 0
 
 
@@ -178,17 +105,17 @@ def test_escape_does_not_close_the_overlay_while_it_recovers_and_does_when_nobod
 ) -> None:
     page = open_ledger()
     gateway.say(down("R7b"))
-    expect(_overlay(page)).to_be_visible()
+    expect(overlay(page)).to_be_visible()
     for _ in range(4):
         page.keyboard.press("Escape")
-    expect(_overlay(page)).to_be_visible()
+    expect(overlay(page)).to_be_visible()
     gateway.say(down("R8", phase="FATAL"))
-    _shows(page, "Automatic recovery has stopped")
+    shows(page, "Automatic recovery has stopped")
     page.get_by_text("Details").click()
-    _shows(page, "hardcore resume")
+    shows(page, "hardcore resume")
     page.keyboard.press("Escape")
-    expect(_overlay(page)).to_have_count(0)
-    _shows(page, "Automatic recovery has stopped")
+    expect(overlay(page)).to_have_count(0)
+    shows(page, "Automatic recovery has stopped")
 
 
 def test_the_page_is_told_that_it_is_back_once_also_when_only_the_state_says_so(
@@ -200,10 +127,10 @@ def test_the_page_is_told_that_it_is_back_once_also_when_only_the_state_says_so(
     )
     for frames in ([back(100), SERVING], [SERVING, back(100)], [SERVING]):
         gateway.say(down())
-        _marks(page, "down")
+        marks(page, "down")
         for frame in frames:
             gateway.say(frame)
-        _marks(page, "serving")
+        marks(page, "serving")
     assert page.evaluate("seen") == ["back"] * 3
 
 
@@ -215,8 +142,8 @@ def test_text_selection_and_place_are_as_they_were(open_ledger: OpenLedger, gate
     page.fill("[name=memo]", "half of a sentence")
     page.evaluate("document.querySelector('[name=memo]').setSelectionRange(5, 7); scrollTo(0, 300)")
     gateway.say(down("R7b"))
-    expect(_overlay(page).get_by_role("heading")).to_be_focused()
-    _is_over(gateway, back(1500))
+    expect(overlay(page).get_by_role("heading")).to_be_focused()
+    is_over(gateway, back(1500))
     expect(page.locator("[name=memo]")).to_be_focused()
     place = "(({selectionStart, selectionEnd, value}) => [selectionStart, selectionEnd, value, scrollY])"
     assert page.evaluate(f"{place}(document.querySelector('[name=memo]'))") == [
@@ -236,12 +163,12 @@ def test_a_dialog_of_the_page_stays_open_underneath(
     page.evaluate("document.getElementById('own').showModal()")
     page.fill("#inside", "kept")
     gateway.say(down("R7b"))
-    expect(_overlay(page)).to_be_visible()
-    _is_over(gateway, back(900))
-    expect(_overlay(page)).to_have_count(0)
+    expect(overlay(page)).to_be_visible()
+    is_over(gateway, back(900))
+    expect(overlay(page)).to_have_count(0)
     expect(page.locator("#inside")).to_be_focused()
     assert page.input_value("#inside") == "kept"
-    _shows(page, "You are back")
+    shows(page, "You are back")
 
 
 def test_a_restart_that_was_asked_for_speaks_of_no_problem(
@@ -249,8 +176,8 @@ def test_a_restart_that_was_asked_for_speaks_of_no_problem(
 ) -> None:
     page = open_ledger()
     gateway.say(down("R2", stage=2, phase="STOPPING", eta={"low_s": 2, "high_s": 3, "samples": 6}))
-    _shows(page, "Nothing is broken.")
-    _shows(page, "Restart asked for")
+    shows(page, "Nothing is broken.")
+    shows(page, "Restart asked for")
     assert page.get_by_text("Problem found").count() == 0
 
 
@@ -260,7 +187,7 @@ def test_the_language_can_be_switched_on_the_overlay(
     page = open_ledger("/ko")
     gateway.say(down("R7b"))
     page.get_by_role("button", name="English").click()
-    _shows(page, "Taking longer than usual")
+    shows(page, "Taking longer than usual")
 
 
 def test_what_was_typed_can_be_copied_out_of_the_overlay(
@@ -271,7 +198,7 @@ def test_what_was_typed_can_be_copied_out_of_the_overlay(
     page.fill("[name=secret]", "hunter2")
     gateway.say(down("R7b"))
     page.get_by_role("button", name="Copy my text").click()
-    _shows(page, "Copied")
+    shows(page, "Copied")
     assert page.evaluate("navigator.clipboard.readText()") == "what: tea"
 
 
@@ -285,8 +212,8 @@ def test_nothing_is_cut_off_on_a_phone(
     page.fill("#entry [name=what]", "tea")
     for text, phase in (("R1", "STARTING"), ("R7b", "KILLING"), ("R8", "FATAL"), ("OFF", "STOPPED")):
         gateway.say(down(text, phase=phase, held=3, eta={"low_s": 1, "high_s": 2, "samples": 9}))
-        expect(_overlay(page)).to_be_visible()
-        wide = _overlay(page).evaluate(
+        expect(overlay(page)).to_be_visible()
+        wide = overlay(page).evaluate(
             "(dialog) => [...dialog.querySelectorAll('*')].filter((one) => !one.closest('.unseen')"
             " && one.getBoundingClientRect().right > 391).map((one) => one.outerHTML)"
         )
@@ -336,7 +263,7 @@ def test_waiting_requests_of_the_page_are_counted(open_ledger: OpenLedger, gatew
     page = open_ledger()
     gateway.say(down("R7b"))
     page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 2}}))")
-    _shows(page, "2 waiting")
+    shows(page, "2 waiting")
     page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 0}}))")
     expect(page.get_by_text("2 waiting", exact=True)).to_be_hidden()
 
@@ -346,12 +273,12 @@ def test_a_slow_answer_is_said_while_the_page_stays_usable(open_ledger: OpenLedg
     held: list[Any] = []
     page.route("**/slow", lambda route: held.append(route))  # noqa: PLW0108 - it is asked for its parameters
     page.evaluate("void fetch('/slow').catch(() => {})")
-    _shows(page, "The server is slow to answer")
-    _marks(page, "slow")
+    shows(page, "The server is slow to answer")
+    marks(page, "slow")
     page.fill("#loose", "still typing")
     held[0].fulfill(status=200, body="")
     expect(page.get_by_text("The server is slow to answer", exact=True)).to_be_hidden()
-    _marks(page, "serving")
+    marks(page, "serving")
 
 
 # -- the line ------------------------------------------------------------------------------------------
@@ -363,12 +290,12 @@ def test_a_lost_line_is_told_apart_from_a_server_that_is_out(
     page = open_ledger()
     page.context.set_offline(True)
     gateway.hang_up()
-    _shows(page, "No connection to the server")
-    _marks(page, "down")
-    assert _overlay(page).count() == 0
+    shows(page, "No connection to the server")
+    marks(page, "down")
+    assert overlay(page).count() == 0
     page.context.set_offline(False)
-    _shows(page, "Connected again")
-    _marks(page, "serving")
+    shows(page, "Connected again")
+    marks(page, "serving")
 
 
 def test_a_server_that_said_it_is_switched_off_is_not_taken_for_a_bad_network(
@@ -380,20 +307,20 @@ def test_a_server_that_said_it_is_switched_off_is_not_taken_for_a_bad_network(
     gateway.hang_up()
     # A socket that is tried again and fails: by then the line was found to be lost.
     page.wait_for_event("console", lambda message: "WebSocket" in message.text)
-    _shows(page, "The server is switched off")
+    shows(page, "The server is switched off")
     assert page.get_by_text("No connection to the server").count() == 0
     page.context.set_offline(False)
     gateway.say(SERVING)
-    _shows(page, "You are back")
+    shows(page, "You are back")
 
 
 def test_without_a_socket_the_state_is_asked_for(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
     gateway.refuses_sockets = True
     page = open_ledger()
     gateway.say(down("R7b"))
-    expect(_overlay(page)).to_be_visible()
+    expect(overlay(page)).to_be_visible()
     gateway.say(SERVING)
-    _shows(page, "You are back")
+    shows(page, "You are back")
 
 
 def test_frames_that_cannot_be_read_change_nothing(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
@@ -401,7 +328,7 @@ def test_frames_that_cannot_be_read_change_nothing(open_ledger: OpenLedger, gate
     for frame in ({"v": 2, "type": "state"}, {"v": 1, "type": "news"}, {"type": "back"}):
         gateway.say(frame)
     gateway.say(down())
-    _shows(page, "Restarting the server")
+    shows(page, "Restarting the server")
 
 
 # -- drafts --------------------------------------------------------------------------------------------
@@ -418,8 +345,8 @@ def test_a_draft_survives_a_reload_and_secrets_are_never_kept(open_ledger: OpenL
     }.items():
         page.fill(f"#entry [name={name}]", typed)
     page.goto("/en?again")  # another address of the same path: a new page that restores nothing by itself
-    _shows(page, "Restored what you typed")
-    _shows(page, "It has not been sent.")
+    shows(page, "Restored what you typed")
+    shows(page, "It has not been sent.")
     assert [page.input_value(f"#entry [name={name}]") for name in ("what", "amount", "secret", "code", "mine")] == [
         "tea", "4500", "", "", "",
     ]  # fmt: skip
@@ -438,7 +365,7 @@ def test_a_draft_that_was_sent_is_forgotten_and_one_that_may_have_been_claims_no
     page.fill("#entry [name=what]", "tea")
     page.get_by_role("button", name="Save").click()
     page.goto("/en?again")
-    _shows(page, "Please check the records to see whether it was sent.")
+    shows(page, "Please check the records to see whether it was sent.")
     page.evaluate(
         "document.getElementById('entry').dispatchEvent(new CustomEvent('hc:sent', {bubbles: true}))"
     )
@@ -455,64 +382,5 @@ def test_stored_is_said_only_of_what_was_read_back(open_ledger: OpenLedger, gate
     )
     page.fill("#entry [name=what]", "tea")
     gateway.say(down("R7b"))
-    _shows(page, "What you were typing is still on this page.")
+    shows(page, "What you were typing is still on this page.")
     assert page.get_by_text("stored in this browser").count() == 0
-
-
-# -- the recovery page ---------------------------------------------------------------------------------
-
-
-def test_the_recovery_page_opens_the_address_again_by_itself(
-    open_ledger: OpenLedger, gateway: ScriptedGateway
-) -> None:
-    gateway.recovering = ("ko", "recovering", "get")
-    gateway.say(down(stage=1, phase="SNAPSHOT_LIVE"))
-    page = open_ledger("/ko?month=10")
-    before = page.evaluate("history.length")
-    _shows(page, "문제 발견")
-    assert page.title() == "(복구 중) 서버를 다시 켜고 있어요"
-    gateway.recovering = None
-    _is_over(gateway, back(2000))
-    expect(page.get_by_role("heading", name="October")).to_be_visible()
-    assert page.url.endswith("/ko?month=10")
-    assert page.evaluate("history.length") == before
-
-
-@pytest.mark.parametrize("outcome", ["not_done", "unknown"])
-def test_a_recovery_page_for_a_form_sends_nothing_and_shows_the_way_back(
-    open_ledger: OpenLedger, gateway: ScriptedGateway, outcome: Any
-) -> None:
-    gateway.recovering = ("en", "recovering", outcome)
-    gateway.say(down())
-    page = open_ledger("/en")
-    _shows(page, {"not_done": "was not done", "unknown": "It is not known whether"}[outcome])
-    asked = len(gateway.asked)
-    _is_over(gateway, back(2000))
-    expect(page.get_by_role("link", name="Open the page again")).to_be_visible()
-    assert [path for path in gateway.asked[asked:] if path == "/en"] == []
-
-
-def test_the_recovery_page_changes_its_language_and_remembers_it(
-    open_ledger: OpenLedger, gateway: ScriptedGateway
-) -> None:
-    gateway.recovering = ("ko", "stopped_trying", "get")
-    gateway.say(down("R8", phase="FATAL"))
-    page = open_ledger("/ko")
-    _shows(page, "자동 복구를 멈췄어요")
-    page.get_by_role("button", name="English").click()
-    _shows(page, "Automatic recovery has stopped")
-    assert page.evaluate("document.cookie") == "lang=en"
-
-
-def test_the_recovery_page_reopens_without_a_script(chromium: Browser, gateway: ScriptedGateway) -> None:
-    # Playwright's own switch comes after the page was read as one with scripts, noscript and all; this is the
-    # browser's.
-    without = [*ARGUMENTS, "--blink-settings=scriptEnabled=false"]
-    gateway.recovering = ("en", "recovering", "get")
-    browser = chromium.browser_type.launch(executable_path=_path_of_browser(), args=without)
-    try:
-        browser.new_page().goto(f"{gateway.url}/en", wait_until="commit")
-        waiting.until(lambda: gateway.asked.count("/en") > 1, "the page to be opened again", 15)
-        assert "/__hc/live" not in gateway.asked
-    finally:
-        browser.close()

@@ -1,0 +1,78 @@
+"""The recovery page, which stands at the address of another: it waits, tells, and gives the address back."""
+
+import subprocess
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from tests import waiting
+from tests.browser.conftest import ARGUMENTS
+from tests.browser.scripted_gateway import ScriptedGateway, back, down
+from tests.browser.scripted_pages import OpenLedger, is_over, shows
+
+ROOT: Final = Path(__file__).parents[2]
+
+
+def test_the_recovery_page_opens_the_address_again_by_itself(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    gateway.recovering = ("ko", "recovering", "get")
+    gateway.say(down(stage=1, phase="SNAPSHOT_LIVE"))
+    page = open_ledger("/ko?month=10")
+    before = page.evaluate("history.length")
+    shows(page, "문제 발견")
+    assert page.title() == "(복구 중) 서버를 다시 켜고 있어요"
+    gateway.recovering = None
+    is_over(gateway, back(2000))
+    expect(page.get_by_role("heading", name="October")).to_be_visible()
+    assert page.url.endswith("/ko?month=10")
+    assert page.evaluate("history.length") == before
+
+
+@pytest.mark.parametrize("outcome", ["not_done", "unknown"])
+def test_a_recovery_page_for_a_form_sends_nothing_and_shows_the_way_back(
+    open_ledger: OpenLedger, gateway: ScriptedGateway, outcome: Any
+) -> None:
+    gateway.recovering = ("en", "recovering", outcome)
+    gateway.say(down())
+    page = open_ledger("/en")
+    shows(page, {"not_done": "was not done", "unknown": "It is not known whether"}[outcome])
+    asked = len(gateway.asked)
+    is_over(gateway, back(2000))
+    expect(page.get_by_role("link", name="Open the page again")).to_be_visible()
+    assert [path for path in gateway.asked[asked:] if path == "/en"] == []
+
+
+def test_the_recovery_page_changes_its_language_and_remembers_it(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    gateway.recovering = ("ko", "stopped_trying", "get")
+    gateway.say(down("R8", phase="FATAL"))
+    page = open_ledger("/ko")
+    shows(page, "자동 복구를 멈췄어요")
+    page.get_by_role("button", name="English").click()
+    shows(page, "Automatic recovery has stopped")
+    assert page.evaluate("document.cookie") == "lang=en"
+
+
+def test_the_recovery_page_reopens_without_a_script(chromium: Browser, gateway: ScriptedGateway) -> None:
+    # Playwright's own switch comes after the page was read as one with scripts, noscript and all; this is the
+    # browser's.
+    without = [*ARGUMENTS, "--blink-settings=scriptEnabled=false"]
+    gateway.recovering = ("en", "recovering", "get")
+    browser = chromium.browser_type.launch(executable_path=_path_of_browser(), args=without)
+    try:
+        browser.new_page().goto(f"{gateway.url}/en", wait_until="commit")
+        waiting.until(lambda: gateway.asked.count("/en") > 1, "the page to be opened again", 15)
+        assert "/__hc/live" not in gateway.asked
+    finally:
+        browser.close()
+
+
+def _path_of_browser() -> str:
+    found = subprocess.run(
+        ["sh", "scripts/browser"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=30
+    )
+    return found.stdout.strip()
