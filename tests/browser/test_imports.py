@@ -112,7 +112,7 @@ def test_a_booking_goes_on_over_the_death_of_the_core_and_books_each_row_once(
     counted = answer_of(own_house, "/api/ledger/verify")
     assert counted["ok"]
     booked: list[str] = []
-    cursor = ""
+    cursor: str | None = ""
     while cursor is not None:
         part = answer_of(own_house, f"/api/ledger/entries?limit=500{cursor}")
         booked += [f"{entry['date']} {entry['description']}" for entry in part["items"]]

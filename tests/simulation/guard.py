@@ -197,7 +197,7 @@ class Guard:
                 self.world.disk_deaths_ns = action.deaths_ns
             case orders.Halt():
                 self._end()
-            case orders.CloseIncident() | orders.Alert():
+            case orders.CloseIncident() | orders.AddAudit() | orders.Alert():
                 pass  # the checkers have looked at it
 
     def _end(self) -> None:

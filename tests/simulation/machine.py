@@ -29,6 +29,8 @@ if TYPE_CHECKING:  # the workload knows the machine; the machine only hands its 
     from tests.simulation.workload import Request
 
 BEAT_NS = 50 * NS_PER_MS
+#: How long after READY the whole ledger is proven.
+AUDIT_NS = 300 * NS_PER_MS
 FENCED, LOCKED = 75, 69
 #: Now and then nobody can read how a process ended.
 STATUS_LOST = 0.02
@@ -256,6 +258,14 @@ class Life:
         seq = len(self.world.store.commits)
         proof = seen.Proof("chain" if self.expected is None else "witness", 0, seq, f"{seq:x}")
         self._tell(seen.CoreReady(self.world.clock.now_ns, self.number, self.epoch, proof))
+        self.world.clock.after(AUDIT_NS, lambda: self.on_loop(lambda: self._audited(seq)))
+
+    def _audited(self, seq: int) -> None:
+        """The whole ledger was looked at behind the serving; every fifth length of it is found not to be whole."""
+        if self.stage is Stage.READY:
+            fault = "not whole" if seq % 5 == 4 else ""
+            fact = seen.LedgerAudited(self.world.clock.now_ns, self.number, None if fault else seq, fault)
+            self._tell(fact)
 
     def _fail(self) -> None:
         if self.plan.hangs:
