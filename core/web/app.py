@@ -5,7 +5,6 @@ No path is redirected and no error page is a framework's: what is not in the tab
 reader's language.
 """
 
-from collections.abc import Awaitable, Callable
 from typing import Final
 
 from starlette.applications import Starlette
@@ -18,7 +17,7 @@ from starlette.types import ASGIApp
 from core.imports.desk import Desk
 from core.service import Service
 from core.web import entries, handlers, import_handlers
-from core.web.asking import service_of
+from core.web.asking import Handler, Routes, service_of
 from core.web.door import Door
 from core.web.live import live
 from core.web.openapi import document
@@ -28,9 +27,7 @@ from core.web.problems import Outcome, Problem, ProblemError, respond
 from core.web.same_origin import is_foreign
 from frontend.render import language
 
-Handler = Callable[[Request], Awaitable[Response]]
-
-ROUTES: Final[dict[str, dict[str, Handler]]] = {
+ROUTES: Final[Routes] = {
     "/api/ledger/accounts": {"GET": handlers.list_accounts, "POST": handlers.create_account},
     "/api/ledger/accounts/{id}": {"GET": handlers.get_account},
     "/api/ledger/accounts/{id}/close": {"POST": handlers.close},

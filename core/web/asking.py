@@ -5,7 +5,7 @@ every refusal ends the request as a problem, and no handler decides for itself w
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Final, TypeVar, assert_never
 
 import msgspec
@@ -33,6 +33,9 @@ from core.web.intake import digest_of, idempotency_key
 from core.web.problems import Outcome, Problem, ProblemError, refusal
 
 T = TypeVar("T")
+
+Handler = Callable[[Request], Awaitable[Response]]
+Routes = dict[str, dict[str, Handler]]  # path -> method -> who answers
 
 logger = logging.getLogger("core.web")
 

@@ -6,7 +6,6 @@ As in `handlers.py`, each takes a request apart, asks and tells; the rules are t
 import calendar
 import datetime as dt
 import re
-from collections.abc import Awaitable, Callable
 from typing import Final
 
 from starlette.requests import Request
@@ -16,7 +15,7 @@ from core.journal import register
 from core.journal.register import HouseholdFilter, Position
 from core.ledger.commands import NoBody
 from core.ledger.entries import EntryBody, record_entry, replace_entry, reverse_entry
-from core.web.asking import accepted, as_json, as_list, carry_out, read, service_of
+from core.web.asking import Routes, accepted, as_json, as_list, carry_out, read, service_of
 from core.web.intake import Parameters, decode_body, make_position, read_body
 from core.web.problems import Problem, ProblemError
 
@@ -131,7 +130,7 @@ def _wanted(request: Request) -> tuple[HouseholdFilter, int]:
     return wanted, limit
 
 
-ROUTES: Final[dict[str, dict[str, Callable[[Request], Awaitable[Response]]]]] = {
+ROUTES: Final[Routes] = {
     "/api/ledger/entries": {"GET": list_entries, "POST": create_entry},
     "/api/ledger/entries/{id}": {"GET": get_entry, "PUT": change_entry, "DELETE": delete_entry},
     "/api/ledger/register": {"GET": list_register},

@@ -6,7 +6,7 @@ password is in no body that is kept anywhere, neither by the recorder nor in a l
 """
 
 import logging
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 from starlette.requests import Request
@@ -17,7 +17,7 @@ from core.imports.looking import Choices
 from core.imports.reading.mapping import Mapping
 from core.imports.troubles import Trouble
 from core.ledger.reasons import Fault, Reason
-from core.web.asking import as_json, service_of
+from core.web.asking import Routes, as_json, service_of
 from core.web.import_views import ImportList, faults_shown, sentence, summary_of, view_of
 from core.web.intake import decode_body, idempotency_key, read_body
 from core.web.problems import Problem, ProblemError
@@ -96,7 +96,7 @@ async def commit(request: Request) -> Response:
     return _tell(request, kept, 202)
 
 
-ROUTES = {
+ROUTES: Final[Routes] = {
     "/api/ledger/imports": {"GET": list_imports, "POST": upload},
     "/api/ledger/imports/{id}": {"GET": get_import},
     "/api/ledger/imports/{id}/preview": {"POST": preview},

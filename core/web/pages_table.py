@@ -1,16 +1,11 @@
 """Which path of the household's pages is answered by what. The API has a table of its own, which is described."""
 
-from collections.abc import Awaitable, Callable
 from typing import Final
 
-from starlette.requests import Request
-from starlette.responses import Response
-
 from core.web import pages, pages_imports, pages_wishes, static
+from core.web.asking import Routes
 
-Handler = Callable[[Request], Awaitable[Response]]
-
-PAGES: Final[dict[str, dict[str, Handler]]] = {
+PAGES: Final[Routes] = {
     "/": {"GET": pages.overview},
     "/register": {"GET": pages.register},
     "/accounts": {"GET": pages.accounts, "POST": pages_wishes.add_account},
