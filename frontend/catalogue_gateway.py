@@ -150,6 +150,9 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "guard-away": {
         "ko": ("감시자가 대답하지 않아요", "시작됐는지 아직 알 수 없어요. 잠시 뒤에 다시 해 주세요."),
-        "en": ("The guard does not answer", "Whether it has begun is not known. Please try again in a moment."),
+        "en": (
+            "The guard does not answer",
+            "Whether it has begun is not known. Please try again in a moment.",
+        ),
     },
 }

@@ -47,7 +47,9 @@ def import_paths(key: dict[str, Any]) -> dict[str, Any]:
         "/api/ledger/imports": {
             "get": _operation("The newest 20 imports, newest first", "200", "ImportList"),
             "post": {
-                **_operation("Upload a file and look at its rows; nothing is booked", "201", "ImportView", key),
+                **_operation(
+                    "Upload a file and look at its rows; nothing is booked", "201", "ImportView", key
+                ),
                 "requestBody": {"required": True, "content": {"multipart/form-data": {"schema": _UPLOAD}}},
             },
         },
@@ -80,7 +82,10 @@ def _operation(summary: str, status: str, answer: str, *parameters: dict[str, An
     return {
         "summary": summary,
         "parameters": list(parameters),
-        "responses": {status: {"description": "The answer", "content": content}, "default": _PROBLEM_RESPONSE},
+        "responses": {
+            status: {"description": "The answer", "content": content},
+            "default": _PROBLEM_RESPONSE,
+        },
     }
 
 
