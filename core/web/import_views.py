@@ -29,13 +29,17 @@ class FormatChoice(msgspec.Struct, frozen=True):
 
 
 class RowCounts(msgspec.Struct, frozen=True):
-    """Rows of the file. `good` are those that can be booked, or (once committed) that are booked."""
+    """Rows of the file: `total` are good, refused and skipped ones; good ones are `new` or `duplicates`.
+
+    `new` are those that the ledger does not hold yet, or (once committed) that this import has booked.
+    """
 
     total: int
     good: int
+    new: int
+    duplicates: int
     refused: int
     skipped: int
-    duplicates: int
 
 
 class RowView(msgspec.Struct, frozen=True):
@@ -207,8 +211,10 @@ def _refused(problem: Problem, lang: Language) -> RefusedView:
 def _counts(kept: Kept) -> RowCounts:
     seen, booked = kept.survey, kept.progress
     if kept.manifest.state is State.PREVIEW:
-        return RowCounts(seen.total, seen.good, seen.refused, seen.skipped, seen.duplicates)
-    return RowCounts(_total(kept), booked.booked, booked.refused, booked.skipped, booked.duplicates)
+        new = seen.good - seen.duplicates
+        return RowCounts(seen.total, seen.good, new, seen.duplicates, seen.refused, seen.skipped)
+    good = booked.booked + booked.duplicates
+    return RowCounts(_total(kept), good, booked.booked, booked.duplicates, booked.refused, booked.skipped)
 
 
 def _total(kept: Kept) -> int:

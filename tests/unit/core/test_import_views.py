@@ -3,14 +3,15 @@ import string
 
 import pytest
 
-from core.imports.desk import KEPT_FILE_LOST
+from core.imports.desk import KEPT_FILE_LOST, Kept
 from core.imports.importer import FAILED_INSIDE
 from core.imports.judging import OTHER_CURRENCY, judge, sample_of
 from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Skip, SkippedRow
 from core.imports.reading.mapping import FaultKind
 from core.imports.reading.table import Note, Why
-from core.imports.records import Problem
-from core.web.import_views import sentence
+from core.imports.records import Manifest, Problem, Progress, Survey
+from core.imports.states import State
+from core.web.import_views import sentence, summary_of
 from frontend.catalogue_imports import BOOKING
 
 REASONS = sorted({*Refusal, *Skip, *FaultKind, *Why, *Note, KEPT_FILE_LOST, FAILED_INSIDE})
@@ -55,3 +56,14 @@ def test_the_sentences_of_booking_are_alike_in_both_languages(slug: str) -> None
     assert named[0] == named[1]
     assert "!" not in "".join(BOOKING[slug].values())
     assert not re.findall(r"\}[가-힣]", BOOKING[slug]["ko"])
+
+
+@pytest.mark.parametrize("state", [State.PREVIEW, State.DONE])
+def test_the_numbers_of_rows_mean_the_same_before_and_after_the_booking(state: State) -> None:
+    manifest = Manifest("id", state, "bank.csv", 1, "00", 0)
+    found = Survey(16, good=13, refused=2, skipped=1, duplicates=5)
+    booked = Progress(16, booked=8, duplicates=5, refused=2, skipped=1)
+    rows = summary_of(Kept(manifest, None, found, booked), "ko").rows
+    assert (rows.new, rows.duplicates, rows.good) == (8, 5, 13)
+    assert rows.new + rows.duplicates == rows.good
+    assert rows.good + rows.refused + rows.skipped == rows.total
