@@ -71,6 +71,7 @@ class Shown:
     samples: int = 0
     planned: bool = False
     text: Text | None = None
+    sound: bool | None = None
 
 
 def follow(
@@ -115,7 +116,7 @@ def finished(outage: Outage, epoch: int, now_ns: int) -> Sample | None:
 def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_ns: int) -> Shown:
     """What a page is told at this moment."""
     if outage is None:
-        return Shown(known.state, known.phase, known.incident, samples=samples)
+        return Shown(known.state, known.phase, known.incident, samples=samples, sound=known.sound)
     elapsed_ms = _elapsed_ms(outage, now_ns)
     late = elapsed_ms > _limit_ms(outage, pace)
     past = outage.told is not None and elapsed_ms > _promised_ms(outage.told)
@@ -133,6 +134,7 @@ def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_n
         samples=samples,
         planned=outage.planned,
         text=text,
+        sound=known.sound,
     )
 
 
@@ -187,4 +189,5 @@ def fields(shown: Shown, held: int, since: str | None) -> dict[str, object]:
         "planned": shown.planned,
         "alerted_at": None,
         "text": shown.text,
+        "sound": shown.sound,
     }

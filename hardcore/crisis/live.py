@@ -74,7 +74,7 @@ class Live:
         self._shown: Shown | None = None  # what everybody was told last, its time left out
         self._since: tuple[int | None, str | None] = (None, None)  # the begin, and how it is told
         self._held: Mapping[bytes, int] = {}  # and of whose requests
-        self._proof_due = False  # everybody was told that a core serves, and not yet that the ledger is whole
+        self._proof_due = False  # everybody was told that a core serves, and not yet whether the ledger is whole
         self._timer: asyncio.TimerHandle | None = None
 
     # -- who listens -----------------------------------------------------------------------------------
@@ -112,12 +112,12 @@ class Live:
         over = face.finished(outage, self._known.serving.epoch, now_ns)
         if over is not None:
             self._history.add(over)
-        self._proof_due = self._known.sound is not True
+        self._proof_due = self._known.sound is None
         told = {
             "v": 1,
             "type": "back",
             "outage_ms": max(0, now_ns - outage.began_ns) // NS_PER_MS,
-            "verified": self._known.sound or None,
+            "verified": self._known.sound,
             "planned": outage.planned,
         }
         self._tell(lambda _: told)

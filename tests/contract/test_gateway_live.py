@@ -52,6 +52,7 @@ def test_a_page_is_told_how_things_stand_when_it_opens_its_socket(gate: World) -
             "planned": False,
             "alerted_at": None,
             "text": None,
+            "sound": None,
         }
 
 
@@ -151,17 +152,28 @@ def test_that_the_ledger_is_whole_is_told_when_it_is_known_and_to_those_who_were
         assert own.read_type("verified") == {"v": 1, "type": "verified", "ok": True}
 
 
-def test_that_the_ledger_is_not_whole_is_never_called_verified(gate: World) -> None:
+def test_that_the_ledger_is_not_whole_is_told_with_the_return(gate: World) -> None:
     core = gate.serving()
     with live(gate) as own:
         own.read()
         gate.die(core)
         gate.feed.say("serving", socket=str(gate.core(2).path), epoch=2)
-        gate.feed.say("verified", epoch=2, ok=False, seq=3)
+        gate.feed.say("verified", epoch=2, ok=False, seq=None)
         gate.feed.say("release", epoch=2, incident=None)
         gate.feed.phase("FORWARD")
-        assert own.read_type("back")["verified"] is None
-        assert own.read_type("verified")["ok"] is False
+        assert own.read_type("back")["verified"] is False
+        assert own.read_type("state")["sound"] is False
+
+
+def test_whether_the_ledger_is_whole_is_told_to_pages_that_come_later(gate: World) -> None:
+    gate.serving()
+    with live(gate) as first:
+        assert first.read()["sound"] is None
+        gate.feed.say("verified", epoch=1, ok=False, seq=None)
+        assert first.read_type("state")["sound"] is False
+    with live(gate) as later:
+        assert later.read()["sound"] is False
+    assert _status(gate)["sound"] is False
 
 
 def test_a_proof_that_was_done_before_the_release_comes_with_the_return(gate: World) -> None:

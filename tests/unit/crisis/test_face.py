@@ -176,4 +176,5 @@ def test_the_frame_has_every_field_of_the_wire() -> None:
         "planned": False,
         "alerted_at": None,
         "text": "R1",
+        "sound": None,
     }
