@@ -71,6 +71,11 @@ def group_digits(amount: str) -> str:
     return ",".join(parts) + (f".{fraction}" if fraction else "")
 
 
+def show_count(number: int) -> str:
+    """Return how many there are of something."""
+    return group_digits(str(number))
+
+
 def read_amount(typed: str) -> str | None:
     """Return what somebody typed as an unsigned decimal string, None if it is no amount.
 

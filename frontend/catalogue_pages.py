@@ -24,6 +24,7 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "line": {"ko": "줄", "en": "Line"},
     "line_n": {"ko": "{n}번째 줄", "en": "Line {n}"},
     "rows": {"ko": "{n}줄", "en": "{n} rows"},
+    "rows_one": {"ko": "{n}줄", "en": "{n} row"},
     # The state in the header
     "state_serving": {"ko": "정상", "en": "Running"},
     "state_slow": {"ko": "느림", "en": "Slow"},
@@ -176,6 +177,10 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "import_read": {"ko": "읽어 보기", "en": "Read it"},
     "import_reading": {"ko": "파일을 읽고 있어요", "en": "Reading the file"},
     "import_file_first": {"ko": "파일을 먼저 골라 주세요.", "en": "Please choose a file first."},
+    "import_file_gone": {
+        "ko": "고른 파일을 더는 읽을 수 없어요. 다시 골라 주세요.",
+        "en": "The chosen file can no longer be read. Please choose it again.",
+    },
     "import_noscript": {
         "ko": "가져오기에는 자바스크립트가 필요해요.",
         "en": "Importing needs JavaScript in this browser.",
@@ -195,14 +200,14 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "import_state_done": {"ko": "끝났어요", "en": "Done"},
     "import_state_failed": {"ko": "끝내지 못했어요", "en": "Could not be finished"},
     "import_found": {"ko": "이렇게 읽었어요", "en": "This is what was read"},
-    "count_good": {"ko": "적을 내역", "en": "to book"},
+    "count_new": {"ko": "새로 적을 내역", "en": "new, to book"},
     "count_duplicates": {"ko": "이미 있음", "en": "already there"},
     "count_refused": {"ko": "읽지 못함", "en": "not usable"},
     "count_skipped": {"ko": "합계 등 건너뜀", "en": "totals and blanks"},
     "count_booked": {"ko": "새로 적음", "en": "booked"},
     "balance_match": {
-        "ko": "✓ 파일의 잔액과 금액이 서로 맞아요.",
-        "en": "✓ The balances in the file agree with its amounts.",
+        "ko": "✓ 파일 안에서 잔액과 금액이 서로 맞아요. 이 계좌의 잔액과 견준 것은 아니에요.",
+        "en": "✓ Within the file, balances and amounts agree. They were not compared with this account's balance.",
     },
     "balance_mismatch": {
         "ko": "△ 파일의 잔액과 금액이 어긋나는 줄이 있어요. 칸을 확인해 주세요.",
@@ -215,6 +220,14 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "import_duplicates": {
         "ko": "{n}건은 이미 있어서 건너뛸 거예요.",
         "en": "{n} are there already and will be skipped.",
+    },
+    "import_duplicates_one": {
+        "ko": "{n}건은 이미 있어서 건너뛸 거예요.",
+        "en": "{n} is there already and will be skipped.",
+    },
+    "import_nothing_new": {
+        "ko": "새로 적을 내역이 없어요.",
+        "en": "There is nothing new to book.",
     },
     "import_skipped": {"ko": "{n}건은 이미 있어서 건너뛰었어요.", "en": "{n} skipped as already there."},
     "import_how": {"ko": "이렇게 읽을까요", "en": "Read it like this"},
@@ -232,6 +245,7 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     },
     "import_columns_other": {"ko": "다른 칸", "en": "Other columns"},
     "import_rows": {"ko": "파일에서 {n}줄을 찾았어요.", "en": "{n} rows were found in the file."},
+    "import_rows_one": {"ko": "파일에서 {n}줄을 찾았어요.", "en": "{n} row was found in the file."},
     "import_columns_more": {
         "ko": "날짜, 그리고 금액 한 칸 또는 입금과 출금 두 칸이 필요해요.",
         "en": "A date is needed, and either one amount column or two for money in and out.",
@@ -267,6 +281,7 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "import_sample": {"ko": "미리 보기", "en": "Preview"},
     "import_again": {"ko": "이미 있는 내역도 다시 적기", "en": "Book those that are already there once more"},
     "import_commit": {"ko": "{n}건 적기", "en": "Book {n}"},
+    "import_commit_none": {"ko": "적을 내역 없음", "en": "Nothing to book"},
     "import_progress": {"ko": "{total}건 중 {done}건", "en": "{done} of {total}"},
     "import_leave": {
         "ko": "이 창을 닫아도 계속 적어요. 서버가 다시 켜져도 이어서 해요.",
@@ -282,12 +297,8 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     # What a script says while it sends
     "sending": {"ko": "저장하고 있어요", "en": "Saving"},
     "waiting": {
-        "ko": "서버가 돌아오면 저장할게요. 다시 누르지 않아도 돼요.",
-        "en": "Will be saved when the server is back. No need to press again.",
-    },
-    "unanswered": {
-        "ko": "아직 답을 받지 못했어요. 다시 누르면 같은 요청을 이어서 확인해요. 두 번 저장되지 않아요.",
-        "en": "No answer yet. Pressing again asks for the same request; it is not saved twice.",
+        "ko": "서버의 답을 기다리고 있어요. 이 창을 열어 두면 한 번만 처리할게요. 다시 누르지 않아도 돼요.",
+        "en": "Waiting for the server's answer. Keep this window open; it is handled once, no need to press again.",
     },
     "unsaid": {
         "ko": "저장하지 못했어요. 잠시 뒤 다시 눌러 주세요.",
@@ -336,10 +347,13 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
 SCRIPT_WORDS: Final = (
     "sending",
     "waiting",
-    "unanswered",
     "unsaid",
+    "import_commit",
+    "import_commit_none",
+    "import_nothing_new",
     "import_drop",
     "import_file_first",
+    "import_file_gone",
     "import_progress",
     "import_reading",
 )

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from frontend.amounts import show_amount
+from frontend.amounts import show_amount, show_count
 from frontend.assets import assets
 from frontend.catalogue_pages import TEXTS
 from frontend.days import month_beside, show_day, show_month
@@ -34,8 +34,15 @@ class Reader:
 
 
 def page_text(text: str, lang: Language, /, **values: object) -> str:
-    """Return a text of the pages by its name. One that is missing, or a value of it, is our own bug."""
-    return TEXTS[text][lang].format_map(values)
+    """Return a text of the pages by its name. One that is missing, or a value of it, is our own bug.
+
+    A number among the values is how many there are of something, and is grouped as one writes it. Where `n` is one
+    and the language has a form for it, that form is taken.
+    """
+    single = f"{text}_one"
+    chosen = single if values.get("n") == 1 and single in TEXTS else text
+    shown = {name: show_count(value) if isinstance(value, int) else value for name, value in values.items()}
+    return TEXTS[chosen][lang].format_map(shown)
 
 
 def reader_language(cookie: str | None, accept_language: str | None) -> Language:
@@ -54,6 +61,7 @@ def draw(template: str, reader: Reader, **values: Any) -> str:
             reader=reader,
             lang=lang,
             t=lambda text, /, **named: page_text(text, lang, **named),
+            count=show_count,
             money=functools.partial(_money, lang),
             day=lambda text: show_day(text, lang, reader.today),
             month=lambda text: show_month(text, lang),

@@ -38,8 +38,7 @@ async function submit(form) {
     onWaiting: () => tell(form, say("waiting")),
   });
   busy(form, false);
-  if (answer !== null && answer.status < 500) forget(form);
-  if (answer === null) return tell(form, say("unanswered"), "wrong"); // the key stays: pressing again asks the same
+  if (answer.status < 500) forget(form);
   if (answer.status >= 200 && answer.status < 300) return saved(form, field, sent, answer.body);
   refused(form, field, answer);
 }

@@ -9,6 +9,7 @@ import { say } from "./words.js";
 
 const API = "/api/ledger/imports";
 const POLL_MS = 2000;
+const FILE_BYTES_MAX = 32 << 20;
 
 const upload = document.querySelector("[data-upload]");
 const made = document.querySelector("[data-import]");
@@ -53,9 +54,12 @@ function lock(form, locked) {
 }
 
 async function read(form) {
-  if (form.dataset.busy) return;
   if (!form.elements.file.files.length) return tell(form, say("import_file_first"), "wrong");
+  if (form.dataset.busy) return;
+  const file = await inMemory(form.elements.file.files[0]);
+  if (file === null) return tell(form, say("import_file_gone"), "wrong");
   const body = new FormData(form);
+  body.set("file", file, file.name);
   body.delete("_idempotency_key");
   const answer = await held(form, say("import_reading"), (options) => send(API, { body, ...options }));
   if (answer === null) return;
@@ -67,11 +71,29 @@ async function read(form) {
   form.elements.password.select();
 }
 
+// A wish that waits sends the file again later: what the disk has by then is another file, and a browser refuses it.
+// What is too large for the ledger anyway is left where it is.
+async function inMemory(file) {
+  if (file.size > FILE_BYTES_MAX) return file;
+  try {
+    return new File([await file.arrayBuffer()], file.name, { type: file.type });
+  } catch {
+    return null; // moved, changed or taken away since it was chosen
+  }
+}
+
 /* Looking at it, and booking it */
 
 function watchImport(page) {
   const api = `${API}/${encodeURIComponent(page.dataset.import)}`;
   page.addEventListener("change", (event) => void changed(api, event.target));
+  page.addEventListener("change", (event) => {
+    if (event.target.name === "again") countAgain(event.target.form);
+  });
+  document.addEventListener("ledger:drawn", () => {
+    const form = page.querySelector("[data-commit]");
+    if (form?.elements.again) countAgain(form);
+  });
   page.addEventListener("click", (event) => {
     if (event.target.closest("[data-make-account]")) void makeAccount(api, event.target.closest("form"));
   });
@@ -127,6 +149,16 @@ async function makeAccount(api, form) {
   await preview(api, form, { account: answer.body.id });
 }
 
+// What the button says is what is booked: the new rows, with the box ticked those that are there already too.
+function countAgain(form) {
+  const { fresh, good, ready } = form.dataset;
+  const n = Number(form.elements.again.checked ? good : fresh);
+  const button = form.querySelector("button.primary");
+  button.textContent = n ? say("import_commit", { n }) : say("import_commit_none");
+  button.disabled = !ready || !n;
+  if (ready) tell(form, n ? "" : say("import_nothing_new"));
+}
+
 async function commit(api, form) {
   const how = document.querySelector("[data-how]");
   const body = JSON.stringify({ account: how.elements.account.value, skip_duplicates: !form.elements.again?.checked });
@@ -165,15 +197,16 @@ function stateOf(page) {
   return page.querySelector("#import-body").dataset.state;
 }
 
-/** Send with the form's key while its button rests; null where no answer came (the key stays). */
+/** Send with the form's key while its button rests; null while an earlier wish of this form is on its way. */
 async function held(form, sentence, sending) {
   if (form.dataset.busy) return null;
   form.dataset.busy = "1";
   tell(form, sentence);
   const key = form.elements._idempotency_key?.value ?? newKey();
-  const answer = await sending({ key, onWaiting: () => tell(form, say("waiting")) });
+  // A file takes its time to be read: what is said of it stays until the server is known to be away.
+  const answer = await sending({ key, onWaiting: () => tell(form, say("waiting")), onLate: () => {} });
   delete form.dataset.busy;
-  tell(form, answer === null ? say("unanswered") : "", answer === null ? "wrong" : "");
+  tell(form, "");
   return answer;
 }
 

@@ -1,11 +1,16 @@
 // One wish, sent until it is answered. The key is made before the first try and stays the same, so a wish that
 // meets a restart is booked once, however often it is sent. Nothing is called saved before an answer came: a 503
 // that says `not_done`, a 5xx that says nobody knows, and a lost connection are all "not yet".
+//
+// The wish lives in this page alone, so there is no last try: it is asked for as long as the page is open, and a page
+// that is left meanwhile lets the browser ask first. Keeping it in localStorage for another tab was not chosen: two
+// tabs would send it, and whose money it is nobody could say any more on a shared computer.
 
-const ATTEMPTS_MAX = 40;
 const PAUSE_FIRST_MS = 1000;
 const PAUSE_MAX_MS = 10000;
+const LATE_MS = 1000;
 
+const late = new Set(); // wishes on their way that may get lost with the page
 let waiting = 0;
 
 /** A key of 128 random bits. crypto.randomUUID exists only on secure origins, which a home server has not. */
@@ -15,28 +20,49 @@ export function newKey() {
 }
 
 /**
- * Send and return {status, body} once there is an answer, null if there was none after all tries.
- * `onWaiting` is called each time the wish has to wait for the server.
+ * Send and return {status, body} once there is an answer. `onWaiting` is called each time the wish has to wait,
+ * `onLate` when its answer takes long: a gateway that holds it would forget it together with this page.
  */
-export async function send(url, { method = "POST", body, key, type, onWaiting = () => {} }) {
+export async function send(url, { method = "POST", body, key, type, onWaiting = () => {}, onLate = onWaiting }) {
   const headers = { Accept: "application/json", "Accept-Language": document.documentElement.lang, "Idempotency-Key": key };
   if (type) headers["Content-Type"] = type;
+  const wish = {};
   let counted = false;
+  const timer = setTimeout(() => {
+    keep(wish);
+    onLate();
+  }, LATE_MS);
   try {
-    for (let attempt = 0; attempt < ATTEMPTS_MAX; attempt += 1) {
+    for (let attempt = 0; ; attempt += 1) {
       const answer = await ask(url, { method, headers, body, cache: "no-store" });
       if (answer && !isOpen(answer)) return answer;
       if (!counted) {
         counted = true;
         count(1);
+        keep(wish);
       }
       onWaiting();
       await pause(attempt, answer?.retryAfterS);
     }
-    return null;
   } finally {
+    clearTimeout(timer);
+    letGo(wish);
     if (counted) count(-1);
   }
+}
+
+function keep(wish) {
+  late.add(wish);
+  window.addEventListener("beforeunload", askFirst);
+}
+
+function letGo(wish) {
+  late.delete(wish);
+  if (late.size === 0) window.removeEventListener("beforeunload", askFirst);
+}
+
+function askFirst(event) {
+  event.preventDefault();
 }
 
 async function ask(url, options) {
@@ -63,7 +89,7 @@ function count(step) {
 
 /** Wait until the server is said to be back, or for a while: the page works without the crisis script too. */
 function pause(attempt, retryAfterS) {
-  const grown = Math.min(PAUSE_FIRST_MS * 1.5 ** attempt, PAUSE_MAX_MS);
+  const grown = Math.min(PAUSE_FIRST_MS * 1.5 ** Math.min(attempt, 10), PAUSE_MAX_MS);
   const ms = Math.max(grown, (retryAfterS ?? 0) * 1000) * (0.8 + Math.random() * 0.4);
   return new Promise((resolve) => {
     const timer = setTimeout(done, ms);

@@ -19,10 +19,14 @@ OUTAGE: Final = re.compile(
 
 @dataclass
 class Watch:
-    """What a tab has complained about, and every dialog that a script has opened in it."""
+    """What a tab has complained about, and every dialog that a script has opened in it.
+
+    `leaving` counts how often a browser asked whether the page may really be left; whoever leaves is let go.
+    """
 
     troubles: list[str] = field(default_factory=list)
     dialogs: list[str] = field(default_factory=list)
+    leaving: int = 0
 
     def on(self, page: Page) -> None:
         """Begin to watch a tab."""
@@ -38,5 +42,9 @@ class Watch:
         self.troubles.append(f"not caught: {error}")
 
     def _dialog(self, dialog: Dialog) -> None:
+        if dialog.type == "beforeunload":
+            self.leaving += 1
+            dialog.accept()
+            return
         self.dialogs.append(dialog.message)
         dialog.dismiss()

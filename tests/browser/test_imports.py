@@ -26,12 +26,16 @@ def previewed(page: Page) -> None:
     expect(page.locator("#import-body[data-state=preview]")).to_be_visible()
 
 
-def commit(page: Page, account: str = BANK) -> None:
-    """Choose the account and book."""
+def choose_account(page: Page, account: str = BANK) -> None:
+    """Choose the account and wait until the file was looked at with it."""
     page.locator("#how-account").select_option(account)
-    button = page.locator("form[data-commit] button.primary")
-    expect(button).to_be_enabled()
-    button.click()
+    expect(page.locator("form[data-commit][data-ready]")).to_be_visible()
+
+
+def commit(page: Page) -> None:
+    """Choose the account and book."""
+    choose_account(page)
+    page.locator("form[data-commit] button.primary").click()
 
 
 def done(page: Page) -> None:
@@ -129,12 +133,41 @@ def test_two_tabs_that_import_the_same_file_book_it_once(
     for page in (first, second):
         choose(page, path)
         previewed(page)
+        choose_account(page)
     for page in (first, second):
-        commit(page)
+        page.locator("form[data-commit] button.primary").click()
     for page in (first, second):
         done(page)
     assert len(entries(own_house)) == 3
     expect(second.locator("#import-body")).to_contain_text("3")
+
+
+def test_the_button_says_how_many_are_booked_and_rests_where_nothing_is_new(
+    own_house: House, open_tab: OpenTab, tmp_path: Path
+) -> None:
+    path = hana_csv(tmp_path)
+    page = open_tab(own_house, "/import")
+    for _ in range(2):
+        page.goto("/import")
+        choose(page, path)
+        previewed(page)
+        choose_account(page)
+        button = page.locator("form[data-commit] button.primary")
+        if button.is_enabled():
+            expect(button).to_have_text("Book 3")
+            button.click()
+            done(page)
+    expect(page.locator("#import-facts .counts")).to_contain_text("0 new, to book")
+    expect(page.locator("form[data-commit] [data-said]")).to_have_text("There is nothing new to book.")
+    page.locator("[name=again]").check()
+    expect(button).to_have_text("Book 3")
+    expect(button).to_be_enabled()
+    page.locator("[name=again]").uncheck()
+    expect(button).to_be_disabled()
+    page.locator("[name=again]").check()
+    button.click()
+    done(page)
+    assert len(entries(own_house)) == 6
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from playwright.sync_api import Browser, expect
 from tests.browser.conftest import OpenTab
 from tests.browser.outages import outage
 from tests.browser.readers import a_bank, booked, is_down, is_joined, is_serving, save, write_entry
+from tests.browser.tabs import Watch
 from tests.integration.house import House
 
 ROOT = Path(__file__).parents[2]
@@ -61,3 +62,31 @@ def test_the_same_text_sent_again_after_a_reload_in_an_outage_is_one_entry(
     save(form)
     expect(form.locator("[data-said].good")).to_be_visible()
     assert booked(house, "Sent twice") == 1
+
+
+def test_the_browser_asks_before_a_page_with_a_waiting_wish_is_left_and_only_then(
+    house: House, open_tab: OpenTab, watch: Watch
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    form = write_entry(page, "Not left alone", "7000")
+    page.mouse.click(5, 400)  # a browser asks only where somebody has used the page
+    page.reload()
+    assert watch.leaving == 0
+    is_joined(page)
+    form = write_entry(page, "Not left alone", "7000")
+    with outage(house):
+        is_down(page)
+        page.mouse.click(5, 400)
+        form.evaluate("form => form.requestSubmit()")
+        expect(form.locator("[data-said]")).to_contain_text("Keep this window open")
+        page.reload()
+        assert watch.leaving == 1
+    is_serving(page)
+    form = write_entry(page, "Not left alone", "7000")
+    save(form)
+    expect(form.locator("[data-said].good")).to_be_visible()
+    page.reload()
+    assert watch.leaving == 1
+    assert booked(house, "Not left alone") == 1

@@ -54,6 +54,7 @@ def test_every_text_is_used_and_every_used_text_is_there() -> None:
         for start in re.findall(r'\bt\("([a-z_]+_)" ~', path.read_text()):
             used |= {name for name in TEXTS if name.startswith(start)}
     made = {name for name in TEXTS if name.startswith(("fault_", "date_format_", "decimal_", "positive_"))}
+    made |= {f"{name}_one" for name in used}
     assert set(TEXTS) - used - made == set()
     asked = {name for path in TEMPLATES for name in re.findall(r'\bt\("([a-z_]+[a-z])"', path.read_text())}
     assert asked - set(TEXTS) == set()
@@ -93,6 +94,13 @@ def test_what_the_reader_chose_beats_what_the_browser_asks_for() -> None:
     assert reader_language("ko", None) == "ko"
     assert reader_language("xx", "ko-KR") == "ko"
     assert reader_language(None, None) == "en"
+
+
+def test_how_many_there_are_is_grouped_and_one_is_one() -> None:
+    assert page_text("import_progress", "ko", done=320, total=6000) == "6,000건 중 320건"
+    assert page_text("import_rows", "en", n=1) == "1 row was found in the file."
+    assert page_text("import_rows", "en", n=1234) == "1,234 rows were found in the file."
+    assert page_text("line_n", "en", n="1234") == "Line 1234"
 
 
 def test_a_text_takes_values_of_any_name() -> None:
