@@ -93,12 +93,25 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
         ),
     },
     "entry-not-found": {
-        "ko": ("없는 내역이에요", "주소에 있는 번호를 확인해 주세요."),
-        "en": ("There is no such entry", "Please check the id in the address."),
+        "ko": ("없는 내역이에요", "지워졌거나 주소가 달라요."),
+        "en": ("There is no such entry", "It was deleted, or the address is another one."),
     },
     "entry-reversed": {
-        "ko": ("이미 취소한 내역이에요", "취소한 내역은 바꿀 수 없어요. 새로 적어 주세요."),
-        "en": ("This entry has been reversed", "It can no longer be changed. Please write a new one."),
+        "ko": ("이미 지운 내역이에요", "지운 내역은 바꿀 수 없어요. 필요하면 새로 적어 주세요."),
+        "en": (
+            "This entry has been deleted",
+            "It can no longer be changed. If you need it, write a new one.",
+        ),
+    },
+    "entry-changed": {
+        "ko": (
+            "그사이에 바뀐 내역이에요",
+            "다른 화면에서 먼저 바꿨어요. 지금 내용을 확인하고 다시 해 주세요.",
+        ),
+        "en": (
+            "This entry has been changed meanwhile",
+            "Somebody changed it first. Please look at what it says now and try again.",
+        ),
     },
     "already-imported": {
         "ko": ("이미 가져온 내역이에요", "같은 줄이 장부에 있어서 다시 적지 않았어요."),

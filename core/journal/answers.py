@@ -118,7 +118,7 @@ def status_of(slug: Slug) -> int:
     match slug:
         case Slug.ENTRY_NOT_FOUND:
             return 404
-        case Slug.ACCOUNT_EXISTS | Slug.ENTRY_REVERSED | Slug.ALREADY_IMPORTED:
+        case Slug.ACCOUNT_EXISTS | Slug.ENTRY_REVERSED | Slug.ENTRY_CHANGED | Slug.ALREADY_IMPORTED:
             return 409
         case _:
             return 422

@@ -174,10 +174,15 @@ def _wish(command: Command) -> object:
             return (command.date, command.description, command.tags, command.postings)
         case RecordEntry():
             return (_meant(command.details), command.origin, command.duplicates_wanted)
-        case ReplaceEntry():
+        # Only what is said: keys of wishes that came before a member could be said are still known.
+        case ReplaceEntry(keeps_the_rest=True):
+            return (command.entry, _meant(command.details), command.expected_seq, "the rest")
+        case ReplaceEntry(expected_seq=None):
             return (command.entry, _meant(command.details))
+        case ReplaceEntry():
+            return (command.entry, _meant(command.details), command.expected_seq)
         case ReverseEntry():
-            return command.entry
+            return command.entry if command.expected_seq is None else (command.entry, command.expected_seq)
         case OpenAccount() | CloseAccount():
             return command
         case _:

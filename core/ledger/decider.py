@@ -14,7 +14,7 @@ from typing import assert_never
 from core.ledger.accounts import Account, is_overdrawn
 from core.ledger.book import Book, KnownEntry
 from core.ledger.commands import CloseAccount, Command, OpenAccount, Posting, PostTransaction
-from core.ledger.entries import RecordEntry, ReplaceEntry, ReverseEntry
+from core.ledger.entries import EntryDetails, Origin, RecordEntry, ReplaceEntry, ReverseEntry
 from core.ledger.events import (
     AccountClosed,
     AccountOpened,
@@ -111,38 +111,44 @@ def _record(command: RecordEntry, book: Book) -> tuple[Event, ...] | Rejection:
     meant = resolve(command.details, book)
     if isinstance(meant, Rejection):
         return meant
-    events: tuple[Event, ...] = (*meant.opened, _entry_posted(command, meant, command.id, command.id))
+    entry = _entry_posted(command.details, meant, command.id, command.id, origin)
+    events: tuple[Event, ...] = (*meant.opened, entry)
     return _limits(events, book.accounts, meant.postings, _amount_of_entry) or events
 
 
 def _replace(command: ReplaceEntry, book: Book) -> tuple[Event, ...] | Rejection:
-    known = _standing(command.entry, book)
+    known = _standing(command, book)
     if isinstance(known, Rejection):
         return known
-    meant = resolve(command.details, book)
+    details = command.details
+    if command.keeps_the_rest:
+        details = replace(details, payment_method=known.event.payment_method, tags=known.event.tags)
+    meant = resolve(details, book)
     if isinstance(meant, Rejection):
         return meant
     reversal = reversal_of(known.event, command.reversal)
-    entry = _entry_posted(command, meant, command.transaction, command.entry)
+    entry = _entry_posted(details, meant, command.transaction, command.entry)
     events: tuple[Event, ...] = (reversal, *meant.opened, entry)
     lines = (*meant.postings, *postings_of(reversal))
     return _limits(events, book.accounts, lines, _amount_of_entry) or events
 
 
 def _reverse(command: ReverseEntry, book: Book) -> tuple[Event, ...] | Rejection:
-    known = _standing(command.entry, book)
+    known = _standing(command, book)
     if isinstance(known, Rejection):
         return known
     reversal = reversal_of(known.event, command.reversal)
     return _limits((reversal,), book.accounts, postings_of(reversal), _nothing_in_particular) or (reversal,)
 
 
-def _standing(entry: str, book: Book) -> KnownEntry | Rejection:
-    known = book.entries.get(entry)
+def _standing(command: ReplaceEntry | ReverseEntry, book: Book) -> KnownEntry | Rejection:
+    known = book.entries.get(command.entry)
     if known is None:
         return reject(Slug.ENTRY_NOT_FOUND, "", Reason.UNKNOWN_ENTRY)
     if known.reversed:
         return reject(Slug.ENTRY_REVERSED, "", Reason.REVERSED)
+    if command.expected_seq not in {None, known.seq}:
+        return reject(Slug.ENTRY_CHANGED, "/expected_seq", Reason.CHANGED)
     for posting in postings_of(known.event):
         if book.accounts[posting.account].closed:
             return reject(Slug.ACCOUNT_CLOSED, "", Reason.CLOSED, account=posting.account)
@@ -150,9 +156,8 @@ def _standing(entry: str, book: Book) -> KnownEntry | Rejection:
 
 
 def _entry_posted(
-    command: RecordEntry | ReplaceEntry, meant: Resolved, transaction: str, entry: str
+    details: EntryDetails, meant: Resolved, transaction: str, entry: str, origin: Origin | None = None
 ) -> EntryPosted:
-    details = command.details
     return EntryPosted(
         transaction,
         entry,
@@ -162,7 +167,7 @@ def _entry_posted(
         lines_of(meant.postings),
         meant.category,
         meant.payment_method,
-        command.origin if isinstance(command, RecordEntry) else None,
+        origin,
     )
 
 

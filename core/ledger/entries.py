@@ -14,7 +14,7 @@ Everything here is made from plain values, so that an import builds its commands
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
 
@@ -23,6 +23,7 @@ from core.ledger.money import amount_fault, is_currency, is_zero, parse_amount
 from core.ledger.reasons import Fault, Reason, Rejection, Slug
 
 IMPORT_CHARACTERS_MAX: Final = 64
+SEQ_MAX: Final = (1 << 53) - 1  # what a browser's numbers hold exactly
 _FINGERPRINT: Final = re.compile(r"[0-9a-f]{32}")
 
 
@@ -42,6 +43,21 @@ class EntryBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     description: str = ""
     payment_method: str | None = None
     tags: list[str] = []
+
+
+SeqSeen = Annotated[int, msgspec.Meta(ge=1, le=SEQ_MAX)]
+
+
+class EntryChangeBody(EntryBody, frozen=True, forbid_unknown_fields=True):
+    """The body that changes an entry; `expected_seq`: the `seq` that whoever changes it has seen."""
+
+    expected_seq: SeqSeen | None = None
+
+
+class EntryReversalBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The body that reverses an entry; it may as well be empty."""
+
+    expected_seq: SeqSeen | None = None
 
 
 class Origin(msgspec.Struct, frozen=True, rename={"import_id": "import"}):
@@ -81,20 +97,30 @@ class RecordEntry:
 
 @dataclass(frozen=True, slots=True)
 class ReplaceEntry:
-    """The wish that an entry says something else: what stands is reversed, `details` are booked instead."""
+    """The wish that an entry says something else: what stands is reversed, `details` are booked instead.
+
+    `expected_seq`: only if what stands is still this; None: whatever stands. `keeps_the_rest`: payment method and
+    tags stay what they are in the book at that moment; who shows neither can't say them.
+    """
 
     entry: str
     details: EntryDetails
     transaction: str
     reversal: str
+    expected_seq: int | None = None
+    keeps_the_rest: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class ReverseEntry:
-    """The wish that an entry stands no longer: it is reversed by the transaction `reversal`."""
+    """The wish that an entry stands no longer: it is reversed by the transaction `reversal`.
+
+    `expected_seq`: only if what stands is still this; None: whatever stands.
+    """
 
     entry: str
     reversal: str
+    expected_seq: int | None = None
 
 
 EntryCommand = RecordEntry | ReplaceEntry | ReverseEntry
@@ -115,21 +141,29 @@ def record_entry(
 
 
 def replace_entry(
-    entry_id: str, body: EntryBody, transaction_id: str, reversal_id: str
+    entry_id: str,
+    body: EntryBody,
+    transaction_id: str,
+    reversal_id: str,
+    *,
+    expected_seq: int | None = None,
+    keeps_the_rest: bool = False,
 ) -> ReplaceEntry | Rejection:
     """Return the wish to replace an entry by `body`; the book knows whether there is one.
 
-    The ids are those of the two transactions it takes.
+    The ids are those of the two transactions it takes. `keeps_the_rest`: `body` says neither payment method nor
+    tags, and they stay what they are.
     """
+    assert not keeps_the_rest or (body.payment_method is None and not body.tags), "said and kept at once"
     details = _details(body)
     if isinstance(details, Rejection):
         return details
-    return ReplaceEntry(entry_id, details, transaction_id, reversal_id)
+    return ReplaceEntry(entry_id, details, transaction_id, reversal_id, expected_seq, keeps_the_rest)
 
 
-def reverse_entry(entry_id: str, reversal_id: str) -> ReverseEntry:
+def reverse_entry(entry_id: str, reversal_id: str, expected_seq: int | None = None) -> ReverseEntry:
     """Return the wish to reverse an entry; the book knows whether there is one."""
-    return ReverseEntry(entry_id, reversal_id)
+    return ReverseEntry(entry_id, reversal_id, expected_seq)
 
 
 def _details(body: EntryBody) -> EntryDetails | Rejection:

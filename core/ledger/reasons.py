@@ -25,6 +25,7 @@ class Slug(StrEnum):
     NOT_A_MONEY_ACCOUNT = "not-a-money-account"
     ENTRY_NOT_FOUND = "entry-not-found"
     ENTRY_REVERSED = "entry-reversed"
+    ENTRY_CHANGED = "entry-changed"
     ALREADY_IMPORTED = "already-imported"
 
 
@@ -54,6 +55,7 @@ class Reason(StrEnum):
     OVERDRAFT = "overdraft"
     UNKNOWN_ENTRY = "unknown_entry"
     REVERSED = "reversed"
+    CHANGED = "changed"
 
 
 class Fault(msgspec.Struct, frozen=True):

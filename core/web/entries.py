@@ -13,8 +13,14 @@ from starlette.responses import Response
 
 from core.journal import register
 from core.journal.register import HouseholdFilter, Position
-from core.ledger.commands import NoBody
-from core.ledger.entries import EntryBody, record_entry, replace_entry, reverse_entry
+from core.ledger.entries import (
+    EntryBody,
+    EntryChangeBody,
+    EntryReversalBody,
+    record_entry,
+    replace_entry,
+    reverse_entry,
+)
 from core.web.asking import Routes, accepted, as_json, as_list, carry_out, read, service_of
 from core.web.intake import Parameters, decode_body, make_position, read_body
 from core.web.problems import Problem, ProblemError
@@ -37,8 +43,14 @@ async def change_entry(request: Request) -> Response:
     """PUT /api/ledger/entries/{id}."""
     service = service_of(request)
     body = await read_body(request, service.settings.body_bytes_max)
-    details = decode_body(body, EntryBody)
-    wish = replace_entry(_entry_in_path(request), details, service.new_id(), service.new_id())
+    details = decode_body(body, EntryChangeBody)
+    wish = replace_entry(
+        entry_in_path(request),
+        details,
+        service.new_id(),
+        service.new_id(),
+        expected_seq=details.expected_seq,
+    )
     return await carry_out(request, "entry.replace", accepted(wish), body)
 
 
@@ -46,15 +58,14 @@ async def delete_entry(request: Request) -> Response:
     """DELETE /api/ledger/entries/{id}: what stands is reversed, nothing is deleted."""
     service = service_of(request)
     body = await read_body(request, service.settings.body_bytes_max)
-    if body:
-        decode_body(body, NoBody)
-    command = reverse_entry(_entry_in_path(request), service.new_id())
+    said = decode_body(body, EntryReversalBody) if body else EntryReversalBody()
+    command = reverse_entry(entry_in_path(request), service.new_id(), said.expected_seq)
     return await carry_out(request, "entry.reverse", command, body)
 
 
 async def get_entry(request: Request) -> Response:
     """GET /api/ledger/entries/{id}."""
-    wanted = _entry_in_path(request)
+    wanted = entry_in_path(request)
     found = await read(request, "read.entry", lambda c: register.get_entry(c, wanted), transaction_id=wanted)
     if found is None:
         raise ProblemError(Problem("entry-not-found"))
@@ -106,7 +117,8 @@ def days_of(month: str) -> tuple[str, str]:
     return f"{month}-01", f"{month}-{calendar.monthrange(year, number)[1]:02d}"
 
 
-def _entry_in_path(request: Request) -> str:
+def entry_in_path(request: Request) -> str:
+    """Return the id of the entry that the path names, or end the request where no entry can be called so."""
     entry_id: str = request.path_params["id"]
     if _ENTRY_ID.fullmatch(entry_id) is None:
         raise ProblemError(Problem("entry-not-found"))

@@ -11,7 +11,7 @@ import msgspec
 
 from core.journal.verify import Verdict
 from core.ledger.commands import AccountBody, TransactionBody
-from core.ledger.entries import EntryBody
+from core.ledger.entries import EntryBody, EntryChangeBody, EntryReversalBody
 from core.ledger.overview import CategoryView, RegisterLine, Summary
 from core.ledger.reasons import Reason
 from core.ledger.views import (
@@ -41,6 +41,8 @@ _SHAPES: Final = (
     EventView,
     Verdict,
     EntryBody,
+    EntryChangeBody,
+    EntryReversalBody,
     EntryView,
     EntryReversal,
     RegisterLine,
@@ -201,11 +203,16 @@ def _household() -> dict[str, Any]:
                 "Have an entry say something else: what stood is reversed and kept",
                 "200",
                 "EntryView",
-                "EntryBody",
+                "EntryChangeBody",
                 _path("id"),
             ),
             "delete": _post(
-                "Reverse an entry: nothing is ever deleted", "200", "EntryReversal", None, _path("id")
+                "Reverse an entry: nothing is ever deleted",
+                "200",
+                "EntryReversal",
+                "EntryReversalBody",
+                _path("id"),
+                body_required=False,
             ),
         },
         "/api/ledger/register": {
@@ -234,7 +241,12 @@ def _get(summary: str, shape: dict[str, Any], *parameters: dict[str, Any]) -> di
 
 
 def _post(
-    summary: str, status: str, answer: str, body: str | None, *parameters: dict[str, Any]
+    summary: str,
+    status: str,
+    answer: str,
+    body: str | None,
+    *parameters: dict[str, Any],
+    body_required: bool = True,
 ) -> dict[str, Any]:
     described: dict[str, Any] = {
         "summary": summary,
@@ -243,7 +255,7 @@ def _post(
     }
     if body is not None:
         content = {"application/json": {"schema": _ref(body)}}
-        described["requestBody"] = {"required": True, "content": content}
+        described["requestBody"] = {"required": body_required, "content": content}
     return described
 
 

@@ -16,6 +16,7 @@ from core.ledger.accounts import AccountType, is_account_id
 from core.ledger.fields import is_date
 from core.web import pages_book
 from core.web.asking import read, service_of
+from core.web.entries import entry_in_path
 from core.web.pages_answers import reader_of, show
 from core.web.pages_book import EntryPicture
 from core.web.pages_forms import Drawn
@@ -124,7 +125,7 @@ async def entry(request: Request) -> Response:
 
 async def entry_of(request: Request) -> EntryPicture:
     """Return the entry that the path names and what its form needs, or end the request."""
-    entry_id: str = request.path_params["id"]
+    entry_id = entry_in_path(request)
     seen = await read(
         request,
         "page.entry",
@@ -132,7 +133,7 @@ async def entry_of(request: Request) -> EntryPicture:
         transaction_id=entry_id,
     )
     if seen is None:
-        raise ProblemError(Problem("not-found"))
+        raise ProblemError(Problem("entry-not-found"))
     return seen
 
 

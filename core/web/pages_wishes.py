@@ -6,7 +6,7 @@ that was typed still there.
 """
 
 from collections.abc import Awaitable, Callable
-from typing import Any, Final
+from typing import Final
 
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
@@ -14,11 +14,13 @@ from starlette.responses import RedirectResponse, Response
 from core.ledger.accounts import AccountType, is_account_id
 from core.ledger.book import ids_for
 from core.ledger.commands import AccountBody, close_account, open_account
-from core.ledger.entries import EntryBody, record_entry, replace_entry, reverse_entry
+from core.ledger.entries import SEQ_MAX, EntryBody, record_entry, replace_entry, reverse_entry
 from core.ledger.money import is_currency
-from core.ledger.reasons import Fault, Slug
+from core.ledger.reasons import Fault, Reason, Slug
 from core.web import pages
 from core.web.asking import accepted, service_of
+from core.web.entries import entry_in_path
+from core.web.intake import SEQ_DIGITS_MAX
 from core.web.pages_answers import LANGUAGE_COOKIE, reader_of, show_problem
 from core.web.pages_forms import (
     Drawn,
@@ -38,6 +40,7 @@ from frontend.render import Language, problem_text
 YEAR_S: Final = 365 * 24 * 3_600
 # What no amount can be: whatever was typed goes on to the ledger's own check, together with the other fields.
 NO_AMOUNT: Final = "?"
+_GONE: Final = frozenset({Slug.ENTRY_NOT_FOUND, Slug.ENTRY_REVERSED})  # there is no form to show again
 
 #: The accounts of an empty start, by the name of their text.
 EXAMPLES: Final[tuple[tuple[str, AccountType], ...]] = (
@@ -72,19 +75,25 @@ async def write_entry(request: Request) -> Response:
 async def change_entry(request: Request) -> Response:
     """POST /entries/{id}."""
     form = await read_form(request)
-    entry_id: str = request.path_params["id"]
-    before = await pages.entry_of(request)
+    entry_id = entry_in_path(request)
 
     async def wish() -> Response:
         service = service_of(request)
         # The form shows neither: what it does not show, it does not change.
-        body = _entry_body(form, payment_method=before.entry.payment_method, tags=list(before.entry.tags))
-        command = accepted(replace_entry(entry_id, body, service.new_id(), service.new_id()))
+        wish = replace_entry(
+            entry_id,
+            _entry_body(form),
+            service.new_id(),
+            service.new_id(),
+            expected_seq=_seq_seen(form),
+            keeps_the_rest=True,
+        )
+        command = accepted(wish)
         await carry_out(request, form, "entry.replace", command)
         return go_on(request, "/register", "saved_change", id=entry_id)
 
     async def redraw(request: Request, drawn: Drawn, status: int, key: str | None) -> Response:
-        return await pages.draw_entry(request, before, drawn, status, key)
+        return await pages.draw_entry(request, await pages.entry_of(request), drawn, status, key)
 
     return await _granted(request, form, wish, redraw)
 
@@ -92,10 +101,10 @@ async def change_entry(request: Request) -> Response:
 async def delete_entry(request: Request) -> Response:
     """POST /entries/{id}/delete: a reversal; nothing leaves the record."""
     form = await read_form(request)
-    entry_id: str = request.path_params["id"]
+    entry_id = entry_in_path(request)
 
     async def wish() -> Response:
-        command = reverse_entry(entry_id, service_of(request).new_id())
+        command = reverse_entry(entry_id, service_of(request).new_id(), _seq_seen(form))
         await carry_out(request, form, "entry.reverse", command)
         return go_on(request, "/register", "deleted", id=entry_id)
 
@@ -182,12 +191,13 @@ async def _granted(
         if from_script(request):
             return refuse_script(request, problem)
         response = show_problem(request, problem)
-        if redraw is None:
+        if redraw is None or problem.slug in _GONE:
             return response
         lang = reader_of(request).lang
         _title, detail = problem_text(problem.slug, lang, **problem.values)
         faults = sentences(request, problem.faults)
-        drawn = Drawn({**pages.EMPTY_FORM, **form.fields}, faults, "" if faults else detail, wrong=True)
+        at_a_field = any(name in pages.EMPTY_FORM for name in faults)
+        drawn = Drawn({**pages.EMPTY_FORM, **form.fields}, faults, "" if at_a_field else detail, wrong=True)
         unanswered = response.status_code >= 500
         drawn_page = await redraw(request, drawn, response.status_code, form.key if unanswered else None)
         for name in ("retry-after", "x-core-draining"):
@@ -204,7 +214,17 @@ def _at_its_field(problem: Problem) -> Problem:
     return Problem(problem.slug, faults, problem.values, problem.outcome, problem.headers)
 
 
-def _entry_body(form: Form, **kept: Any) -> EntryBody:
+def _seq_seen(form: Form) -> int | None:
+    """Return the `seq` of the entry that the form showed, None where it says none."""
+    text = form.text("expected_seq")
+    if not text:
+        return None
+    if not (text.isascii() and text.isdigit() and len(text) <= SEQ_DIGITS_MAX and int(text) <= SEQ_MAX):
+        raise ProblemError(Problem("invalid-body", (Fault("/expected_seq", Reason.MALFORMED),)))
+    return int(text)
+
+
+def _entry_body(form: Form) -> EntryBody:
     amount = read_amount(form.text("amount")) or NO_AMOUNT
     return EntryBody(
         date=form.text("date"),
@@ -212,7 +232,6 @@ def _entry_body(form: Form, **kept: Any) -> EntryBody:
         account=form.text("account") or None,
         category=form.text("category") or None,
         description=form.text("description"),
-        **kept,
     )
 
 

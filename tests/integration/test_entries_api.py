@@ -61,6 +61,23 @@ def test_an_entry_is_written_changed_read_and_reversed(core: Core) -> None:
     assert get(core, "verify")["ok"]
 
 
+def test_who_changes_what_somebody_else_changed_first_is_told_and_nothing_is_done(core: Core) -> None:
+    made = core.ask("POST", ENTRIES, LUNCH).body
+    one = f"{ENTRIES}/{made['id']}"
+    first = LUNCH | {"amount": "-1", "expected_seq": made["seq"]}
+    changed = core.ask("PUT", one, first, Idempotency_Key="k1")
+    assert changed.status == 200
+    late = LUNCH | {"amount": "-2", "expected_seq": made["seq"]}
+    wrong(core.ask("PUT", one, late, Idempotency_Key="k2"), 409, "entry-changed", "/expected_seq")
+    wrong(core.ask("DELETE", one, {"expected_seq": made["seq"]}), 409, "entry-changed", "/expected_seq")
+    assert core.ask("GET", one).body == changed.body
+    wrong(core.ask("DELETE", one, {"expected_seq": 0}), 422, "invalid-body", "/expected_seq")
+    wrong(core.ask("PUT", one, LUNCH | {"expected_seq": 1 << 53}), 422, "invalid-body", "/expected_seq")
+    assert core.ask("DELETE", one, {"expected_seq": changed.body["seq"]}).status == 200
+    again = core.ask("PUT", one, first, Idempotency_Key="k1")
+    assert (again.status, again.body, again.headers["idempotent-replayed"]) == (200, changed.body, "true")
+
+
 def test_a_key_of_an_entry_is_looked_up_like_any_other(core: Core) -> None:
     made = core.ask("POST", ENTRIES, LUNCH, Idempotency_Key="k1")
     found = get(core, "commands/k1")

@@ -63,14 +63,16 @@ def entering(amount: str, account: str | None = "bank", **changes: Any) -> Recor
 
 
 def replacing(entry: str, amount: str, account: str | None = "bank", **changes: Any) -> ReplaceEntry:
+    """A change of an entry; `expected_seq`, `keeps_the_rest` and every member of the body can be set."""
+    named = {name: changes.pop(name) for name in ("expected_seq", "keeps_the_rest") if name in changes}
     body = EntryBody(**({"date": "2026-11-21", "amount": amount, "account": account} | changes))
-    command = replace_entry(entry, body, f"tx-{next(_numbers)}", f"back-{next(_numbers)}")
+    command = replace_entry(entry, body, f"tx-{next(_numbers)}", f"back-{next(_numbers)}", **named)
     assert isinstance(command, ReplaceEntry), command
     return command
 
 
-def reversing(entry: str) -> ReverseEntry:
-    return reverse_entry(entry, f"back-{next(_numbers)}")
+def reversing(entry: str, expected_seq: int | None = None) -> ReverseEntry:
+    return reverse_entry(entry, f"back-{next(_numbers)}", expected_seq)
 
 
 def order(command: Command, key: str | None = None, slot: int = 0, digest: bytes = b"d") -> Order:

@@ -41,6 +41,11 @@ def told(answer: Answer) -> Any:
     return msgspec.json.decode(answer.body)
 
 
+def told_bytes(answer: Answer) -> bytes:
+    assert isinstance(answer, Done), answer
+    return answer.body
+
+
 def slug(answer: Answer) -> Slug:
     assert isinstance(answer, Refused), answer
     return answer.rejection.slug
@@ -151,6 +156,39 @@ def test_entries_are_written_changed_and_reversed_once_per_key(tmp_path: Path) -
         assert [slug(answer) for answer in refused] == [Slug.ENTRY_REVERSED] * 2
         assert status_of(slug(refused[0])) == 409
     assert verdict(tmp_path).ok
+
+
+def test_a_wish_for_what_was_seen_is_refused_once_something_else_stands(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("bank"))
+        command = entering("-5", category="식비")
+        seen = told(made.carry_out(command)[0])["seq"]
+        first = replacing(command.id, "-6", expected_seq=seen)
+        answers = made.write(
+            order(first, "k1"),
+            order(replacing(command.id, "-7", expected_seq=seen), "k2"),
+            order(reversing(command.id, seen), "k3"),
+        )
+        assert [slug(answer) for answer in answers[1:]] == [Slug.ENTRY_CHANGED] * 2
+        assert status_of(slug(answers[1])) == 409
+        assert entries(made) == [(command.id, "-6")]
+        stands = told(answers[0])["seq"]
+        gone = made.carry_out(reversing(command.id, stands))[0]
+        assert isinstance(gone, Done)
+        again = made.write(order(first, "k1"))[0]
+        assert isinstance(again, Done)
+        assert (again.body, again.replayed) == (told_bytes(answers[0]), True)
+        assert slug(made.carry_out(reversing(command.id, stands))[0]) is Slug.ENTRY_REVERSED
+    assert verdict(tmp_path).ok
+
+
+def test_a_change_that_keeps_the_rest_keeps_what_stands_when_it_is_booked(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("bank"))
+        command = entering("-5", payment_method="card", tags=["home"])
+        made.carry_out(command, replacing(command.id, "-6", payment_method="cash", tags=["trip"]))
+        kept = told(made.carry_out(replacing(command.id, "-7", keeps_the_rest=True))[0])
+        assert (kept["amount"], kept["payment_method"], kept["tags"]) == ("-7", "cash", ["trip"])
 
 
 def test_a_row_of_a_file_is_booked_once_however_often_it_comes(tmp_path: Path) -> None:
