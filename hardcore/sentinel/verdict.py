@@ -69,7 +69,7 @@ class Bench:
             return self._said
         self._said = (
             self._frozen(found, facts, said)
-            or (self._blocked(found, facts, said) if alone else None)
+            or (self._blocked(found, facts, said) if alone else self._ended(found, facts, said))
             or self._no_progress(found, facts, stuck, said)
             or _mildest(said, facts)
         )
@@ -94,6 +94,22 @@ class Bench:
             return None
         grade = Grade.CERTAIN if sure else Grade.LIKELY
         return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, grade, found.last_loop_ns, said)
+
+    def _ended(
+        self, found: beat_witness.BeatAges, facts: ProcessFacts, said: tuple[Testimony, ...]
+    ) -> Verdict | None:
+        """Judge a core whose loop and whose beats' thread are both over while some thread keeps it alive.
+
+        A held interpreter looks like it, but somebody computes then, or whoever waits for it wakes up again
+        and again: so the loop must have slept on a lock, and the whole process without processor time.
+        """
+        limit_ms = self.patience.hang_ms
+        lasted_ns = min(found.loop_ns, found.thread_ns, facts.loop_ns, facts.quiet_ns)
+        if facts.loop is not Sleep.CONCLUSIVE or lasted_ns < limit_ms * _NS_PER_MS:
+            return None
+        why = "no thread of the process had any processor time meanwhile"
+        fact = Testimony("process", Colour.RED, why)
+        return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, Grade.LIKELY, found.last_loop_ns, (*said, fact))
 
     def _no_progress(
         self,

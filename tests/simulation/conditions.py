@@ -5,7 +5,7 @@ inside, and whether the guard may call it a hang: `judged` names the patience th
 without one must never cost a core its life, however long it lasts.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 
@@ -45,6 +45,7 @@ class Condition:
     loop: ThreadLook = _IN_EPOLL
     writer: ThreadLook = ThreadLook()
     in_store: bool = False
+    quiet: bool = False  # no thread of the process gets processor time
 
 
 def _loop(name: str, judged: Judged, look: ThreadLook, state: str = "S") -> Condition:
@@ -66,6 +67,12 @@ BLOCKED_TIMER = _loop("blocked in a timer", Judged.CONCLUSIVE, ThreadLook("S", "
 BLOCKED_LOCK = _loop("blocked on a lock", Judged.CONCLUSIVE, ThreadLook())
 BLOCKED_POLL = _loop("blocked in a wait", Judged.HANG, ThreadLook("S", "poll_schedule_timeout"))
 BLOCKED_DISK = _loop("blocked on a disk", Judged.NEVER, ThreadLook("D", "io_schedule"), "D")
+#: The main thread ended in an exception and waits for a thread that nobody stops: no beat comes any more.
+LOOP_OVER = replace(_all("loop over", Judged.HANG, "S", ThreadLook(), ThreadLook()), quiet=True)
+#: Somebody holds the interpreter in a call that sleeps: whoever waits for it wakes up again and again.
+GIL_ASLEEP = replace(
+    _all("GIL held asleep", Judged.NEVER, "S", ThreadLook(burns=True), ThreadLook()), quiet=True
+)
 SPINNING = _loop("spinning", Judged.NEVER, _RUNS, "R")
 BUSY = Condition("busy with progress", state="R", loop=_RUNS)
 GIL_HELD = _all("GIL held", Judged.NEVER, "R", ThreadLook(), _RUNS)

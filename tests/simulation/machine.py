@@ -385,14 +385,15 @@ class Life:
 
     def sample(self, tick_ns: int, *, closer: bool) -> seen.ProcessSample:
         """The process as the kernel shows it; threads only when somebody looks closer."""
-        self._spent_ns += tick_ns // 2
         row = self.condition
+        self._spent_ns += 0 if row.quiet else tick_ns // 2
         loop = self._thread(row.loop) if closer else None
         writer = self._thread(row.writer) if closer else None
         return seen.ProcessSample(row.state, self._spent_ns, 61 << 20, 4, None, loop, writer)
 
     def _thread(self, look: ThreadLook) -> seen.ThreadSample:
-        return seen.ThreadSample(look.state, self._spent_ns if look.burns else 5, look.waits_in)
+        spent_ns = self.world.clock.now_ns if look.burns else 5
+        return seen.ThreadSample(look.state, spent_ns, look.waits_in)
 
     def notes(self) -> tuple[CommandNote, ...]:
         """The commands in flight."""

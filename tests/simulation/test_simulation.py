@@ -25,7 +25,7 @@ P, T, S = Phase, Trigger, Step
 SEEDS = 200
 FRESH_SEEDS = 40
 #: A mutant must be found within so many seeds.
-MUTANT_SEEDS = 3000
+MUTANT_SEEDS = 5000
 
 REGRESSIONS = sorted((Path(__file__).parent / "regressions").glob("*.json"))
 

@@ -3,6 +3,7 @@
 Independent of everything the core writes about itself. Two looks in a row must agree before it says that
 a thread sleeps: without any processor time between them, in the same kernel function. Stopped is the letter
 T; a thread that is runnable and not scheduled (R) is the machine's fault and is never called asleep.
+A process in which no thread at all gets processor time is quiet: what holds its interpreter is no computation.
 It also says for how long: a stop of a moment at the end of a long computation is still one of a moment, and
 must not be held against the core as if it had lasted as long as the silence of its beats.
 """
@@ -35,6 +36,7 @@ class ProcessState:
     _stopped_ns: int = 0
     _loop_ns: int = 0
     _writer_ns: int = 0
+    _quiet_ns: int = 0
 
     def look(self, sample: ProcessSample, at_ns: int, forgiven_ns: int) -> "ProcessFacts":
         """Take in one look and return what it and the one before agree on.
@@ -49,6 +51,8 @@ class ProcessState:
         self._stopped_ns = (self._stopped_ns or before_ns) if stopped else 0
         self._loop_ns = (self._loop_ns or before_ns) if loop is not Sleep.NOT else 0
         self._writer_ns = (self._writer_ns or before_ns) if writer is not Sleep.NOT else 0
+        quiet = last is not None and last.state == sample.state == "S" and last.cpu_ns == sample.cpu_ns
+        self._quiet_ns = (self._quiet_ns or before_ns) if quiet else 0
         return ProcessFacts(
             stopped=stopped,
             stopped_ns=at_ns - max(self._stopped_ns, forgiven_ns) if stopped else 0,
@@ -57,6 +61,7 @@ class ProcessState:
             loop_waits_in=sample.loop.waits_in if sample.loop else "",
             writer=writer,
             writer_ns=at_ns - max(self._writer_ns, forgiven_ns) if self._writer_ns else 0,
+            quiet_ns=at_ns - max(self._quiet_ns, forgiven_ns) if self._quiet_ns else 0,
         )
 
 
@@ -71,6 +76,7 @@ class ProcessFacts:
     loop_waits_in: str
     writer: Sleep
     writer_ns: int
+    quiet_ns: int
 
 
 def _sleep(before: ThreadSample | None, now: ThreadSample | None) -> Sleep:

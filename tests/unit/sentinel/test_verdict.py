@@ -43,6 +43,15 @@ def test_a_loop_asleep_in_another_wait_is_given_more_time() -> None:
     assert first.loop_age_ms > PATIENCE.hang_ms
 
 
+def test_a_loop_that_is_over_in_a_process_kept_alive_by_idle_threads_is_blocked() -> None:
+    looks = WELL + silent(1000, 2400, Look(0, loop=traces.LOCKED, quiet=True), thread=True)
+    verdicts = judged(looks)
+    verdict = red(verdicts)
+    assert verdict is not None
+    assert (verdict.diagnosis, verdict.grade) == (Diagnosis.LOOP_BLOCKED, Grade.LIKELY)
+    assert looks[[v.colour for v in verdicts].index(Colour.RED)].loop_age_ms > PATIENCE.hang_ms
+
+
 def test_commands_that_wait_for_a_writer_that_is_gone_make_no_progress() -> None:
     looks = [Look(at, submitted=2, writer=traces.GONE, notes=queued(0, 0)) for at in range(0, 4000, 100)]
     verdict = red(judged(looks))
@@ -95,6 +104,19 @@ def test_a_disk_wait_never_kills() -> None:
 def test_a_held_interpreter_never_kills_here() -> None:
     for loop in (traces.LOCKED, traces.UNSCHEDULED):
         assert red(judged(WELL + silent(1000, LONG_MS, Look(0, state="R", loop=loop), thread=True))) is None
+
+
+def test_an_interpreter_held_in_a_sleep_never_kills() -> None:
+    # Whoever waits for the interpreter wakes up every few milliseconds to ask for it.
+    held = silent(1000, LONG_MS, Look(0, quiet=True), thread=True)
+    looks = [replace(look, loop=replace(traces.LOCKED, cpu_ns=look.at_ms)) for look in held]
+    assert red(judged(WELL + looks)) is None
+
+
+@pytest.mark.parametrize("loop", [traces.ON_DISK, traces.EPOLL, traces.UNSCHEDULED, traces.GONE])
+def test_two_silent_beats_without_a_loop_asleep_on_a_lock_never_kill(loop: ThreadSample) -> None:
+    looks = silent(1000, LONG_MS, Look(0, loop=loop, quiet=True), thread=True)
+    assert red(judged(WELL + looks)) is None
 
 
 def test_an_interpreter_just_given_back_never_kills() -> None:

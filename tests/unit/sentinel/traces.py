@@ -41,6 +41,7 @@ class Look:
     completed: int = 0
     in_store_ms: int = 0
     notes: tuple[CommandNote, ...] | None = None
+    quiet: bool = False
 
     def sampled(self) -> Sampled:
         """As the manager would be told."""
@@ -54,7 +55,8 @@ class Look:
             epoch=4,
             state=LifeState.READY,
         )
-        process = ProcessSample(self.state, at_ns // 2, 1, 4, None, self.loop, self.writer)
+        spent_ns = 5 if self.quiet else at_ns // 2
+        process = ProcessSample(self.state, spent_ns, 1, 4, None, self.loop, self.writer)
         return Sampled(at_ns, 1, beats, Threads(1, 2, 3), process, self.notes)
 
 
