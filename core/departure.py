@@ -75,5 +75,5 @@ def commit_failed(text: str) -> Departure:
 
 
 def bug(text: str) -> Departure:
-    """The writer met a mistake of ours."""
-    return Departure(ExitCode.BUG, f"The writer stopped at a mistake of our own ({text}): please report it.")
+    """The core met a mistake of ours."""
+    return Departure(ExitCode.BUG, f"The core stopped at a mistake of our own ({text}): please report it.")

@@ -164,6 +164,17 @@ class Life:
             bound.close()
             return book
         service = self._serve_book(book, loop)
+        try:
+            return await self._serve(loop, bound, book, service)
+        # The writer's thread outlives the loop: an exception that only ended the loop would leave a process
+        # that holds the store, answers nobody and hears no TERM.
+        except Exception as error:
+            logger.exception("The core stops at a mistake of our own")
+            self._vanish(departure.bug(repr(error)))
+
+    async def _serve(
+        self, loop: asyncio.AbstractEventLoop, bound: socket.socket, book: OpenBook, service: Service
+    ) -> Departure | None:
         desk = Desk(service, self._recorder, self._data)
         await desk.clear_up()
         server = LedgerServer(make_app(service, desk))

@@ -6,6 +6,7 @@ commit is on the disk before it is answered, and only the importer acts on it, n
 
 import asyncio
 import hashlib
+import logging
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ import msgspec
 
 from core.guarded.recorder import FlightRecorder
 from core.imports.folder import ImportFolder, Imports, is_import_id
-from core.imports.importer import Importer, Job
+from core.imports.importer import FAILED_INSIDE, KEPT_FILE_LOST, Importer, Job, broken
 from core.imports.looking import Choices, Looked, Looker, results
 from core.imports.reading.kept import ReadTable, open_table
 from core.imports.reading.mapping import faults_of
@@ -29,8 +30,9 @@ from core.service import Service
 UPLOADS_MAX: Final = 8
 LISTED_MAX: Final = 20
 NAME_CHARACTERS_MAX: Final = 255
-KEPT_FILE_LOST: Final = "kept-file-lost"
 DAY_NS: Final = 86_400 * 1_000_000_000
+
+logger = logging.getLogger("core.imports")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +91,19 @@ class Desk:
         if import_id in self._uploads or len(self._uploads) >= UPLOADS_MAX:
             return Trouble("busy")
         self._uploads.add(import_id)
-        folder = await asyncio.to_thread(self._imports.begin, import_id)
+        try:
+            folder = await asyncio.to_thread(self._imports.begin, import_id)
+        except BaseException:
+            self._uploads.discard(import_id)
+            raise
         return folder.file
 
     async def end(self, import_id: str) -> None:
         """Throw away what `take_in` has not kept."""
-        await asyncio.to_thread(self._imports.abandon, import_id)
-        self._uploads.discard(import_id)
+        try:
+            await asyncio.to_thread(self._imports.abandon, import_id)
+        finally:
+            self._uploads.discard(import_id)
 
     async def take_in(
         self, import_id: str, name: str, sha256: str, choices: Choices, password: str | None
@@ -115,6 +123,7 @@ class Desk:
         looked = await self._looker.look(table, made, choices, anew=True)
         if isinstance(looked, Trouble):
             return looked
+        await asyncio.to_thread(folder.keep_rows, table.path)
         await asyncio.to_thread(folder.keep_survey, looked.survey)
         await asyncio.to_thread(folder.keep_manifest, looked.manifest)
         await asyncio.to_thread(self._imports.finish, import_id)
@@ -151,8 +160,13 @@ class Desk:
         if isinstance(table, Trouble):
             return table
         manifest = msgspec.structs.replace(kept.manifest, encoding=choices.encoding or kept.manifest.encoding)
-        looked = await self._looker.look(table, manifest, choices, anew=anew)
-        return looked if isinstance(looked, Trouble) else await self._keep_look(folder, looked)
+        try:
+            looked = await self._looker.look(table, manifest, choices, anew=anew)
+            fresh = table.path if anew else None
+            return looked if isinstance(looked, Trouble) else await self._keep_look(folder, looked, fresh)
+        finally:
+            if anew:  # rows that were not kept; kept ones have another name by now
+                await asyncio.to_thread(table.path.unlink, missing_ok=True)
 
     async def commit(self, import_id: str, choices: Choices, *, skip_duplicates: bool) -> Kept | Trouble:
         """Wish that the rows are booked. Once this returns an import, they will be, whatever dies."""
@@ -192,22 +206,29 @@ class Desk:
         return replace(kept, manifest=wish, progress=Progress())
 
     async def _go_on(self, manifest: Manifest) -> None:
+        """Take up what a death has interrupted. What can't be gone on with ends by itself, and nothing else does."""
         folder = self._imports.open(manifest.id)
+        progress = await asyncio.to_thread(folder.progress)
         table = await asyncio.to_thread(open_table, folder.rows)
-        if isinstance(table, ReadTable):
-            progress = await asyncio.to_thread(folder.progress)
-            self._importer.add(_job(folder, manifest, table, progress))
+        if isinstance(table, Unreadable):
+            self._importer.add(broken(folder, manifest, progress, KEPT_FILE_LOST))
             return
-        state = after(manifest.state, Trigger.BROKE)
-        assert state is not None, "what is being committed may break"
-        lost = msgspec.structs.replace(manifest, state=state, fault=KEPT_FILE_LOST)
-        await asyncio.to_thread(folder.keep_manifest, lost)
+        try:
+            job = _job(folder, manifest, table, progress)
+        # The records of another life, or another version: no core may fail to start because of them.
+        except Exception:
+            logger.exception("Import %s can't be gone on with", manifest.id)
+            job = broken(folder, manifest, progress, FAILED_INSIDE)
+        self._importer.add(job)
 
-    async def _keep_look(self, folder: ImportFolder, looked: Looked) -> Kept | Trouble:
+    async def _keep_look(self, folder: ImportFolder, looked: Looked, fresh: Path | None) -> Kept | Trouble:
+        """Keep what was seen, and with it the rows that were read for it, if any were."""
         async with self._changing:
             now = await asyncio.to_thread(folder.manifest)
             if now is None or after(now.state, Trigger.READ_AGAIN) is None:
                 return Trouble("import-committed")  # in another tab, while this one was looking
+            if fresh is not None:
+                await asyncio.to_thread(folder.keep_rows, fresh)
             await asyncio.to_thread(folder.keep_survey, looked.survey)
             await asyncio.to_thread(folder.keep_manifest, looked.manifest)
             return await self._kept(folder, looked.manifest)
@@ -222,9 +243,10 @@ class Desk:
     async def _tidy(self) -> None:
         settings = self._service.settings
         before_ns = time.time_ns() - settings.import_preview_days * DAY_NS
-        await asyncio.to_thread(
-            self._imports.tidy, before_ns, settings.imports_bytes_max, settings.imports_max
-        )
+        async with self._changing:  # a wish that came since would be swept away by what was seen before
+            await asyncio.to_thread(
+                self._imports.tidy, before_ns, settings.imports_bytes_max, settings.imports_max
+            )
 
 
 def _job(folder: ImportFolder, manifest: Manifest, table: ReadTable, progress: Progress) -> Job:

@@ -11,6 +11,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -21,6 +22,7 @@ from core.imports.states import State
 
 IMPORTS: Final = "imports"
 UNFINISHED: Final = ".new"
+FRESH_ROWS: Final = "rows-"  # rows of another look, until it is seen whether they may take the place
 
 _ID: Final = re.compile(r"[0-9a-f-]{36}")
 _MANIFEST: Final = "manifest.json"
@@ -52,6 +54,16 @@ class ImportFolder:
         """Its rows, as reading has left them."""
         return self.path / "rows.jsonl"
 
+    def fresh_rows(self, name: str) -> Path:
+        """A place of its own for the rows of another look."""
+        return self.path / f"{FRESH_ROWS}{name}{UNFINISHED}"
+
+    def keep_rows(self, fresh: Path) -> None:
+        """Take the rows of a look in place of those before; once this returns, a power cut does not lose them."""
+        _flush(fresh)
+        fresh.rename(self.rows)
+        _flush(self.path)
+
     def manifest(self) -> Manifest | None:
         """Return the wish, None where there is no import."""
         return _read(self.path / _MANIFEST, Manifest)
@@ -72,13 +84,17 @@ class ImportFolder:
         """Keep what a look found."""
         _write(self.path / _SURVEY, survey, durable=False)
 
-    def keep_progress(self, progress: Progress) -> None:
-        """Keep how far it is. May be lost: the rows' keys in the ledger know better."""
-        _write(self.path / _PROGRESS, progress, durable=False)
+    def keep_progress(self, progress: Progress, *, durable: bool) -> None:
+        """Keep how far it is. May be lost until the end: the rows' keys in the ledger know better."""
+        _write(self.path / _PROGRESS, progress, durable=durable)
 
     def bytes_kept(self) -> int:
         """Return how much room it takes."""
-        return sum(entry.stat().st_size for entry in os.scandir(self.path) if entry.is_file())
+        total = 0
+        for entry in os.scandir(self.path):
+            with suppress(FileNotFoundError):  # another look's rows may go meanwhile
+                total += entry.stat().st_size if entry.is_file() else 0
+        return total
 
 
 class Imports:
@@ -106,10 +122,13 @@ class Imports:
         return folder
 
     def finish(self, import_id: str) -> ImportFolder:
-        """Give what was put together its name."""
+        """Give what was put together its name; once this returns, a power cut loses nothing of it."""
         final = self._path / import_id
-        self.unfinished(import_id).path.rename(final)
-        _flush_folder(self._path)
+        made = self.unfinished(import_id).path
+        for path in (*made.iterdir(), made):
+            _flush(path)
+        made.rename(final)
+        _flush(self._path)
         return ImportFolder(final)
 
     def abandon(self, import_id: str) -> None:
@@ -125,6 +144,8 @@ class Imports:
         """Remove what a death left half put together. Only while nothing is being put together."""
         for left in self._path.glob("*" + UNFINISHED):
             shutil.rmtree(left, ignore_errors=True)
+        for left in self._path.glob(f"*/{FRESH_ROWS}*"):
+            left.unlink(missing_ok=True)
 
     def tidy(self, previews_before_ns: int, bytes_max: int, imports_max: int) -> None:
         """Remove old previews, and the oldest imports where it is too much.
@@ -173,11 +194,12 @@ def _write(path: Path, record: msgspec.Struct, *, durable: bool) -> None:
             os.fsync(file.fileno())
     fresh.rename(path)
     if durable:
-        _flush_folder(path.parent)
+        _flush(path.parent)
 
 
-def _flush_folder(path: Path) -> None:
-    fd = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+def _flush(path: Path) -> None:
+    """Have a file or a folder on the disk."""
+    fd = os.open(path, os.O_RDONLY)
     try:
         os.fsync(fd)
     finally:

@@ -49,6 +49,7 @@ IN_FLIGHT_MAX: Final = 16  # of 256 slots: the rest is everybody else's
 READ_AHEAD_ROWS: Final = 256
 TELL_EVERY_NS: Final = 250_000_000
 AGAIN_AFTER_S: Final = 0.1
+END_AGAIN_AFTER_NS: Final = 1_000_000_000  # where the end of an import could not be written
 BEAT_S: Final = 0.25  # while a wave is at the writer, which may wait a second for somebody's lock
 
 KIND: Final = "import.row"
@@ -56,6 +57,7 @@ UNANSWERED: Final = 500
 BUSY: Final = 503
 
 FAILED_INSIDE: Final = "internal"
+KEPT_FILE_LOST: Final = "kept-file-lost"
 
 logger = logging.getLogger("core.imports")
 
@@ -80,7 +82,7 @@ class Job:
     """One committed import. `rows` are all of its rows, parsed as they are needed; `parsed` of them are.
 
     Those before `progress.done` are settled and only parsed: which of several identical rows one is depends on
-    the rows before it.
+    the rows before it. `end` is the state it has come to, while that is not on the disk yet.
     """
 
     folder: ImportFolder
@@ -91,6 +93,12 @@ class Job:
     parsed: int = 0
     ahead: deque[Result] = field(default_factory=deque)
     told_ns: int = 0
+    end: State | None = None
+    end_again_ns: int = 0
+
+
+class RowsLostError(Exception):
+    """The kept rows end early or are torn."""
 
 
 class Importer:
@@ -136,32 +144,47 @@ class Importer:
 
     async def _until_idle(self) -> None:
         while self._jobs and not self._service.draining:
+            if all(job.end_again_ns > time.monotonic_ns() for job in self._jobs):
+                self._beat()
+                await asyncio.sleep(AGAIN_AFTER_S)  # a disk that has room again tells nobody
+                continue
             await self._turn(self._jobs[0])
             self._jobs.rotate(-1)
 
     async def _turn(self, job: Job) -> None:
         """Book one wave of one import. A bug of ours that one file brings to light stops that file alone."""
-        try:
-            state = await self._wave(job)
-        # Anything may arrive here, because any stranger's file may; the guard would take a dead task for a hang.
-        except Exception:
-            logger.exception("Import %s stopped at a mistake of our own", job.manifest.id)
-            job.manifest = msgspec.structs.replace(job.manifest, fault=FAILED_INSIDE)
-            state = after(State.COMMITTING, Trigger.BROKE)
-        if state is not None:
-            await self._end(job, state)
+        if job.end is None:
+            try:
+                job.end = await self._wave(job)
+            except RowsLostError:
+                _break(job, KEPT_FILE_LOST)
+            # Anything may arrive here, because any stranger's file may; the guard would take a dead task for
+            # a hang.
+            except Exception:
+                logger.exception("Import %s stopped at a mistake of our own", job.manifest.id)
+                _break(job, FAILED_INSIDE)
+        if job.end is not None and job.end_again_ns <= time.monotonic_ns():
+            await self._end(job, job.end)
 
     async def _wave(self, job: Job) -> State | None:
         """Book the next rows; return the state in which the import ends, None while it goes on."""
         self._beat()
         if not job.ahead and not await self._read_ahead(job):
+            if job.progress.done != job.total:
+                raise RowsLostError
             return after(State.COMMITTING, Trigger.LAST_ROW)
         wave = [job.ahead.popleft() for _ in range(min(IN_FLIGHT_MAX, len(job.ahead)))]
         first = job.progress.done + 1
         rows = (self._row(job.manifest, n, row) for n, row in enumerate(wave, first))
-        for outcome in await self._beating(asyncio.gather(*rows)):
+        # Exceptions come as outcomes, so that no row is still at work when a neighbour's bug ends the import.
+        outcomes = await self._beating(asyncio.gather(*rows, return_exceptions=True))
+        for settled, outcome in enumerate(outcomes):
+            if isinstance(outcome, BaseException):
+                raise outcome
             if isinstance(outcome, Stopped):
-                await asyncio.sleep(AGAIN_AFTER_S)  # it leaves: the loop that asks has nothing more to do
+                # What is not settled is next again: a row's key is its place, and places don't move.
+                job.ahead.extendleft(reversed(wave[settled:]))
+                await asyncio.sleep(AGAIN_AFTER_S)
                 break
             job.progress = settle(job.progress, outcome)
         await self._tell(job)
@@ -169,7 +192,10 @@ class Importer:
 
     async def _read_ahead(self, job: Job) -> bool:
         """Parse the next rows, some at a time so that a core may leave in between; False where none are left."""
-        some = await self._beating(asyncio.create_task(asyncio.to_thread(_some, job.rows)))
+        try:
+            some = await self._beating(asyncio.create_task(asyncio.to_thread(_some, job.rows)))
+        except (OSError, msgspec.MsgspecError) as error:
+            raise RowsLostError from error
         settled = max(0, job.progress.done - job.parsed)
         job.parsed += len(some)
         job.ahead.extend(some[settled:])
@@ -219,17 +245,25 @@ class Importer:
             self._service.hub.tell([frame_of(job)])
 
     async def _end(self, job: Job, state: State) -> None:
-        job.manifest = msgspec.structs.replace(job.manifest, state=state)
-        await self._keep(job)
+        """Write the end down and tell it; where it can't be written, the import stays, to be ended later."""
+        ended = msgspec.structs.replace(job.manifest, state=state)
+        try:
+            # Durable and in this order: no end without its numbers.
+            await asyncio.to_thread(job.folder.keep_progress, job.progress, durable=True)
+            await asyncio.to_thread(job.folder.keep_manifest, ended)
+        except OSError as error:
+            if not job.end_again_ns:
+                logger.warning("The end of import %s could not be kept: %s", ended.id, error.strerror)
+            job.end_again_ns = time.monotonic_ns() + END_AGAIN_AFTER_NS
+            return
+        job.manifest = ended
         self._jobs.remove(job)
         self._service.hub.tell([frame_of(job)])
 
     async def _keep(self, job: Job) -> None:
         """Write down how far it is. A full disk costs a later life some asking again, and this one nothing."""
         try:
-            await asyncio.to_thread(job.folder.keep_progress, job.progress)
-            if job.manifest.state is not State.COMMITTING:
-                await asyncio.to_thread(job.folder.keep_manifest, job.manifest)
+            await asyncio.to_thread(job.folder.keep_progress, job.progress, durable=False)
         except OSError as error:
             logger.warning("How far import %s is could not be kept: %s", job.manifest.id, error.strerror)
 
@@ -242,6 +276,18 @@ class Importer:
 
     def _beat(self) -> None:
         self._recorder.beat_importer(time.monotonic_ns())
+
+
+def broken(folder: ImportFolder, manifest: Manifest, progress: Progress, fault: str) -> Job:
+    """Return an import that can't be gone on with; the importer writes its end down."""
+    job = Job(folder, manifest, progress.done, iter(()), progress)
+    _break(job, fault)
+    return job
+
+
+def _break(job: Job, fault: str) -> None:
+    job.manifest = msgspec.structs.replace(job.manifest, fault=fault)
+    job.end = after(State.COMMITTING, Trigger.BROKE)
 
 
 def meaning_of(answer: Answer, candidate: Candidate) -> tuple[int, Outcome | None]:

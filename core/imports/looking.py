@@ -68,8 +68,8 @@ class Looker:
     async def read(
         self, folder: ImportFolder, encoding: str | None, password: str | None
     ) -> ReadTable | Trouble:
-        """Read the folder's file into its rows. What was read before stays where this fails."""
-        fresh = folder.rows.with_name("rows.new")
+        """Read the folder's file into fresh rows. What was read before stays until they are kept or removed."""
+        fresh = folder.fresh_rows(self._service.new_id())
         limits = ReadingLimits(
             file_bytes_max=self._service.settings.import_file_bytes_max, wall_ms_max=READING_MS_MAX
         )
@@ -80,8 +80,7 @@ class Looker:
         if isinstance(read, Unreadable):
             await asyncio.to_thread(fresh.unlink, missing_ok=True)
             return unreadable(read.reason.value, read.line)
-        await asyncio.to_thread(fresh.rename, folder.rows)
-        return ReadTable(read.head, folder.rows)
+        return read
 
     async def look(
         self, table: ReadTable, manifest: Manifest, choices: Choices, *, anew: bool

@@ -6,6 +6,8 @@ password is in no body that is kept anywhere, neither by the recorder nor in a l
 """
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, Final
 
 import msgspec
@@ -48,19 +50,18 @@ async def upload(request: Request) -> Response:
     """POST /api/ledger/imports."""
     desk = _desk(request)
     import_id = desk.name(idempotency_key(request))
-    path = await desk.begin(import_id)
-    if isinstance(path, Trouble):
-        raise _problem(path, _lang(request))
-    try:
-        # Room may end anywhere between the first byte and the name of the folder: nothing is kept then.
-        came = await receive(request, path, service_of(request).settings.import_file_bytes_max)
-        kept = await desk.take_in(
-            import_id, came.name, came.sha256, _chosen(came), came.fields.get("password")
-        )
-    except OSError as error:
-        raise _no_room(error) from None
-    finally:
-        await desk.end(import_id)
+    # Room may end anywhere between the first byte and the name of the folder: nothing is kept then.
+    with _keeping():
+        path = await desk.begin(import_id)
+        if isinstance(path, Trouble):
+            raise _problem(path, _lang(request))
+        try:
+            came = await receive(request, path, service_of(request).settings.import_file_bytes_max)
+            kept = await desk.take_in(
+                import_id, came.name, came.sha256, _chosen(came), came.fields.get("password")
+            )
+        finally:
+            await desk.end(import_id)
     return _tell(request, kept, 201)
 
 
@@ -80,19 +81,19 @@ async def preview(request: Request) -> Response:
     """POST /api/ledger/imports/{id}/preview."""
     body = decode_body(await _body(request), PreviewBody)
     choices = Choices(body.account, body.mapping, body.format, body.encoding)
-    return _tell(request, await _desk(request).preview(request.path_params["id"], choices), 200)
+    with _keeping():
+        kept = await _desk(request).preview(request.path_params["id"], choices)
+    return _tell(request, kept, 200)
 
 
 async def commit(request: Request) -> Response:
     """POST /api/ledger/imports/{id}/commit."""
     body = decode_body(await _body(request), CommitBody)
     choices = Choices(body.account, body.mapping)
-    try:
+    with _keeping():
         kept = await _desk(request).commit(
             request.path_params["id"], choices, skip_duplicates=body.skip_duplicates
         )
-    except OSError as error:
-        raise _no_room(error) from None
     return _tell(request, kept, 202)
 
 
@@ -137,6 +138,15 @@ def _problem(trouble: Trouble, lang: Language) -> ProblemError:
         extra = {"errors": shown}
     faults = (Fault("/account", Reason.MISSING),) if trouble.slug == "import-without-account" else ()
     return ProblemError(Problem(trouble.slug, faults, values, extra=extra))
+
+
+@contextmanager
+def _keeping() -> Iterator[None]:
+    """What the disk does not take was not done, and is answered so."""
+    try:
+        yield
+    except OSError as error:
+        raise _no_room(error) from None
 
 
 def _no_room(error: OSError) -> ProblemError:

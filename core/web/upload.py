@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from python_multipart.exceptions import ParseError
+from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import Request
 
@@ -74,14 +74,14 @@ def _parser(request: Request, form: "_Form") -> MultipartParser:
                 "on_end": form.end,
             },
         )
-    except ParseError:
+    except FormParserError:
         raise _malformed() from None
 
 
 def _feed(parser: MultipartParser, chunk: bytes) -> None:
     try:
         parser.write(chunk)
-    except ParseError:
+    except FormParserError:
         raise _malformed() from None
 
 

@@ -3,8 +3,8 @@ import string
 
 import pytest
 
-from core.imports.desk import KEPT_FILE_LOST, Kept
-from core.imports.importer import FAILED_INSIDE
+from core.imports.desk import Kept
+from core.imports.importer import FAILED_INSIDE, KEPT_FILE_LOST
 from core.imports.judging import OTHER_CURRENCY, judge, sample_of
 from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Skip, SkippedRow
 from core.imports.reading.mapping import FaultKind
