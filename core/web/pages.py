@@ -5,6 +5,7 @@ the ledger says that something changed. A program in the browser that draws from
 must be readable at once, without scripts, and on the slowest phone in the house.
 """
 
+import dataclasses
 import functools
 from types import MappingProxyType
 from typing import Final
@@ -33,7 +34,7 @@ TYPES: Final = (AccountType.ASSET, AccountType.LIABILITY, AccountType.EXPENSE, A
 EMPTY_FORM: Final[MappingProxyType[str, str]] = MappingProxyType(
     {
         "kind": "out", "description": "", "amount": "", "account": "", "category": "", "date": "",
-        "name": "", "type": "asset", "currency": "",
+        "name": "", "type": "asset", "currency": "", "expected_seq": "",
     }
 )  # fmt: skip
 PLAIN: Final = Drawn(EMPTY_FORM)
@@ -140,14 +141,20 @@ async def entry_of(request: Request) -> EntryPicture:
 async def draw_entry(
     request: Request, seen: EntryPicture, form: Drawn, status: int, key: str | None
 ) -> Response:
-    """Return the page of an entry with this state of its form."""
+    """Return the page of an entry with this state of its form.
+
+    A form that was drawn before the entry changed is shown what stands now, and from then on has seen it.
+    """
+    now = str(seen.entry.seq)
+    changed = form.expected_seq not in {"", now}
     return show(
         request,
         "entry.html.j2",
         "/register",
         status=status,
         key=key,
-        form=form,
+        form=dataclasses.replace(form, values={**form.values, "expected_seq": now}),
+        changed=changed,
         plain=PLAIN,
         id=seen.entry.id,
         entry=seen.entry,
@@ -173,6 +180,7 @@ def _as_form(seen: EntryPicture) -> Drawn:
             "account": shown.account,
             "category": shown.category or "",
             "date": shown.date,
+            "expected_seq": str(shown.seq),
         }
     )
 

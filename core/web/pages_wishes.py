@@ -207,9 +207,11 @@ async def _granted(
 
 
 def _at_its_field(problem: Problem) -> Problem:
-    # People give names; the id is ours, made of the name.
+    # People give names; the id is ours, made of the name. What a form has seen is no field of anybody.
     faults = tuple(
-        Fault("/name", fault.reason) if fault.pointer == "/id" else fault for fault in problem.faults
+        Fault("/name", fault.reason) if fault.pointer == "/id" else fault
+        for fault in problem.faults
+        if fault.pointer != "/expected_seq"
     )
     return Problem(problem.slug, faults, problem.values, problem.outcome, problem.headers)
 

@@ -6,6 +6,8 @@ import { redraw } from "./redraw.js";
 import { newKey, send } from "./send.js";
 import { say } from "./words.js";
 
+const opened = document.getElementById("entry-now")?.dataset.seen; // what the entry was when its page was opened
+
 /** Take over every form that says so, also those that are drawn later. */
 export function watchForms() {
   document.addEventListener("submit", (event) => {
@@ -14,6 +16,7 @@ export function watchForms() {
     event.preventDefault();
     void submit(form);
   });
+  document.addEventListener("ledger:drawn", showChange);
 }
 
 /** Tell a sentence below a form. `kind` is "", "good" or "wrong". */
@@ -62,6 +65,7 @@ function refused(form, field, { status, body }) {
   // A refusal is remembered under its key; what is corrected is another wish. A fault of the server's own is not an
   // answer to the wish: its key stays, so that pressing again can't book it twice.
   if (status < 500) field.value = newKey();
+  if (body.type === "/problems/entry-changed") void catchUp();
   const faults = body.faults ?? {};
   let first = null;
   for (const [name, sentence] of Object.entries(faults)) {
@@ -74,6 +78,18 @@ function refused(form, field, { status, body }) {
   }
   tell(form, first ? "" : (body.detail ?? say("unsaid")), "wrong");
   first?.focus();
+}
+
+// Somebody else was first: what stands now is shown, and only then has this page seen it. What was typed stays.
+async function catchUp() {
+  if (!await redraw()) return;
+  const { seq } = document.getElementById("entry-now").dataset;
+  for (const seen of document.querySelectorAll("[name=expected_seq]")) seen.value = seq;
+}
+
+function showChange() {
+  const now = document.getElementById("entry-now");
+  if (now) now.hidden = now.dataset.seq === opened;
 }
 
 // A page that is loaded again while a wish is on its way has a fresh key, and the typed text comes back. Whoever sends

@@ -147,13 +147,13 @@ def test_the_button_says_how_many_are_booked_and_rests_where_nothing_is_new(
 ) -> None:
     path = hana_csv(tmp_path)
     page = open_tab(own_house, "/import")
-    for _ in range(2):
+    button = page.locator("form[data-commit] button.primary")
+    for is_new in (True, False):
         page.goto("/import")
         choose(page, path)
         previewed(page)
         choose_account(page)
-        button = page.locator("form[data-commit] button.primary")
-        if button.is_enabled():
+        if is_new:
             expect(button).to_have_text("Book 3")
             button.click()
             done(page)

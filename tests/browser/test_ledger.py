@@ -4,7 +4,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.browser.conftest import MakeHouse, OpenTab
-from tests.browser.readers import a_bank, answer_of, booked, save, write_entry
+from tests.browser.readers import a_bank, answer_of, booked, post_entry, save, write_entry
 from tests.integration.house import House
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>\"'><b>굵게</b>"
@@ -127,3 +127,27 @@ def test_a_page_never_asks_for_anything_elsewhere(house: House, open_tab: OpenTa
         page.goto(path)
     assert asked
     assert [url for url in asked if not url.startswith((house.url, "data:"))] == []
+
+
+def test_two_tabs_that_change_one_entry_see_each_others_change(house: House, open_tab: OpenTab) -> None:
+    a_bank(house)
+    post_entry(house, "Changed twice")
+    items = answer_of(house, "/api/ledger/entries?limit=500")["items"]
+    (entry,) = [one for one in items if one["description"] == "Changed twice"]
+    path = f"/entries/{entry['id']}"
+    first = open_tab(house, path)
+    second = open_tab(house, path, beside=first)
+    for page, amount in ((first, "101"), (second, "202")):
+        expect(page.locator("#entry-now")).to_be_hidden()
+        page.locator("[name=amount]").fill(amount)
+    save(first.locator("form#entry-change"))
+    first.wait_for_url("**/register")
+    form = second.locator("form#entry-change")
+    save(form)
+    expect(form.locator("[data-said].wrong")).to_contain_text("Somebody changed it first")
+    expect(second.locator("#entry-now")).to_contain_text("₩101")
+    expect(second.locator("[name=amount]")).to_have_value("202")
+    assert answer_of(house, f"/api/ledger/entries/{entry['id']}")["amount"] == "-101"
+    save(form)
+    second.wait_for_url("**/register")
+    assert answer_of(house, f"/api/ledger/entries/{entry['id']}")["amount"] == "-202"

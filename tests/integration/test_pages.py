@@ -209,6 +209,42 @@ def test_a_deleted_entry_leaves_the_register_and_stays_on_record(core: Core) -> 
     assert core.ask("GET", "/api/ledger/verify").body["ok"] is True
 
 
+def test_a_change_of_what_somebody_else_changed_first_shows_both_and_books_after_a_second_look(
+    core: Core,
+) -> None:
+    account = begin(core)
+    post(core, "/entries", lunch(account))
+    path = f"/entries/{entries(core)[0]['id']}"
+    seen = Elements(get(core, path).text).field("expected_seq")
+    first = lunch(account, amount="101", expected_seq=seen, _idempotency_key="q")
+    assert post(core, path, first).status == 303
+    late = lunch(account, amount="202", expected_seq=seen, _idempotency_key="a")
+    told = post(core, path, late, Accept_Language="ko")
+    assert told.status == 409
+    assert "다른 화면에서 먼저 바꿨어요" in told.text
+    assert "−101원" in told.text
+    again = Elements(told.text)
+    assert again.field("amount") == "202"
+    assert entries(core)[0]["amount"] == "-101"
+    late |= {"expected_seq": again.field("expected_seq"), "_idempotency_key": "b"}
+    assert post(core, path, late).status == 303
+    assert entries(core)[0]["amount"] == "-202"
+    old = {"expected_seq": seen, "_idempotency_key": "d"}
+    assert post(core, f"{path}/delete", old).status == 409
+
+
+def test_a_deleted_entry_says_so_to_whoever_changes_it(core: Core) -> None:
+    account = begin(core)
+    post(core, "/entries", lunch(account))
+    path = f"/entries/{entries(core)[0]['id']}"
+    assert post(core, f"{path}/delete", {"_idempotency_key": "d"}).status == 303
+    for accept in ("text/html", "application/json"):
+        told = post(core, path, lunch(account, _idempotency_key=accept), Accept=accept, Accept_Language="ko")
+        assert told.status == 409
+        assert "지운 내역은 바꿀 수 없어요" in told.text
+    assert "주소를 확인" not in get(core, path, Accept_Language="ko").text
+
+
 def test_other_peoples_texts_stay_text_on_every_page(core: Core) -> None:
     account = begin(core)
     name = HOSTILE
