@@ -24,7 +24,7 @@ from core.web.openapi import document
 from core.web.pages_answers import show_problem, wants_page
 from core.web.pages_table import PAGES
 from core.web.problems import Outcome, Problem, ProblemError, respond
-from core.web.same_origin import is_foreign
+from core.web.same_origin import SAFE_METHODS, is_foreign
 from frontend.render import language
 
 ROUTES: Final[Routes] = {
@@ -42,8 +42,6 @@ ROUTES: Final[Routes] = {
     **entries.ROUTES,
 }
 
-_SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-
 
 def make_app(service: Service, desk: Desk) -> ASGIApp:
     """Return the application in front of a service and its imports."""
@@ -52,9 +50,8 @@ def make_app(service: Service, desk: Desk) -> ASGIApp:
     async def openapi(_: Request) -> Response:
         return Response(described, media_type="application/json")
 
-    tables = {**ROUTES, **PAGES}
+    tables: Routes = {**ROUTES, **PAGES, "/api/openapi.json": {"GET": openapi}}
     routes = [Route(path, _by_method(table), methods=list(table)) for path, table in tables.items()]
-    routes.append(Route("/api/openapi.json", openapi, methods=["GET"]))
     app = Starlette(
         routes=[*routes, WebSocketRoute("/ws", live)],
         exception_handlers={
@@ -72,7 +69,7 @@ def make_app(service: Service, desk: Desk) -> ASGIApp:
 
 def _by_method(table: dict[str, Handler]) -> Handler:
     async def dispatch(request: Request) -> Response:
-        if request.method not in _SAFE_METHODS and is_foreign(request.headers):
+        if is_foreign(request):
             raise ProblemError(Problem("foreign-page"))
         return await table["GET" if request.method == "HEAD" else request.method](request)
 
@@ -107,5 +104,5 @@ async def _tell_nobody(_: Request, __: Exception) -> Response:
 
 async def _tell_bug(request: Request, _: Exception) -> Response:
     # The server logs the traceback. The client hears no more than that it can't know what was done.
-    outcome = None if request.method in _SAFE_METHODS else Outcome.UNKNOWN
+    outcome = None if request.method in SAFE_METHODS else Outcome.UNKNOWN
     return _respond(request, Problem("internal", outcome=outcome))

@@ -2,13 +2,11 @@
 
 A seat is taken before the book is asked what was missed, so nothing can fall between the two; what comes twice
 is told once, by its sequence. Nothing is asked of the client and nothing it says is read: a channel that takes
-commands would be a second door beside HTTP, without keys. Behind a gateway the origin was judged there; a core
-on a port of its own judges it here, because any web page may open a socket to a loopback port.
+commands would be a second door beside HTTP, without keys.
 """
 
 import asyncio
 import contextlib
-import re
 from functools import partial
 from typing import Final
 
@@ -24,6 +22,7 @@ from core.ledger.events import decode
 from core.ledger.views import CommittedEvent, tell
 from core.service import Draining, NoSlot, ReadTooLong, Service
 from core.web.problems import Problem, respond
+from core.web.same_origin import is_foreign
 from frontend.render import language
 
 SUBPROTOCOL: Final = "hardcore.v1"
@@ -31,8 +30,6 @@ RESTARTING: Final = 1012
 TRY_AGAIN_LATER: Final = 1013
 CLOSE_S: Final = 1.0  # a client that takes no frames is not waited for to take the last one either
 SEQ_DIGITS_MAX: Final = 18
-
-_LOOPBACK: Final = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:[0-9]{1,5})?")
 
 
 async def live(websocket: WebSocket) -> None:
@@ -134,22 +131,11 @@ def _after(websocket: WebSocket) -> int | Problem | None:
 
 
 def _refused(websocket: WebSocket, after: int | Problem | None) -> Problem | None:
-    if _is_foreign(websocket):
+    if is_foreign(websocket):
         return Problem("foreign-page")
     if SUBPROTOCOL not in websocket.scope["subprotocols"]:
         return Problem("subprotocol-unknown", values={"subprotocol": SUBPROTOCOL})
     return after if isinstance(after, Problem) else None
-
-
-def _is_foreign(websocket: WebSocket) -> bool:
-    """Whether a page of somebody else opens this socket. A program, which has no origin, is not a page."""
-    origin = websocket.headers.get("origin")
-    server = websocket.scope.get("server")
-    if origin is None or server is None or server[1] is None:
-        return False  # a Unix socket: whoever may open it has judged the origin
-    host = websocket.headers.get("host", "")
-    # The name too, not only that both are equal: a name that was made to point to loopback is a stranger's.
-    return origin != f"http://{host}" or _LOOPBACK.fullmatch(host) is None
 
 
 async def _refuse(websocket: WebSocket, problem: Problem, service: Service) -> None:
