@@ -30,7 +30,7 @@ from hardcore.crisis.history import History
 from hardcore.crisis.limits import GatewayLimits, limits_from
 from hardcore.crisis.link import FeedLink
 from hardcore.crisis.mishap import describe
-from hardcore.crisis.shelf import stock
+from hardcore.crisis.shelf import Shelf, stock
 
 _LOG = logging.getLogger(__name__)
 
@@ -96,12 +96,13 @@ class Gateway:
 
     async def _stock(self) -> None:
         """Render the gateway's own pages and files, beside the serving."""
+        shelf = Shelf()
         try:
             shelf = await self._loop.run_in_executor(None, partial(stock, demo=self._demo))
         except Exception as error:  # noqa: BLE001 - whatever is wrong with the paper: requests are answered
             _LOG.error("the recovery pages could not be made, plain ones are shown: %s", describe(error))
-            return
-        self._desk.moves.shelf = shelf
+        finally:
+            self._desk.stocked(shelf)
 
     async def _drain(self) -> None:
         _LOG.info("leaving: %d connections", len(self._census.connections))

@@ -6,6 +6,7 @@ request it concerns. Everything runs in one thread, and nothing here waits.
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 from typing import assert_never
 
 from hardcore.crisis import pages
@@ -21,6 +22,7 @@ from hardcore.crisis.mishap import contained
 from hardcore.crisis.moves import TURNED_AWAY, Moves
 from hardcore.crisis.problems import Problem
 from hardcore.crisis.routing import Route
+from hardcore.crisis.shelf import Shelf
 from hardcore.crisis.sockets import Sockets
 from hardcore.crisis.standing import Standing, alive, ready
 from hardcore.model.phases import Face
@@ -47,6 +49,7 @@ class Desk:
         outlook.watch = self._look
         self._now_ns = now_ns
         self._drills = drills  # in a demo only
+        self._early: list[Exchange] | None = []  # ask for what is not on the shelf yet; None: all of it is
 
     @property
     def room(self) -> WaitingRoom:
@@ -134,6 +137,13 @@ class Desk:
                 pass
         self.moves.outlook.hear(message)
 
+    def stocked(self, shelf: Shelf) -> None:
+        """All that can be shown was rendered: whoever asked for it too early is answered now."""
+        self.moves.shelf = shelf
+        early, self._early = self._early or [], None
+        for exchange in early:
+            contained("answering who asked early", partial(self._answer_own, exchange, Route.OWN))
+
     def upkeep(self) -> None:
         """What is due now and then."""
         self.moves.outlook.upkeep()
@@ -159,8 +169,19 @@ class Desk:
             answer = pages.problem(Problem.NOT_FOUND, tongue)
         elif head.method not in {"GET", "HEAD"}:
             answer = pages.problem(Problem.METHOD_NOT_ALLOWED, tongue)
+        elif way is Route.STATUS:
+            self.live.when_known(partial(self._answer_own, exchange, way))
+            return
+        elif way is Route.OWN and self._early is not None:
+            self._early.append(exchange)  # a module that is not there is never asked for again
+            return
         else:
-            answer = self._own_answer(head, way)
+            self._answer_own(exchange, way)
+            return
+        exchange.client.answer(answer.head, answer.body)
+
+    def _answer_own(self, exchange: Exchange, way: Route) -> None:
+        answer = self._own_answer(exchange.head, way)
         exchange.client.answer(answer.head, answer.body)
 
     def _own_answer(self, head: RequestHead, way: Route) -> pages.Answer:

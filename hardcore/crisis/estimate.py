@@ -38,6 +38,14 @@ class Range:
     high_ms: int
 
 
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A range as people are told it, in whole seconds."""
+
+    low_s: int
+    high_s: int
+
+
 def sample(total_ms: int, reached: Sequence[tuple[int, int]]) -> Sample:
     """The sample of an outage that reached each `(stage, ms)` of `reached`, in this order."""
 
@@ -70,17 +78,20 @@ def estimate(samples: Sequence[Sample], stage: int, reached_ms: int) -> Range | 
     return Range(reached_ms + middle(left), reached_ms + bound(left))
 
 
-def narrowed(told: Range | None, newer: Range | None) -> Range | None:
-    """What may be told after `told`: neither number ever grows, because nobody believes one that does."""
+def narrowed(told: Told | None, newer: Told | None) -> Told | None:
+    """What may be told after `told`: neither number ever grows, because nobody believes one that does.
+
+    It is the seconds that are narrowed, because they are what was said: rounded anew in finer steps, the lower
+    number of a shorter range could be the greater one.
+    """
     if told is None or newer is None:
         return told or newer
-    high_ms = min(told.high_ms, newer.high_ms)
-    return Range(min(told.low_ms, newer.low_ms, high_ms), high_ms)
+    return Told(min(told.low_s, newer.low_s), min(told.high_s, newer.high_s))
 
 
-def in_seconds(told: Range) -> tuple[int, int]:
-    """The two numbers as people are told them, in seconds: apart, rounded outwards, coarser the longer."""
-    low, high = told.low_ms // 1000, -(-told.high_ms // 1000)
+def in_seconds(meant: Range) -> Told:
+    """The two numbers as people are told them: apart, rounded outwards, coarser the longer."""
+    low, high = meant.low_ms // 1000, -(-meant.high_ms // 1000)
     step = 1 if high < 10 else 5 if high < 60 else 15
     low, high = low // step * step, -(-high // step) * step
-    return low, max(high, low + step)
+    return Told(low, max(high, low + step))

@@ -1,7 +1,9 @@
 """What a page is told of an outage: when it began, how far the recovery is, which text is true now.
 
 An outage is folded from what the gateway knows (`standing`), so that it begins with the gateway's own doubt as
-well as with the guard's word, and ends only with a released core. What is shown follows from it and the time:
+well as with the guard's word, and ends only with a released core. A doubt is told to nobody before it is more than
+a doubt (`is_sure`): one lost connection, and a gateway that has not heard of the core yet, are no outage of the
+core. What is shown follows from it and the time:
 the stage never goes back, a promised time never grows, and a text is said only where its facts are. Passing the
 feed's fields on as they come was not chosen: stage and begin are of the phase there, and a page needs the outage's.
 """
@@ -10,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from hardcore.crisis.estimate import Range, Sample, estimate, in_seconds, narrowed, sample
+from hardcore.crisis.estimate import Sample, Told, estimate, in_seconds, narrowed, sample
 from hardcore.crisis.standing import Standing, posture
 from hardcore.model.phases import Face, HAState
 
@@ -30,10 +32,15 @@ class Text(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """When a wait counts as long: without a promise after `longer_than_ms`, with one never before `floor_ms`."""
+    """When time alone changes what is told.
+
+    A wait counts as long without a promise after `longer_than_ms`, with one never before `floor_ms`; nobody is
+    told of a doubt before `doubt_ms`, unless it is confirmed.
+    """
 
     longer_than_ms: int
     floor_ms: int
+    doubt_ms: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +48,8 @@ class Outage:
     """One time without a core. Times are monotonic nanoseconds.
 
     `epoch`: the core that served before it, None if this gateway saw none; `reached`: when each stage was first
-    reached; `told`: the narrowest promise so far; `plain`: neither the operator nor a last resort was part of it.
+    reached; `told`: the narrowest promise so far; `plain`: neither the operator nor a last resort was part of it;
+    `sure`: somebody knows of it (see `is_sure`); `measured`: its begin is known, and so is its length.
     """
 
     began_ns: int
@@ -49,7 +57,9 @@ class Outage:
     reached: tuple[tuple[int, int], ...]
     planned: bool = False
     plain: bool = True
-    told: Range | None = None
+    told: Told | None = None
+    sure: bool = False
+    measured: bool = False
 
     @property
     def stage(self) -> int:
@@ -67,7 +77,7 @@ class Shown:
     stage: int | None = None
     began_ns: int | None = None
     elapsed_ms: int = 0
-    eta: Range | None = None
+    eta: Told | None = None
     samples: int = 0
     planned: bool = False
     text: Text | None = None
@@ -77,17 +87,26 @@ class Shown:
 def follow(
     outage: Outage | None, before: Standing, known: Standing, samples: Sequence[Sample], now_ns: int
 ) -> Outage | None:
-    """The outage after something was learned (`before` became `known`); None while a core serves."""
+    """The outage after something was learned (`before` became `known`); None while a core serves.
+
+    Its length is known where this gateway saw the core serve before it, or the guard names an incident: what
+    the guard says of the time otherwise is its phase's.
+    """
     if posture(known) is Face.FORWARD:
         return None
     if outage is None:
         served = before.serving.epoch if before.serving and posture(before) is Face.FORWARD else None
-        outage = Outage(now_ns, served, ())
-    if known.face is not Face.FORWARD:
+        outage = Outage(now_ns, served, (), measured=served is not None)
+    if known.unanswered:
+        outage = replace(outage, sure=True)
+    if known.phase and known.face is not Face.FORWARD:
         # The guard knows better than we when it began; a doubt of our own may have been earlier still.
         began_ns = min(outage.began_ns, known.since_ns or now_ns)
         plain = outage.plain and known.face is Face.HOLD
-        outage = replace(outage, began_ns=began_ns, planned=known.planned, plain=plain)
+        measured = outage.measured or known.incident is not None
+        outage = replace(
+            outage, began_ns=began_ns, planned=known.planned, plain=plain, sure=True, measured=measured
+        )
     return _reach(outage, known.stage or 1, samples, now_ns)
 
 
@@ -95,7 +114,18 @@ def _reach(outage: Outage, stage: int, samples: Sequence[Sample], now_ns: int) -
     if outage.reached and stage <= outage.stage:
         return outage
     promise = estimate(samples, stage, _elapsed_ms(outage, now_ns))
-    return replace(outage, reached=(*outage.reached, (stage, now_ns)), told=narrowed(outage.told, promise))
+    told = narrowed(outage.told, in_seconds(promise) if promise is not None else None)
+    return replace(outage, reached=(*outage.reached, (stage, now_ns)), told=told)
+
+
+def is_sure(outage: Outage, pace: Pace, now_ns: int) -> bool:
+    """Whether pages may be told of it: the guard said so, a core in doubt did not answer, or it lasts."""
+    return outage.sure or _elapsed_ms(outage, now_ns) >= pace.doubt_ms
+
+
+def length_ms(outage: Outage, now_ns: int) -> int | None:
+    """How long it has lasted; None: nobody knows when it began."""
+    return _elapsed_ms(outage, now_ns) if outage.measured else None
 
 
 def _elapsed_ms(outage: Outage, now_ns: int) -> int:
@@ -115,7 +145,7 @@ def finished(outage: Outage, epoch: int, now_ns: int) -> Sample | None:
 
 def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_ns: int) -> Shown:
     """What a page is told at this moment."""
-    if outage is None:
+    if outage is None or not is_sure(outage, pace, now_ns):
         return Shown(known.state, known.phase, known.incident, samples=samples, sound=known.sound)
     elapsed_ms = _elapsed_ms(outage, now_ns)
     late = elapsed_ms > _limit_ms(outage, pace)
@@ -123,9 +153,9 @@ def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_n
     text = _text(outage, known.face, late=late)
     open_ended = past or text not in {Text.RECOVERING, Text.PLANNED}
     return Shown(
-        # The guard may not have said anything yet of what we saw ourselves.
+        # The guard may not have said anything yet of what we saw ourselves: its state and phase are older then.
         state=known.state if known.face is not Face.FORWARD else HAState.RECOVERY,
-        phase=known.phase,
+        phase=known.phase if known.face is not Face.FORWARD else "",
         incident=known.incident,
         stage=outage.stage,
         began_ns=outage.began_ns,
@@ -148,9 +178,9 @@ def _text(outage: Outage, face: Face, *, late: bool) -> Text:
     return Text.PLANNED if outage.planned else Text.RECOVERING
 
 
-def _promised_ms(told: Range) -> int:
+def _promised_ms(told: Told) -> int:
     """The end of what was promised, as it was said."""
-    return in_seconds(told)[1] * 1000
+    return told.high_s * 1000
 
 
 def _limit_ms(outage: Outage, pace: Pace) -> int:
@@ -162,6 +192,8 @@ def _limit_ms(outage: Outage, pace: Pace) -> int:
 def due_ms(outage: Outage, pace: Pace, now_ns: int) -> int | None:
     """In how many milliseconds what is shown changes by time alone; None: not any more."""
     elapsed_ms = _elapsed_ms(outage, now_ns)
+    if not is_sure(outage, pace, now_ns):
+        return pace.doubt_ms - elapsed_ms
     marks = [_limit_ms(outage, pace)] + ([_promised_ms(outage.told)] if outage.told else [])
     ahead = [mark - elapsed_ms for mark in marks if mark >= elapsed_ms]
     return min(ahead) + 1 if ahead else None
@@ -171,8 +203,7 @@ def fields(shown: Shown, held: int, since: str | None) -> dict[str, object]:
     """The `state` frame for a browser of which `held` requests wait. `since`: the begin as RFC 3339."""
     eta = None
     if shown.eta is not None:
-        low_s, high_s = in_seconds(shown.eta)
-        eta = {"low_s": low_s, "high_s": high_s, "samples": shown.samples}
+        eta = {"low_s": shown.eta.low_s, "high_s": shown.eta.high_s, "samples": shown.samples}
     return {
         "v": 1,
         "type": "state",

@@ -21,6 +21,7 @@ class GatewayLimits(Limits):
     #: taken for a core's death.
     upstream_idle_ms: int = setting(2_000, "an unused connection to the core is closed", low=10, high=600_000)
     probe_ms: int = setting(100, "a core in doubt is asked again after this", low=5, high=60_000)
+    doubt_told_ms: int = setting(500, "pages are told of a doubt that nobody confirmed", low=0, high=60_000)
     feed_retry_ms: int = setting(100, "a lost feed is dialled again after this", low=5, high=60_000)
     stats_ms: int = setting(200, "numbers are told at most this often", low=5, high=60_000)
     client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
@@ -36,6 +37,9 @@ class GatewayLimits(Limits):
     socket_close_ms: int = setting(2_000, "how long a browser may take to close", low=0, high=60_000)
     socket_unsent_bytes_max: int = setting(1 << 20, "more unsent ends a socket", low=1 << 10, high=1 << 30)
     socket_message_bytes_max: int = setting(1 << 20, "a longer message ends it", low=1, high=1 << 30)
+    sockets_bytes_max: int = setting(
+        64 << 20, "unsent and unfinished in all sockets together", low=1 << 10, high=1 << 34
+    )
     socket_dials_max: int = setting(32, "sockets that ask the core at a time", low=1, high=10_000)
     answer_buffer_bytes_max: int = setting(1 << 20, "a longer safe answer is streamed", low=0, high=1 << 30)
     unsafe_answer_bytes_max: int = setting(4 << 20, "a longer unsafe answer is broken", low=1, high=1 << 30)

@@ -1,8 +1,10 @@
 """What pages are told while it happens: over their own socket, in-band over the ledger's, or when they ask.
 
-A change costs one encoding for each number of waiting requests, mostly one in all, and one write for each page.
-What is told is folded in `face`; here is who listens, and when it is time. Pages asking again and again was not
-chosen as the way (it is the fallback): a page would learn of its server's death a second late.
+Nothing is said before something is known: a gateway that has just begun lets pages wait for their first word
+until the feed has spoken, or has been silent for too long. A change costs one encoding for each number of waiting
+requests, mostly one in all, and one write for each page. What is told is folded in `face`; here is who listens,
+and when it is time. Pages asking again and again was not chosen as the way (it is the fallback): a page would
+learn of its server's death a second late.
 """
 
 import asyncio
@@ -14,12 +16,13 @@ from email.utils import formatdate
 
 from hardcore.crisis import face
 from hardcore.crisis.browser_socket import BrowserSocket
-from hardcore.crisis.face import NS_PER_MS, Outage, Pace, Shown
+from hardcore.crisis.face import Outage, Pace, Shown
 from hardcore.crisis.heads import AnswerHead, Header, RequestHead, browser_of
 from hardcore.crisis.history import History
 from hardcore.crisis.lifeline import RESTARTED
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.messages import Message, frame_of
+from hardcore.crisis.mishap import contained
 from hardcore.crisis.pages import Answer
 from hardcore.crisis.standing import Standing
 from hardcore.host import clock
@@ -61,7 +64,7 @@ class Live:
     ) -> None:
         self._loop = loop
         self._beat_ms = limits.live_beat_ms
-        self._pace = Pace(limits.longer_than_ms, limits.longer_floor_ms)
+        self._pace = Pace(limits.longer_than_ms, limits.longer_floor_ms, limits.doubt_told_ms)
         self._history = history
         self._waiting = waiting  # how many requests wait here, by browser
         self._now_ns = now_ns
@@ -74,8 +77,10 @@ class Live:
         self._shown: Shown | None = None  # what everybody was told last, its time left out
         self._since: tuple[int | None, str | None] = (None, None)  # the begin, and how it is told
         self._held: Mapping[bytes, int] = {}  # and of whose requests
-        self._proof_due = False  # everybody was told that a core serves, and not yet whether the ledger is whole
+        self._proof_due = True  # whether the ledger is whole is not known yet of the core that serves
+        self._askers: list[Callable[[], None]] = []  # wait for the first word
         self._timer: asyncio.TimerHandle | None = None
+        self._set_timer()  # the feed may never speak
 
     # -- who listens -----------------------------------------------------------------------------------
 
@@ -84,14 +89,23 @@ class Live:
         socket.accept(_first_offered(socket.head), bytes_max=SAID_BYTES_MAX)
         socket.party = _Listener(socket)
         socket.send(self._hello)
-        held = self._waiting().get(socket.browser, 0) if socket.browser is not None else 0
-        socket.send(_frame(self._fields(self._show(), held)))
+        self._tell_state(beat=False)  # so that everybody knows what this page is told
+        if self._shown is not None:
+            held = self._waiting().get(socket.browser, 0) if socket.browser is not None else 0
+            socket.send(_frame(self._fields(self._show(), held)))
         self.add(socket)
 
     def add(self, socket: BrowserSocket) -> None:
         """One more that is told of changes."""
         self._audience.add(socket)
         socket.gone.append(self._audience.discard)
+
+    def when_known(self, then: Callable[[], None]) -> None:
+        """Do `then` as soon as there is something to say."""
+        if self._shown is not None:
+            then()
+        else:
+            self._askers.append(then)
 
     # -- what changes ----------------------------------------------------------------------------------
 
@@ -101,10 +115,15 @@ class Live:
         before = self._outage
         self._known = known
         self._outage = face.follow(before, was, known, self._history.samples, now_ns)
-        if before is not None and self._outage is None:
+        if before is not None and self._outage is None and self._alarmed:
             self._back(before, now_ns)
         self._tell_proof()
         self._tell_state(beat=False)
+
+    @property
+    def _alarmed(self) -> bool:
+        """Whether everybody was told of an outage."""
+        return self._shown is not None and self._shown.text is not None
 
     def _back(self, outage: Outage, now_ns: int) -> None:
         """A core serves again."""
@@ -116,7 +135,7 @@ class Live:
         told = {
             "v": 1,
             "type": "back",
-            "outage_ms": max(0, now_ns - outage.began_ns) // NS_PER_MS,
+            "outage_ms": face.length_ms(outage, now_ns),
             "verified": self._known.sound,
             "planned": outage.planned,
         }
@@ -125,11 +144,12 @@ class Live:
     def _tell_proof(self) -> None:
         if self._proof_due and self._outage is None and self._known.sound is not None:
             self._proof_due = False
-            self._tell(lambda _: {"v": 1, "type": "verified", "ok": self._known.sound})
+            if self._shown is not None:
+                self._tell(lambda _: {"v": 1, "type": "verified", "ok": self._known.sound})
 
     def upkeep(self) -> None:
         """Now and then: tell those whose waiting requests became more or fewer."""
-        if self._outage is None or not self._audience:
+        if not self._alarmed or not self._audience:
             return
         now, told = self._waiting(), self._held
         if now != told:
@@ -141,10 +161,17 @@ class Live:
     def _tell_state(self, *, beat: bool) -> None:
         shown = self._show()
         lasting = replace(shown, elapsed_ms=0)
-        if beat or lasting != self._shown:
+        # What a new gateway has not heard yet is no news: neither that a core serves nor that none does.
+        known = self._shown is not None or self._outage is None or shown.text is not None
+        news = known and (beat or lasting != self._shown)
+        if news:
             self._shown = lasting
             self._held = self._waiting()
             self._tell(lambda held: self._fields(shown, held))
+            askers, self._askers = self._askers, []
+            for then in askers:
+                contained("answering who asked early", then)
+        if news or self._outage is None or self._timer is None:
             self._set_timer()
 
     def _set_timer(self) -> None:
@@ -158,7 +185,7 @@ class Live:
 
     def _ring(self) -> None:
         self._timer = None
-        self._tell_state(beat=True)
+        self._tell_state(beat=self._alarmed)
 
     def close(self) -> None:
         """The gateway ends."""

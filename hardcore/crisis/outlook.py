@@ -211,6 +211,8 @@ class Outlook:
             self.answered(pool)
             self._become(know.trust(self.standing))
         elif self.standing.doubted or self._served_due:
+            if self.standing.doubted and not self.standing.unanswered:
+                self._become(know.confirm(self.standing))
             self._retry = self._loop.call_later(self._limits.probe_ms / 1000, self._probe)
 
     def _stop_probing(self) -> None:

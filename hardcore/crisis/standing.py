@@ -40,7 +40,8 @@ class Standing:
     """Everything the gateway knows about the guarded process.
 
     `heard_ns` 0: the feed was never heard. `since_ns`: when the phase began, 0 if that was not said.
-    `sound`: what the proof of the whole ledger said of the serving epoch, None while it runs.
+    `sound`: what the proof of the whole ledger said of the serving epoch, None while it runs. `unanswered`: a core
+    in doubt was asked for its health since, and did not answer well.
     """
 
     generation: int = 0
@@ -56,6 +57,7 @@ class Standing:
     released: int | None = None
     suspects: tuple[str, ...] = ()
     doubted: bool = False
+    unanswered: bool = False
     heard_ns: int = 0
 
 
@@ -84,12 +86,13 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
             serving = Serving(socket, epoch)
             if serving == known.serving:
                 return known
-            return replace(known, serving=serving, released=None, doubted=False, sound=None)
+            return replace(known, serving=serving, released=None, doubted=False, unanswered=False, sound=None)
         case SuspectsHeard(keys=keys):
             merged = dict.fromkeys((*known.suspects, *keys))
             return replace(known, suspects=tuple(merged)[-SUSPECTS_MAX:])
         case ReleaseHeard(epoch=epoch, incident=incident):
-            return replace(known, released=epoch, incident=incident or known.incident, doubted=False)
+            named = incident or known.incident
+            return replace(known, released=epoch, incident=named, doubted=False, unanswered=False)
         case VerifiedHeard(epoch=epoch, ok=ok):
             return replace(known, sound=ok) if _serves(known, epoch) else known
         case _:
@@ -107,7 +110,12 @@ def doubt(standing: Standing) -> Standing:
 
 def trust(standing: Standing) -> Standing:
     """The core answered: the doubt is over."""
-    return replace(standing, doubted=False)
+    return replace(standing, doubted=False, unanswered=False)
+
+
+def confirm(standing: Standing) -> Standing:
+    """The core was asked and did not answer well: a doubt is more than a doubt now."""
+    return replace(standing, unanswered=standing.doubted)
 
 
 def leaving(standing: Standing) -> Standing:

@@ -121,8 +121,10 @@ def test_a_large_body_is_not_read_while_it_waits(tmp_path: Path) -> None:
 def test_a_client_that_waits_and_leaves_is_forgotten(tmp_path: Path) -> None:
     with world(tmp_path) as w:
         w.holding()
-        w.client().ask("POST", "/t", KEY, body=b"abc").close()
-        w.feed.wait("stats", lambda line: line["held"] == 0 and line["connections"] == 0)
+        client = w.client().ask("POST", "/t", KEY, body=b"abc")
+        w.wait_held(1)
+        client.close()
+        w.wait_held(0)
         core = w.core(2)
         w.feed.serve(core, incident="i1")
         (line,) = w.feed.wait("outcomes")

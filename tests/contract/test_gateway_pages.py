@@ -2,6 +2,7 @@
 
 import gzip
 import re
+import socket
 import threading
 from pathlib import Path
 
@@ -252,6 +253,24 @@ def test_a_fault_that_is_no_outage_is_a_bare_page(tmp_path: Path) -> None:
 
 
 # -- files of our own ------------------------------------------------------------------------------------
+
+
+def test_what_is_asked_for_in_a_gateways_first_moment_is_there(tmp_path: Path) -> None:
+    with world(tmp_path, "--demo") as w:
+        w.feed.open()
+        early = [w.client().ask("GET", path) for path in ("/__hc/client.js", "/__hc/demo", "/__hc/no.js")]
+        w.start()  # they stand before its door when it opens
+        assert [client.read().status for client in early] == [200, 200, 404]
+        assert [client.ask("GET", "/__hc/client.js").read().status for client in early] == [200] * 3
+
+
+def test_who_asked_early_and_left_keeps_nobody_else_waiting(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        w.feed.open()
+        gone, early = (w.client().ask("GET", "/__hc/client.js") for _ in range(2))
+        gone.socket.shutdown(socket.SHUT_RDWR)
+        w.start()
+        assert early.read().status == 200
 
 
 def test_own_files_have_their_type_and_are_confirmed_by_their_tag(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from hardcore.crisis.estimate import (
     SAMPLES_MIN,
     Range,
     Sample,
+    Told,
     bound,
     estimate,
     in_seconds,
@@ -66,24 +67,30 @@ def test_what_is_left_is_asked_anew_at_each_stage() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 10**6)), min_size=1, max_size=9))
 def test_what_was_told_never_grows(promises: list[tuple[int, int]]) -> None:
-    told: Range | None = None
+    told: Told | None = None
     for low, more in promises:
-        newer = narrowed(told, Range(low, low + more))
+        newer = narrowed(told, in_seconds(Range(low, low + more)))
         assert newer is not None
-        assert newer.low_ms <= newer.high_ms
+        assert newer.low_s < newer.high_s
         if told is not None:
-            assert newer.low_ms <= told.low_ms
-            assert newer.high_ms <= told.high_ms
+            assert newer.low_s <= told.low_s
+            assert newer.high_s <= told.high_s
         told = newer
     assert narrowed(told, None) == told
 
 
+def test_a_shorter_time_in_finer_steps_does_not_lift_the_lower_number() -> None:
+    first = in_seconds(Range(40_000, 60_000))
+    assert first == Told(30, 60)
+    assert narrowed(first, in_seconds(Range(42_000, 54_000))) == Told(30, 55)
+
+
 @given(st.integers(0, 10**7), st.integers(0, 10**7))
 def test_the_seconds_that_are_told_hold_what_was_meant(low_ms: int, more_ms: int) -> None:
-    low_s, high_s = in_seconds(Range(low_ms, low_ms + more_ms))
-    assert 0 <= low_s < high_s
-    assert low_s * 1000 <= low_ms
-    assert high_s * 1000 >= low_ms + more_ms
+    told = in_seconds(Range(low_ms, low_ms + more_ms))
+    assert 0 <= told.low_s < told.high_s
+    assert told.low_s * 1000 <= low_ms
+    assert told.high_s * 1000 >= low_ms + more_ms
 
 
 @pytest.mark.parametrize(
@@ -99,4 +106,4 @@ def test_the_seconds_that_are_told_hold_what_was_meant(low_ms: int, more_ms: int
 def test_seconds_are_rounded_outwards_and_coarser_the_longer(
     low_ms: int, high_ms: int, told: tuple[int, int]
 ) -> None:
-    assert in_seconds(Range(low_ms, high_ms)) == told
+    assert in_seconds(Range(low_ms, high_ms)) == Told(*told)
