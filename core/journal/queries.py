@@ -17,7 +17,7 @@ from core.journal.chain import EventRow
 from core.journal.proof import Tail, Witness, tail_start
 from core.journal.shelf import VARIABLES_MAX, account_of
 from core.ledger.accounts import Account
-from core.ledger.events import Booking, decode
+from core.ledger.events import AccountOpened, Booking, decode
 from core.ledger.views import (
     CommittedEvent,
     EventView,
@@ -29,6 +29,7 @@ from core.ledger.views import (
 )
 
 ACCOUNTS_MAX: Final = 10_000
+_OPENED: Final = AccountOpened.__struct_config__.tag
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +50,14 @@ def list_accounts(connection: Connection, after: str | None, limit: int) -> list
     if after is not None:
         query = query.where(schema.account.c.id > after)
     return [account_of(row) for row in connection.execute(query)]
+
+
+def first_opened(connection: Connection, records: int) -> list[str]:
+    """Return the ids of the accounts that were opened within the first `records` of the ledger, in that order."""
+    event = schema.event.c
+    query = select(event.body).where(event.seq <= records, event.kind == _OPENED).order_by(event.seq)
+    found = (decode(row.body) for row in connection.execute(query))
+    return [one.id for one in found if isinstance(one, AccountOpened)]
 
 
 def get_account(connection: Connection, account_id: str) -> Account | None:

@@ -18,7 +18,7 @@ from core.ledger.fields import is_date
 from core.web import pages_book
 from core.web.asking import read, service_of
 from core.web.entries import entry_in_path
-from core.web.pages_answers import reader_of, show
+from core.web.pages_answers import ACCOUNT_COOKIE, reader_of, show
 from core.web.pages_book import EntryPicture
 from core.web.pages_forms import Drawn
 from core.web.problems import Problem, ProblemError
@@ -52,6 +52,8 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
     month = _month(request) or reader.today.strftime("%Y-%m")
     question = functools.partial(pages_book.overview, month=month, recent_max=RECENT_MAX)
     seen = await read(request, "page.overview", question)
+    if all(one.id != form.account for one in seen.money_accounts):
+        form = dataclasses.replace(form, values={**form.values, "account": seen.first_account})
     return show(
         request,
         "overview.html.j2",
@@ -166,7 +168,14 @@ async def draw_entry(
 
 def _fresh(request: Request) -> Drawn:
     reader = reader_of(request)
-    return Drawn({**EMPTY_FORM, "date": reader.today.isoformat(), "currency": HOME_CURRENCY[reader.lang]})
+    return Drawn(
+        {
+            **EMPTY_FORM,
+            "account": request.cookies.get(ACCOUNT_COOKIE, ""),
+            "date": reader.today.isoformat(),
+            "currency": HOME_CURRENCY[reader.lang],
+        }
+    )
 
 
 def _as_form(seen: EntryPicture) -> Drawn:

@@ -19,6 +19,7 @@ from frontend.paper import Reader, draw, page_text, reader_language
 from frontend.render import problem_text
 
 LANGUAGE_COOKIE: Final = "lang"
+ACCOUNT_COOKIE: Final = "account"  # what this browser booked on last: the next form begins with it
 COOKIE_CHARACTERS_MAX: Final = 8
 PAGE_HEADERS: Final = MappingProxyType(
     {

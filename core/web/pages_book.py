@@ -30,6 +30,8 @@ from core.ledger.overview import CategoryTotal, Flow, RegisterLine, Summary, cat
 from core.ledger.views import EntryView
 
 BARS_MAX: Final = 12
+# Among these a household's first account is looked for; later ones stand in the order of the list.
+FIRST_RECORDS: Final = 200
 _GROUPS: Final = (*MONEY_TYPES, *CATEGORY_TYPES, AccountType.EQUITY)
 # People read what they earned and what they began with as positive; inside, both are credits.
 _CREDITS: Final = frozenset({AccountType.INCOME, AccountType.EQUITY})
@@ -49,10 +51,14 @@ class ShownAccount:
 
 @dataclass(frozen=True, slots=True)
 class OverviewPicture:
-    """The overview. `accounts` is empty in a book that has none at all."""
+    """The overview. `accounts` is empty in a book that has none at all.
+
+    `first_account` is the id of the one of `money_accounts` that was made first, empty where there is none.
+    """
 
     accounts: Sequence[ShownAccount]
     money_accounts: Sequence[ShownAccount]
+    first_account: str
     categories: Sequence[str]
     summary: Summary
     flows: Sequence[Flow]
@@ -82,13 +88,15 @@ class EntryPicture:
 def overview(connection: Connection, month: str, recent_max: int) -> OverviewPicture:
     """Return what the overview shows of a month (YYYY-MM)."""
     accounts = _accounts(connection)
+    choices = _money_accounts(accounts)
     year, number = (int(part) for part in month.split("-"))
     last_day = calendar.monthrange(year, number)[1]
     summary = summary_of(connection, month, f"{month}-01", f"{month}-{last_day:02d}")
     spent = [line for line in summary.categories if line.type == AccountType.EXPENSE.value]
     return OverviewPicture(
         accounts=[_shown(account) for account in accounts],
-        money_accounts=_money_accounts(accounts),
+        money_accounts=choices,
+        first_account=_first_of(connection, choices),
         categories=_category_names(accounts),
         summary=summary,
         flows=[flow for flow in summary.currencies if _moved(flow)] or summary.currencies[:1],
@@ -123,7 +131,7 @@ def account_groups(connection: Connection) -> list[tuple[str, list[ShownAccount]
     """Return all accounts by their kind, open ones first; kinds that have none are left out."""
     accounts = _accounts(connection)
     groups = [(kind, [one for one in accounts if one.type is kind]) for kind in _GROUPS]
-    in_order = partial(sorted, key=lambda one: (one.closed, one.name.casefold()))
+    in_order = partial(sorted, key=lambda one: (one.closed, *_place_in_list(one)))
     return [(kind.value, [_shown(one) for one in in_order(group)]) for kind, group in groups if group]
 
 
@@ -178,7 +186,24 @@ def _accounts(connection: Connection) -> list[Account]:
 
 
 def _money_accounts(accounts: Sequence[Account]) -> list[ShownAccount]:
-    return [_shown(one) for one in accounts if one.type in MONEY_TYPES and not one.closed]
+    found = [one for one in accounts if one.type in MONEY_TYPES and not one.closed]
+    return [_shown(one) for one in sorted(found, key=_place_in_list)]
+
+
+def _place_in_list(account: Account) -> tuple[int, str, str]:
+    """Return where an account stands in every list of a page: what one has before what one owes, then by name."""
+    return _GROUPS.index(account.type), account.name.casefold(), account.id
+
+
+def _first_of(connection: Connection, choices: Sequence[ShownAccount]) -> str:
+    """Return the account that was opened first, what one has before what one owes; it never changes by itself."""
+    opened = {name: at for at, name in enumerate(queries.first_opened(connection, FIRST_RECORDS))}
+    oldest = min(
+        choices,
+        key=lambda one: (one.id not in opened, one.type != AccountType.ASSET.value, opened.get(one.id, 0)),
+        default=None,
+    )
+    return oldest.id if oldest is not None else ""
 
 
 def _category_names(accounts: Sequence[Account]) -> list[str]:

@@ -21,7 +21,7 @@ from core.web import pages
 from core.web.asking import accepted, service_of
 from core.web.entries import entry_in_path
 from core.web.intake import SEQ_DIGITS_MAX
-from core.web.pages_answers import LANGUAGE_COOKIE, reader_of, show_problem
+from core.web.pages_answers import ACCOUNT_COOKIE, LANGUAGE_COOKIE, reader_of, show_problem
 from core.web.pages_forms import (
     Drawn,
     Form,
@@ -42,10 +42,10 @@ YEAR_S: Final = 365 * 24 * 3_600
 NO_AMOUNT: Final = "?"
 _GONE: Final = frozenset({Slug.ENTRY_NOT_FOUND, Slug.ENTRY_REVERSED})  # there is no form to show again
 
-#: The accounts of an empty start, by the name of their text.
+#: The accounts of an empty start, by the name of their text. The first is what a form begins with.
 EXAMPLES: Final[tuple[tuple[str, AccountType], ...]] = (
-    ("example_cash", AccountType.ASSET),
     ("example_bank", AccountType.ASSET),
+    ("example_cash", AccountType.ASSET),
     ("example_card", AccountType.LIABILITY),
     ("example_salary", AccountType.INCOME),
     ("example_other_income", AccountType.INCOME),
@@ -67,7 +67,11 @@ async def write_entry(request: Request) -> Response:
     async def wish() -> Response:
         command = accepted(record_entry(_entry_body(form), service_of(request).new_id()))
         made = await carry_out(request, form, "entry.record", command)
-        return go_on(request, "/", "saved", id=made["id"])
+        response = go_on(request, "/", "saved", id=made["id"])
+        response.set_cookie(
+            ACCOUNT_COOKIE, made["account"], max_age=YEAR_S, path="/", samesite="lax", httponly=True
+        )
+        return response
 
     return await _granted(request, form, wish, pages.draw_new_entry)
 

@@ -136,6 +136,34 @@ def test_an_empty_start_offers_three_ways_and_example_accounts_are_made_once(cor
     assert core.ask("GET", "/api/ledger/accounts").body["items"] == once
 
 
+def test_a_form_begins_with_the_account_used_last_in_this_browser_else_with_the_first_made(
+    core: Core,
+) -> None:
+    bank = begin(core)
+    for name in ("가나다", "하하하"):
+        core.ask(
+            "POST",
+            "/api/ledger/accounts",
+            {"name": name, "type": "asset", "currency": "KRW", "id": f"a:{ord(name[0])}"},
+        )
+    page = get(core, "/").text
+    assert chosen(page) == bank
+    # What one has before what one owes, then by name, in every list alike.
+    names = ["가나다 (KRW)", "생활비 통장 (KRW)", "하하하 (KRW)", "현금 (KRW)", "신용카드 (KRW)"]
+    assert [word for word in Elements(page).words if word.endswith("(KRW)")] == names
+    used = post(core, "/entries", lunch("a:44032"))
+    cookie = used.headers["set-cookie"].partition(";")[0]
+    assert chosen(get(core, "/", Cookie=cookie).text) == "a:44032"
+    assert chosen(get(core, "/").text) == bank
+    assert chosen(get(core, "/", Cookie="account=a:no-longer").text) == bank
+
+
+def chosen(page: str) -> str:
+    """Return the account that the form of an entry begins with."""
+    options = [attrs for tag, attrs in Elements(page).found if tag == "option" and "selected" in attrs]
+    return str(options[0]["value"])
+
+
 def test_a_form_without_scripts_books_once_however_often_it_is_sent(core: Core) -> None:
     account = begin(core)
     for _ in range(2):
