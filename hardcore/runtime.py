@@ -334,6 +334,7 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         sys.stderr.write("Another sentinel watches this data folder.\n")
         return EXIT_ANOTHER_WATCHES
     lives.sweep_drafts(folders)
+    standing.own_run_folder(folders)
     generation = standing.next_generation(folders)
     files.write_json(
         folders.sentinel,

@@ -1,11 +1,12 @@
-"""What the guard keeps on disk between its own lives: the policy in force, what is wanted, its generation."""
+"""What the guard keeps on disk between its lives: policy, what is wanted, generation, whose the run folder is."""
 
 import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardcore.host import clock, files
+from hardcore.host import clock, files, lives
 from hardcore.host.folders import Folders
+from hardcore.host.ids import new_id
 from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import (
     POLICY_BYTES_MAX,
@@ -70,6 +71,31 @@ def wanted(folders: Folders) -> Wanted:
 def store_wanted(folders: Folders, what: Wanted) -> None:
     """Write down what the operator wants. On disk before the first signal is sent."""
     files.write_json(folders.state / "wanted.json", {"wanted": str(what), "at": clock.wall(clock.now_ns())})
+
+
+def own_run_folder(folders: Folders) -> None:
+    """Make sure that what lies in the run folder was left by this data folder; else its pages are removed.
+
+    Its name comes from a path, and a person may remove the data at that path and begin anew: the last pages of
+    the old ledger say nothing about the new one. So the data has an identity of its own, in `state/`, and the
+    run folder remembers it. A ledger that vanishes or goes back while `state/` stays keeps its witness.
+    The caller holds the sentinel's lock and has not taken a generation yet.
+    """
+    kept, noted = folders.state / "instance.json", folders.run / "instance.json"
+    known, seen = (files.read_json(path).get("instance") for path in (kept, noted))
+    if not known and kept.exists():
+        return  # it can't be read now: in doubt the witness stays
+    # Data from before there were identities: a guard has watched it, and its run folder knows no other.
+    older = not known and not seen and (folders.state / "generation.json").exists()
+    if known and seen == known:
+        return
+    with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
+        if not known:
+            known = new_id()
+            files.write_json(kept, {"instance": known})
+        if not older:
+            lives.forget_pages(folders)
+        files.write_json(noted, {"instance": known}, durable=False)  # last: it says that this was done
 
 
 def next_generation(folders: Folders) -> int:

@@ -239,6 +239,12 @@ def sweep(folders: Folders, living: set[str], keep: int = DEAD_LIVES_KEPT) -> No
             path.unlink(missing_ok=True)
 
 
+def forget_pages(folders: Folders) -> None:
+    """Remove every recorder page: what they witnessed is another ledger's."""
+    for path in folders.run.glob("recorder-*"):
+        path.unlink(missing_ok=True)
+
+
 def sweep_drafts(folders: Folders) -> None:
     """Remove what writers that died in the middle have left beside the small files: their number names them."""
     for folder in (folders.data, folders.state, folders.run):

@@ -62,6 +62,60 @@ def test_an_older_ledger_put_back_is_served_only_when_the_operator_says_so(new_h
     assert house.book("and-on").status == 201
 
 
+def test_a_data_folder_removed_and_begun_anew_at_the_same_path_is_a_new_ledger(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("of-the-old-ledger").status == 201
+    old_run = house.folders.run
+    assert house.cli("down").code == 0
+    shutil.rmtree(house.data)
+    house.up()
+    assert house.folders.run == old_run
+    assert house.booked() == []
+    house.open_accounts()
+    assert house.book("of-the-new-ledger").status == 201
+    house.hit("core")
+    house.hit("sentinel")
+    house.running()
+    assert house.booked() == ["of-the-new-ledger"]
+
+
+def test_a_ledger_that_vanished_from_its_data_folder_is_never_replaced_by_an_empty_one(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.cli("down").code == 0
+    for path in house.data.glob("ledger.db*"):
+        path.unlink()
+    house.begin()
+    told = house.until(lambda status: status["phase"] == "FATAL", "the refusal of an empty ledger")
+    assert told["waits_for"] == "STORE_CORRUPT"
+
+
+def test_a_whole_data_folder_put_back_from_a_copy_is_served_only_when_the_operator_says_so(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("in-the-copy").status == 201
+    assert house.cli("down").code == 0
+    kept = house.data.with_name("kept")
+    shutil.copytree(house.data, kept, symlinks=True)
+    house.up()
+    assert house.book("after-the-copy").status == 201
+    assert house.cli("down").code == 0
+    shutil.rmtree(house.data)
+    kept.rename(house.data)
+
+    house.begin()
+    told = house.until(lambda status: status["phase"] == "FATAL", "the refusal of an older ledger")
+    assert told["waits_for"] == "STORE_CORRUPT"
+    house.url = told["url"]
+    assert house.cli("resume", "--accept-ledger").code == 0
+    assert house.booked() == ["in-the-copy"]
+
+
 def test_a_copy_lives_beside_its_original_and_neither_touches_the_other(
     house: House, new_house: MakeHouse
 ) -> None:

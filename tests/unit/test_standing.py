@@ -1,0 +1,54 @@
+"""Whose the run folder is."""
+
+from pathlib import Path
+
+import pytest
+
+from hardcore import standing
+from hardcore.host import files
+from hardcore.host.folders import Folders
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> Folders:
+    made = Folders(tmp_path / "data", tmp_path / "run")
+    made.state.mkdir(parents=True)
+    made.run.mkdir()
+    made.recorder("0123").touch()
+    return made
+
+
+def has_page(folders: Folders) -> bool:
+    return folders.recorder("0123").exists()
+
+
+def test_the_pages_of_another_data_folder_are_removed_at_the_first_start(folders: Folders) -> None:
+    standing.own_run_folder(folders)
+    assert not has_page(folders)
+
+
+def test_the_pages_of_the_same_data_folder_stay(folders: Folders) -> None:
+    standing.own_run_folder(folders)
+    folders.recorder("0123").touch()
+    standing.own_run_folder(folders)
+    assert has_page(folders)
+
+
+def test_the_pages_of_data_from_before_there_were_identities_stay(folders: Folders) -> None:
+    standing.next_generation(folders)
+    standing.own_run_folder(folders)
+    standing.own_run_folder(folders)
+    assert has_page(folders)
+
+
+def test_a_new_data_folder_beside_pages_whose_owner_is_known_has_none_of_them(folders: Folders) -> None:
+    standing.next_generation(folders)
+    files.write_json(folders.run / "instance.json", {"instance": "another"})
+    standing.own_run_folder(folders)
+    assert not has_page(folders)
+
+
+def test_an_identity_that_cannot_be_read_leaves_the_pages_where_they_are(folders: Folders) -> None:
+    (folders.state / "instance.json").write_text("{")
+    standing.own_run_folder(folders)
+    assert has_page(folders)
