@@ -5,7 +5,7 @@ bookings; an offset would. A transaction is told from its event, not from its re
 the event is what happened.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -16,7 +16,7 @@ from core.journal import schema
 from core.journal.chain import EventRow
 from core.journal.proof import Tail, Witness, tail_start
 from core.journal.shelf import VARIABLES_MAX, account_of
-from core.ledger.accounts import Account
+from core.ledger.accounts import Account, AccountType
 from core.ledger.events import AccountOpened, Booking, decode
 from core.ledger.views import (
     CommittedEvent,
@@ -44,11 +44,15 @@ class TransactionFilter:
     limit: int = 50
 
 
-def list_accounts(connection: Connection, after: str | None, limit: int) -> list[Account]:
-    """Return accounts by id, beginning after one of them."""
+def list_accounts(
+    connection: Connection, after: str | None, limit: int, types: Sequence[AccountType] | None = None
+) -> list[Account]:
+    """Return accounts by id, beginning after one of them; `types`: only of these."""
     query = select(schema.account).order_by(schema.account.c.id).limit(limit)
     if after is not None:
         query = query.where(schema.account.c.id > after)
+    if types is not None:
+        query = query.where(schema.account.c.type.in_([kind.value for kind in types]))
     return [account_of(row) for row in connection.execute(query)]
 
 

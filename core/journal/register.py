@@ -103,23 +103,26 @@ def list_register(connection: Connection, wanted: HouseholdFilter) -> list[Regis
 
 def summary_of(connection: Connection, month: str, first_day: str, last_day: str) -> Summary:
     """Return a month in sums; its first and last day are given, because only the caller knows a calendar."""
-    posting = schema.posting.c
-    types = [kind.value for kind in CATEGORY_TYPES]
-    of_categories = select(schema.account.c.id).where(schema.account.c.type.in_(types))
-    query = (
+    posting, account = schema.posting.c, schema.account.c
+    # No limit where sums are made: an account that is left out would make them wrong without a word.
+    of_categories = select(account.id).where(account.type.in_([kind.value for kind in CATEGORY_TYPES]))
+    sums = (
         select(posting.account_id, *_HALVES)
         .where(_STANDS, posting.account_id.in_(of_categories), posting.date.between(first_day, last_day))
         .group_by(posting.account_id)
+        .subquery()
     )
-    moved = {row.account_id: _whole(row) for row in connection.execute(query)}
-    kinds = [*types, *(kind.value for kind in MONEY_TYPES)]
-    accounts = (
-        select(schema.account)
-        .where(schema.account.c.type.in_(kinds))
-        .order_by(schema.account.c.id)
-        .limit(ACCOUNTS_MAX)
+    categories = select(schema.account, sums.c.high, sums.c.low).join(sums, sums.c.account_id == account.id)
+    moved = [(account_of(row), _whole(row)) for row in connection.execute(categories)]
+    of_money = account.type.in_([kind.value for kind in MONEY_TYPES])
+    worth = select(account.currency, *_halves_of(account.posted)).where(of_money).group_by(account.currency)
+    money = select(schema.account).where(of_money, account.closed == 0).order_by(account.id)
+    return summarise(
+        month,
+        {row.currency: _whole(row) for row in connection.execute(worth)},
+        [account_of(row) for row in connection.execute(money.limit(ACCOUNTS_MAX))],
+        [(category, amount) for category, amount in moved if amount],
     )
-    return summarise(month, [account_of(row) for row in connection.execute(accounts)], moved)
 
 
 def list_categories(connection: Connection, after: str | None, limit: int) -> list[CategoryView]:
@@ -177,6 +180,11 @@ def _place() -> Any:
 
 def _whole(row: Any) -> int:
     return ((row.high or 0) << _LOW_BITS) + (row.low or 0)
+
+
+def _halves_of(amount: Any) -> tuple[Any, Any]:
+    high, low = amount.op(">>")(_LOW_BITS), amount.op("&")(_LOW_MASK)
+    return func.sum(high).label("high"), func.sum(low).label("low")
 
 
 def _within(query: Any, date: Any, wanted: HouseholdFilter) -> Any:
@@ -242,10 +250,7 @@ def _entries_query() -> Any:
 
 _CATEGORY: Final = schema.account.alias("category")
 _STANDS: Final = schema.posting.c.standing == 1
-_HALVES: Final = (
-    func.sum(schema.posting.c.amount.op(">>")(_LOW_BITS)).label("high"),
-    func.sum(schema.posting.c.amount.op("&")(_LOW_MASK)).label("low"),
-)
+_HALVES: Final = _halves_of(schema.posting.c.amount)
 _LINES: Final = (
     select(
         schema.posting.c.seq,

@@ -5,7 +5,7 @@ read income and spending as two positive numbers and what they own less what the
 only numbers that are no amounts, rounded for the eye and never used to compute money.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import msgspec
@@ -13,7 +13,7 @@ import msgspec
 from core.ledger.accounts import Account, AccountType
 from core.ledger.book import is_uncategorised
 from core.ledger.events import Booking, EntryPosted, TransactionReversed
-from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
+from core.ledger.household import CATEGORY_TYPES
 from core.ledger.money import format_amount
 from core.ledger.views import AccountView, view_account
 
@@ -138,28 +138,27 @@ def category_name(account: Account) -> str | None:
     return None if is_uncategorised(account.id) else account.name
 
 
-def summarise(month: str, accounts: Iterable[Account], moved: Mapping[str, int]) -> Summary:
-    """Return a month in sums.
+def summarise(
+    month: str,
+    worth: Mapping[str, int],
+    money: Iterable[Account],
+    moved: Sequence[tuple[Account, int]],
+) -> Summary:
+    """Return a month in sums; all sums are debit positive, in minor units.
 
-    `accounts` are those of money and of categories as they stand now; `moved` is what stands on the categories
-    in that month, debit positive, in minor units.
+    `worth` is the sum of all accounts of money by currency, `money` the open ones that are told one by one;
+    `moved` are all categories that something stands on in that month, each with its sum.
     """
-    every = list(accounts)
-    money = [account for account in every if account.type in MONEY_TYPES]
-    categories = [account for account in every if account.type in CATEGORY_TYPES and moved.get(account.id)]
-    worth: dict[str, int] = {}
-    for account in money:
-        worth[account.currency] = worth.get(account.currency, 0) + account.posted
     totals: dict[tuple[AccountType, str], int] = {}
-    for account in categories:
+    for account, amount in moved:
         which = (account.type, account.currency)
-        totals[which] = totals.get(which, 0) + _natural(account, moved[account.id])
+        totals[which] = totals.get(which, 0) + _natural(account, amount)
     return Summary(
         month,
         tuple(CurrencyAmount(code, format_amount(amount, code)) for code, amount in sorted(worth.items())),
         tuple(_flow(code, totals) for code in sorted({*worth, *(code for _, code in totals)})),
-        tuple(_total(account, moved[account.id], totals) for account in _largest_first(categories, moved)),
-        tuple(view_account(account) for account in money if not account.closed),
+        tuple(_total(account, amount, totals) for account, amount in sorted(moved, key=_largest_first)),
+        tuple(view_account(account) for account in money),
     )
 
 
@@ -184,17 +183,10 @@ def _total(account: Account, moved: int, totals: Mapping[tuple[AccountType, str]
     )
 
 
-def _largest_first(categories: Iterable[Account], moved: Mapping[str, int]) -> list[Account]:
+def _largest_first(moved: tuple[Account, int]) -> tuple[int, str, int, str]:
     """Sort spending before income, each currency by itself, the largest first."""
-    return sorted(
-        categories,
-        key=lambda one: (
-            CATEGORY_TYPES.index(one.type),
-            one.currency,
-            -_natural(one, moved[one.id]),
-            one.id,
-        ),
-    )
+    account, amount = moved
+    return CATEGORY_TYPES.index(account.type), account.currency, -_natural(account, amount), account.id
 
 
 def _natural(account: Account, moved: int) -> int:

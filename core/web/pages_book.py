@@ -5,7 +5,6 @@ like a fault. So a page asks once, on a reader's thread, and gets a picture; how
 """
 
 import calendar
-import datetime as dt
 import urllib.parse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,6 +23,7 @@ from core.journal.register import (
     summary_of,
 )
 from core.ledger.accounts import Account, AccountType
+from core.ledger.fields import is_date
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import format_amount
 from core.ledger.overview import CategoryTotal, Flow, RegisterLine, Summary, category_name
@@ -118,7 +118,7 @@ def register(connection: Connection, asked: Mapping[str, str], limit: int) -> Re
     )
     found = list_register(connection, wanted)
     lines = found[:limit]
-    account = next((one for one in accounts if one.id == wanted.account), None)
+    account = queries.get_account(connection, wanted.account) if wanted.account is not None else None
     return RegisterPicture(
         account=_shown(account) if account else None,
         accounts=_money_accounts(accounts),
@@ -161,9 +161,7 @@ def read_place(cursor: str) -> Position | None:
         part.isascii() and part.isdigit() and len(part) <= 18 for part in numbers
     ):
         return None
-    try:
-        dt.date.fromisoformat(day)
-    except ValueError:
+    if not is_date(day):
         return None
     return Position(day, int(numbers[0]), int(numbers[1]))
 
@@ -182,7 +180,13 @@ def _place_of(line: RegisterLine) -> str:
 
 
 def _accounts(connection: Connection) -> list[Account]:
-    return queries.list_accounts(connection, None, queries.ACCOUNTS_MAX)
+    # Each kind has a bound of its own: however many categories there are, no bank account falls out of a page.
+    kinds = (MONEY_TYPES, CATEGORY_TYPES, (AccountType.EQUITY,))
+    return [
+        account
+        for types in kinds
+        for account in queries.list_accounts(connection, None, queries.ACCOUNTS_MAX, types)
+    ]
 
 
 def _money_accounts(accounts: Sequence[Account]) -> list[ShownAccount]:

@@ -9,12 +9,13 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from core.journal import register
+from core.journal import queries, register
 from core.journal.answers import Done
 from core.journal.register import HouseholdFilter, Position
 from core.ledger.accounts import AccountType
 from core.ledger.money import INT64_MAX
 from core.ledger.overview import RegisterLine
+from core.web import pages_book
 from tests.unit.core.books import Pen, entering, moving, opening, pen, replacing, reversing
 from tests.unit.core.test_verify import verdict
 
@@ -172,6 +173,36 @@ def test_a_month_is_summed_by_the_days_of_its_entries(tmp_path: Path) -> None:
         ]
         assert [(one.currency, one.amount) for one in found.net_worth] == [("KRW", "1670"), ("USD", "-1.50")]
         assert [account.id for account in found.accounts] == ["bank", "card", "usd"]
+
+
+def test_no_account_is_left_out_of_a_sum_or_a_page_however_many_there_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (register, queries):
+        monkeypatch.setattr(module, "ACCOUNTS_MAX", 3)
+    with pen(tmp_path) as made:
+        made.carry_out(opening("wallet"), opening("z-card", AccountType.LIABILITY))
+        made.carry_out(*[entering(str(-n), "wallet", category=f"shop {n}") for n in range(1, 11)])
+        made.carry_out(entering("-1000", "z-card", category="z"))
+        found = register.summary_of(made.connection, "2026-11", "2026-11-01", "2026-11-30")
+        assert [one.amount for one in found.net_worth] == ["-1055"]
+        assert [(flow.income, flow.expense) for flow in found.currencies] == [("0", "1055")]
+        page = pages_book.overview(made.connection, "2026-11", 1)
+        assert [one.id for one in page.money_accounts] == ["wallet", "z-card"]
+
+
+def test_a_sum_of_balances_may_be_larger_than_any_one_of_them(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        for name in ("one", "other"):
+            made.carry_out(opening(name), entering(str(INT64_MAX), name, category=name))
+        found = register.summary_of(made.connection, "2026-11", "2026-11-01", "2026-11-30")
+        assert [one.amount for one in found.net_worth] == [str(2 * INT64_MAX)]
+
+
+def test_a_place_in_the_register_is_a_day_of_the_calendar() -> None:
+    assert pages_book.read_place("2026-11-21_7_0") == Position("2026-11-21", 7, 0)
+    for other in ("2026-W47-6_7_0", "20261121_7_0", "2026-02-30_7_0", "2026-11-21_7", "2026-11-21_-1_0"):
+        assert pages_book.read_place(other) is None, other
 
 
 def test_categories_are_listed_with_the_day_they_were_last_used(tmp_path: Path) -> None:
