@@ -1,8 +1,8 @@
 """The crisis script's tag, put into the pages of the core on their way to a browser's tab. Pure.
 
 A page need not know that it is guarded: one line before the end of its head is all that the takeover of a
-living page takes. The tag goes only where a browser would read it as one (not into a comment, a script's text
-or a title), and only into whole pages in plain bytes; everything else passes as it came. Asking every page to
+living page takes; `</head>` may be left out, and then it stands before `<body>`. The tag goes only where a
+browser would read it as one (not into a comment, an attribute, a script's text or a title), and only into whole pages in plain bytes; everything else passes as it came. Asking every page to
 carry the tag itself was not chosen: a guest that is not our ledger would stay dark in a crisis. The changed
 page is another text than the core's, so tags and digests of that one are taken off; to keep them apart by a
 suffix would save nothing here, since a ledger's pages are new each time.
@@ -17,12 +17,13 @@ TAG = b'<script type="module" src="/__hc/client.js"></script>'
 #: The head's end is looked for so far into a page.
 WITHIN_BYTES = 64 << 10
 
-#: The end of the head, or a stretch in which it would be text. One that never ends takes the rest with it, so
+#: The end of the head (or the body's beginning, where that is left out), or a stretch in which it would be text. One that never ends takes the rest with it, so
 #: that a page is read once and not again from each of its beginnings.
 _HEAD_END = re.compile(
-    rb"<!--(?:.*?-->|.*)"
+    rb"<!--(?:-?>|.*?--!?>|.*)"
+    rb"|=\s*(?:\"[^\"]*\"?|'[^']*'?)"
     rb"|<(script|style|title|textarea|noscript|template|iframe|xmp)(?=[\s/>])(?:.*?</\1(?=[\s/>])|.*)"
-    rb"|(?P<end></head(?=[\s/>]))",
+    rb"|(?P<end></head(?=[\s/>])|<body(?=[\s/>]))",
     re.IGNORECASE | re.DOTALL,
 )
 #: Statuses whose body is no whole page.

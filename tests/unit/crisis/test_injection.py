@@ -34,6 +34,12 @@ def test_the_tag_stands_before_the_end_of_the_head(end: bytes) -> None:
     "text",
     [
         b"<!-- </head> -->",
+        b"<!-- </head> --!>",
+        b"<!-->",
+        b"<!--->",
+        b"<!-- --! </head> -->",
+        b'<meta content="</head><body>">',
+        b"<meta content = '<body>'>",
         b"<script>'</head>'</script>",
         b"<SCRIPT src=a></head></Script >",
         b"<title></head></title>",
@@ -46,7 +52,16 @@ def test_a_head_that_only_seems_to_end_is_passed_over(text: bytes) -> None:
     assert with_tag(b"<head>" + text + b"</head>") == b"<head>" + text + TAG + b"</head>"
 
 
-@pytest.mark.parametrize("page", [b"", b"<p>no head", b"<!-- </head>", b"<script></head>", b"</hea"])
+@pytest.mark.parametrize("body", [b"<body>", b"<BODY class=a>", b"<body\n>", b"<body/>"])
+def test_where_the_end_of_the_head_is_left_out_the_tag_stands_before_the_body(body: bytes) -> None:
+    page = b"<title><body></title>%b<p>x"
+    assert with_tag(page % body) == page % (TAG + body)
+
+
+@pytest.mark.parametrize(
+    "page",
+    [b"", b"<p>no head", b"<!-- </head>", b"<script></head>", b"</hea", b"<bodyguard>", b'<meta a="</head>'],
+)
 def test_a_page_whose_head_does_not_end_stays_as_it_is(page: bytes) -> None:
     assert with_tag(page) == page
 
