@@ -1,8 +1,8 @@
 """The browser's end of a WebSocket: taken over from its HTTP connection, bounded, kept alive, seen to its end.
 
 The handshake was judged with the request's head; what is answered comes from the library's protocol, which does
-no input or output of its own. Everything it may cost has a bound: a message, what it leaves unread, the time it
-takes to close, and the time it says nothing at all (it is asked, because a laptop that was closed says nothing).
+no input or output of its own. Everything it may cost has a bound, alone and together with all others (`burden`):
+a message, what it leaves unread; the time it takes to close, and the time it says nothing at all (it is asked, because a laptop that was closed says nothing).
 """
 
 import asyncio
@@ -16,6 +16,7 @@ from websockets.server import ServerProtocol
 from websockets.typing import Subprotocol
 
 from hardcore.crisis.alarm import Alarm
+from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
 from hardcore.crisis.heads import RequestHead, answer_bytes, browser_of
 from hardcore.crisis.lifeline import TRY_LATER
@@ -23,6 +24,9 @@ from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.messages import PING, SILENT, Message, Messages
 from hardcore.crisis.mishap import contained
 from hardcore.crisis.pages import Answer
+
+#: So much may wait to be sent to a socket without being counted: most have read what there is to read.
+UNCOUNTED_BYTES = 16 << 10
 
 
 class Party(Protocol):
@@ -48,6 +52,7 @@ class BrowserSocket(asyncio.Protocol):
         head: RequestHead,
         census: Census,
         limits: GatewayLimits,
+        burden: Burden,
     ) -> None:
         self.head = head
         self.browser = browser_of(head.cookie)
@@ -58,13 +63,17 @@ class BrowserSocket(asyncio.Protocol):
         self._limits = limits
         self._ws: ServerProtocol | None = None
         self._messages = Messages()
+        self._unfinished = burden.share()
+        self._unsent = burden.share()
         self._ending = Alarm(loop, self.cut)
         self._ends = False  # our last bytes were written
         self._heard = True  # since it was asked last
+        self._slowed = False  # what it says is not read for now
         census.connections.add(self)
         # Reading stops meanwhile: the loop takes up another kind of protocol only when it begins to read.
         transport.pause_reading()
         transport.set_protocol(self)
+        transport.set_write_buffer_limits(high=UNCOUNTED_BYTES)
         transport.resume_reading()
 
     # -- what its party calls --------------------------------------------------------------------------
@@ -111,7 +120,10 @@ class BrowserSocket(asyncio.Protocol):
         """Write a frame, unless it is ending; one that reads too slowly is ended."""
         if not self.open:
             return
-        if self._transport.get_write_buffer_size() > self._limits.socket_unsent_bytes_max:
+        waiting = self._transport.get_write_buffer_size()
+        if waiting > self._limits.socket_unsent_bytes_max or (
+            waiting > UNCOUNTED_BYTES and not self._unsent.weighs(waiting + len(frame))
+        ):
             self.close(TRY_LATER, "read faster")
             return
         self._transport.write(frame)
@@ -125,6 +137,8 @@ class BrowserSocket(asyncio.Protocol):
 
     def ask(self) -> None:
         """Ask whether somebody is still there; whoever said nothing since the last time is not."""
+        if self._slowed:
+            return  # its answer would not be read
         if not self._heard:
             self.cut()
         elif self.open:
@@ -137,8 +151,10 @@ class BrowserSocket(asyncio.Protocol):
             return
         if on:
             self._transport.pause_reading()
-        else:
+        elif self._slowed:
+            self._heard = True
             self._transport.resume_reading()
+        self._slowed = on
 
     def depart(self) -> None:
         """The gateway leaves. Said again, there is no more time."""
@@ -162,18 +178,30 @@ class BrowserSocket(asyncio.Protocol):
         self._ws.receive_data(data)
         events = self._ws.events_received()
         self._flush()
-        for message in self._messages.take(events):
+        for message in self._messages.take(len(data), events):
             if self.party is not None:
                 self.party.said(message)
+        if not self._unfinished.weighs(self._messages.unfinished_bytes):
+            self.close(TRY_LATER, "too much at a time")
 
     def eof_received(self) -> bool:
         """The browser says no more: a WebSocket is over with that."""
         return False
 
+    def pause_writing(self) -> None:
+        """It reads slowly: what waits for it counts."""
+        self._unsent.weighs(self._transport.get_write_buffer_size())
+
+    def resume_writing(self) -> None:
+        """It has caught up."""
+        self._unsent.weighs(0)
+
     def connection_lost(self, exc: Exception | None) -> None:
         """It is gone."""
         del exc  # why a browser left makes no difference
         self._ending.close()
+        self._unfinished.weighs(0)
+        self._unsent.weighs(0)
         self._census.connections.discard(self)
         self._census.changed()
         party, self.party = self.party, None
@@ -195,7 +223,11 @@ class BrowserSocket(asyncio.Protocol):
                 over = True
         if over:
             self._end()
-        elif self._transport.get_write_buffer_size() > 2 * self._limits.socket_unsent_bytes_max:
+            return
+        waiting = self._transport.get_write_buffer_size()
+        if waiting > 2 * self._limits.socket_unsent_bytes_max or (
+            waiting > UNCOUNTED_BYTES and not self._unsent.weighs(waiting)
+        ):
             self.cut()  # it asks and asks, and reads none of our answers
 
     def _end(self) -> None:

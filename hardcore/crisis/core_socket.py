@@ -15,7 +15,9 @@ from websockets.protocol import State
 from websockets.typing import Subprotocol
 from websockets.uri import WebSocketURI
 
+from hardcore.crisis.burden import Burden
 from hardcore.crisis.heads import AnswerHead, RequestHead, read_answer
+from hardcore.crisis.lifeline import TRY_LATER
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.messages import SILENT, Message, Messages
 from hardcore.crisis.mishap import contained
@@ -23,7 +25,8 @@ from hardcore.crisis.pages import Answer
 
 #: The core's end failed in a way that has no other name.
 FAILED = 1011
-_WRITE_HIGH_BYTES = 256 << 10
+#: More unsent than this, and the browser has to wait with what it says.
+_WRITE_HIGH_BYTES = 64 << 10
 _ANYWHERE = WebSocketURI(secure=False, host="localhost", port=80, path="/", query="")
 
 
@@ -87,7 +90,13 @@ class CoreSocket(asyncio.Protocol):
     """One socket at one core."""
 
     def __init__(
-        self, head: RequestHead, target: bytes, epoch: int, limits: GatewayLimits, party: CoreParty
+        self,
+        head: RequestHead,
+        target: bytes,
+        epoch: int,
+        limits: GatewayLimits,
+        burden: Burden,
+        party: CoreParty,
     ) -> None:
         assert head.handshake is not None, "only a handshake is passed on"
         self.epoch = epoch
@@ -100,6 +109,8 @@ class CoreSocket(asyncio.Protocol):
             _ANYWHERE, subprotocols=names or None, max_size=limits.socket_message_bytes_max, logger=SILENT
         )
         self._messages = Messages()
+        self._unfinished = burden.share()
+        self._unsent = burden.share()
 
     @property
     def subprotocol(self) -> str | None:
@@ -163,10 +174,12 @@ class CoreSocket(asyncio.Protocol):
             self._judge(answer)
         elif self._ws.handshake_exc is not None:
             self._broken()
-        for message in self._messages.take(events):
+        for message in self._messages.take(len(data), events):
             if self._party is not None:
                 self._party.learn(self, Told(message))
-        if self._ws.close_rcvd is not None:
+        if not self._unfinished.weighs(self._messages.unfinished_bytes):
+            self._too_much()
+        elif self._ws.close_rcvd is not None:
             self._closed(self._ws.close_rcvd.code)
         elif self._ws.parser_exc is not None:
             # The core broke the protocol, or said too much at a time: what it was told, the browser is told.
@@ -176,17 +189,23 @@ class CoreSocket(asyncio.Protocol):
         """The core, or its end, is gone."""
         del exc  # why it ended makes no difference
         self._transport = None
+        self._unfinished.weighs(0)
+        self._unsent.weighs(0)
         party, self._party = self._party, None
         if party is not None:
             party.learn(self, Lost())
 
     def pause_writing(self) -> None:
-        """The core reads slowly."""
-        if self._party is not None:
+        """The core reads slowly: what waits for it counts."""
+        waiting = self._transport.get_write_buffer_size() if self._transport is not None else 0
+        if not self._unsent.weighs(waiting):
+            self._too_much()
+        elif self._party is not None:
             self._party.flowing(self, on=False)
 
     def resume_writing(self) -> None:
         """The core reads again."""
+        self._unsent.weighs(0)
         if self._party is not None:
             self._party.flowing(self, on=True)
 
@@ -211,6 +230,13 @@ class CoreSocket(asyncio.Protocol):
         self._end()
         if party is not None:
             party.learn(self, Broken())
+
+    def _too_much(self) -> None:
+        """There is no room for what this socket keeps."""
+        party = self._party
+        self.leave(TRY_LATER)
+        if party is not None:
+            party.learn(self, Closed(TRY_LATER))
 
     def _closed(self, code: int) -> None:
         party = self._party

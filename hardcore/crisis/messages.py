@@ -5,7 +5,7 @@ a word of the gateway's own never falls between two halves. Passing frames on on
 """
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from websockets.frames import Frame, Opcode
@@ -28,13 +28,25 @@ class Message:
 
 @dataclass(slots=True)
 class Messages:
-    """Puts frames together. How long a message may grow is judged by the protocol beneath."""
+    """Puts frames together. How long a message may grow is judged by the protocol beneath.
+
+    What has come of one is kept as bytes, not as its frames: a frame may be empty, and a million of them would
+    grow past every bound that counts bytes.
+    """
 
     _text: bool = True
-    _parts: list[bytes] = field(default_factory=list)
+    _begun: bytearray = field(default_factory=bytearray)
+    _frame_bytes: int = 0  # read since a frame was whole
 
-    def take(self, events: Iterable[Event]) -> Iterator[Message]:
-        """The messages that are whole now; other frames are passed over."""
+    @property
+    def unfinished_bytes(self) -> int:
+        """How much is kept of what is not whole."""
+        return len(self._begun) + self._frame_bytes
+
+    def take(self, read_bytes: int, events: Sequence[Event]) -> list[Message]:
+        """The messages that are whole now that so much was read and led to `events`."""
+        self._frame_bytes = 0 if events else self._frame_bytes + read_bytes
+        whole: list[Message] = []
         for event in events:
             if not isinstance(event, Frame):
                 continue
@@ -42,10 +54,11 @@ class Messages:
                 self._text = event.opcode is Opcode.TEXT
             elif event.opcode is not Opcode.CONT:
                 continue
-            self._parts.append(bytes(event.data))
+            self._begun += event.data
             if event.fin:
-                parts, self._parts = self._parts, []
-                yield Message(self._text, b"".join(parts))
+                whole.append(Message(self._text, bytes(self._begun)))
+                self._begun = bytearray()
+        return whole
 
 
 def frame_of(message: Message) -> bytes:

@@ -11,6 +11,7 @@ from functools import partial
 
 from hardcore.crisis import pages
 from hardcore.crisis.browser_socket import BrowserSocket
+from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
 from hardcore.crisis.core_socket import CoreSocket, NotTaken
 from hardcore.crisis.heads import RequestHead
@@ -46,6 +47,7 @@ class Sockets:
         self._limits = limits
         self._now_ns = now_ns
         self._all: set[BrowserSocket] = set()
+        self._burden = Burden(limits.sockets_bytes_max)
         self._tunnels: dict[Tunnel, None] = {}
         self._waiting: dict[Tunnel, None] = {}  # in order of arrival
         self._asking: set[Tunnel] = set()
@@ -59,7 +61,11 @@ class Sockets:
 
     def arrived(self, transport: asyncio.Transport, head: RequestHead, census: Census) -> None:
         """A client's connection is to become a socket; what it may be was judged with its head."""
-        socket = BrowserSocket(self._loop, transport, head, census, self._limits)
+        if not contained("a socket's beginning", lambda: self._begin(transport, head, census)):
+            transport.abort()  # whoever brought it has let go of it: nobody else would
+
+    def _begin(self, transport: asyncio.Transport, head: RequestHead, census: Census) -> None:
+        socket = BrowserSocket(self._loop, transport, head, census, self._limits, self._burden)
         assert head.handshake is not None, "only a handshake is handed over"
         if self.leaving:
             socket.refuse(pages.problem(Problem.SHUTTING_DOWN, head.accept_language, Outcome.NOT_DONE))
@@ -134,7 +140,9 @@ class Sockets:
         """Ask the serving core for a socket."""
         serving = self._outlook.standing.serving
         assert serving is not None, "nobody is asked while no core is named"
-        core = tunnel.core = CoreSocket(tunnel.head, target, serving.epoch, self._limits, tunnel)
+        core = tunnel.core = CoreSocket(
+            tunnel.head, target, serving.epoch, self._limits, self._burden, tunnel
+        )
         self._asking.add(tunnel)
         task = self._loop.create_task(self._dial(tunnel, core, serving.socket))
         self._dials.add(task)
@@ -144,7 +152,7 @@ class Sockets:
         try:
             await self._loop.create_unix_connection(lambda: core, path)
         except OSError:
-            tunnel.learn(core, NotTaken())
+            self._contained(tunnel, lambda: tunnel.learn(core, NotTaken()))
 
     # -- who may ask -----------------------------------------------------------------------------------
 

@@ -197,6 +197,7 @@ class Tunnel:
         core, self.core = self.core, None
         if core is not None:
             core.leave(sayable(self._browser_code, GOING_AWAY))
+            self._socket.slow_down(on=False)  # whatever its pace was, it was this core's
 
     def _let_go(self) -> None:
         self._drop_core()

@@ -24,6 +24,7 @@ PURE_ROOMS: Final = (
     "hardcore/crisis/lifeline.py",
     "hardcore/crisis/face.py",
     "hardcore/crisis/estimate.py",
+    "hardcore/crisis/burden.py",
     "hardcore/control/protocol.py",
     "core/ledger/",
     "postmortem/incident.py",

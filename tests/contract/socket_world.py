@@ -43,8 +43,10 @@ class CoreEnd:
             lines.append(f"X-Core-Epoch: {epoch}")
         call.raw("\r\n".join([*lines, "", ""]).encode())
 
-    def run(self) -> None:
-        """Take in what comes until the end."""
+    def run(self, hears: threading.Event | None = None) -> None:
+        """Take in what comes until the end; nothing before `hears`."""
+        if hears is not None:
+            hears.wait(DEADLINE_S)
         while self._talk.state is not CLOSED:
             data = self._call.connection.recv(65536)
             with self._lock:
@@ -87,15 +89,22 @@ class CoreEnd:
 class Ends:
     """A core's script that accepts every socket and keeps its ends."""
 
-    def __init__(self, subprotocol: str | None = RESUMABLE, *, epoch: int | None = -1) -> None:
+    def __init__(
+        self,
+        subprotocol: str | None = RESUMABLE,
+        *,
+        epoch: int | None = -1,
+        hears: threading.Event | None = None,
+    ) -> None:
         self._subprotocol = subprotocol
         self._epoch = epoch
+        self._hears = hears
         self.ends = Watched()
 
     def __call__(self, call: Call) -> None:
         end = CoreEnd(call, self._subprotocol, epoch=call.epoch if self._epoch == -1 else self._epoch)
         self.ends.append(end)
-        end.run()
+        end.run(self._hears)
 
     def wait(self, count: int = 1) -> CoreEnd:
         found = self.ends.wait(lambda _: True, count)[count - 1]
@@ -135,6 +144,19 @@ class Page:
     def say(self, text: str | bytes) -> Self:
         self._connection.send(text)
         return self
+
+    def say_half(self, data: bytes) -> Self:
+        """Begin a message."""
+        self._connection.socket.sendall(Frame(Opcode.TEXT, data, fin=False).serialize(mask=True))
+        return self
+
+    def heard(self) -> None:
+        """Wait until the gateway has heard all that was said."""
+        assert self._connection.ping().wait(DEADLINE_S)
+
+    def say_other_half(self, data: bytes) -> None:
+        """End the message that was begun."""
+        self._connection.socket.sendall(Frame(Opcode.CONT, data).serialize(mask=True))
 
     def closed(self) -> int | None:
         """The code with which the gateway closes; what it says before is passed over."""

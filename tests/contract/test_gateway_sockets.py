@@ -1,13 +1,15 @@
 """WebSockets through the gateway: the browser's end outlives the core, and nothing is lost, doubled or mixed."""
 
+import threading
 import time
+from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.contract.gateway_world import Call, World, silent, world
+from tests.contract.gateway_world import DEADLINE_S, Call, World, silent, world
 from tests.contract.socket_world import HANDSHAKE, RESUMABLE, Ends, down, page
 from tests.waiting import until
 
@@ -388,9 +390,12 @@ def test_a_core_that_says_too_much_at_a_time_ends_the_socket(tmp_path: Path) -> 
             assert tab.closed() == 1009
 
 
-def test_a_page_that_reads_too_slowly_is_ended_and_no_other_waits_for_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("bound", [{"socket_unsent_bytes_max": 4096}, {"sockets_bytes_max": 200_000}])
+def test_a_page_that_reads_too_slowly_is_ended_and_no_other_waits_for_it(
+    tmp_path: Path, bound: dict[str, int]
+) -> None:
     ends = Ends()
-    with world(tmp_path, socket_unsent_bytes_max=4096) as gate:
+    with world(tmp_path, **bound) as gate:
         gate.serving(ends)
         client = gate.client().ask("GET", "/ws", *HANDSHAKE)
         assert client.read(head=True).status == 101
@@ -400,6 +405,59 @@ def test_a_page_that_reads_too_slowly_is_ended_and_no_other_waits_for_it(tmp_pat
                 first.say("x" * 60_000)
             second.say("still here")
             assert other.read() == "still here"
+
+
+def test_what_pages_leave_unfinished_has_one_bound_for_all_of_them(tmp_path: Path) -> None:
+    ends = Ends()
+    with world(tmp_path, sockets_bytes_max=100_000) as gate:
+        gate.serving(ends)
+        with page(gate) as first, page(gate) as second:
+            first.say_half(b"x" * 80_000).heard()
+            second.say_half(b"x" * 80_000)
+            assert second.closed() == 1013
+            first.say_other_half(b"y")
+            ends.wait(1).heard.wait(lambda said: said == b"x" * 80_000 + b"y")
+            first.say_half(b"z" * 80_000).say_other_half(b"")  # there is room again
+            ends.wait(1).heard.wait(lambda said: said == b"z" * 80_000)
+
+
+def test_a_core_that_leaves_too_much_unfinished_ends_the_socket(tmp_path: Path) -> None:
+    ends = Ends()
+    with world(tmp_path, sockets_bytes_max=100_000) as gate:
+        gate.serving(ends)
+        with page(gate) as tab:
+            ends.wait().say_half(b"x" * 120_000)
+            assert tab.closed() == 1013
+
+
+def test_a_page_that_had_to_wait_for_a_slow_core_is_heard_again_once_that_is_gone(tmp_path: Path) -> None:
+    hears, ends = threading.Event(), Ends()
+    with world(tmp_path, probe_ms=20, socket_ping_ms=50) as gate:
+        gate.serving(Ends(hears=hears))
+        with page(gate) as tab:
+            said = []
+
+            def talk() -> None:
+                for _ in range(300):
+                    tab.say("x" * 60_000)
+                    said.append(time.monotonic())
+
+            talker = threading.Thread(target=talk, daemon=True)
+            talker.start()
+            seen = deque([-1], maxlen=40)
+
+            def waits() -> bool:
+                seen.append(len(said))
+                return len(seen) == 40 and len(set(seen)) == 1
+
+            until(waits, "the page to be left waiting")
+            _next_core(gate, ends)
+            talker.join(DEADLINE_S)
+            assert len(said) == 300
+            hears.set()
+            until(ends.ends.all, "the next core to be asked")
+            tab.say("still here")
+            ends.wait().heard.wait(lambda word: word == b"still here")
 
 
 def test_one_socket_too_many_is_told_so(tmp_path: Path) -> None:
