@@ -11,7 +11,8 @@ from typing import Any, Final
 import msgspec
 
 from core.hub import Frame, Hub
-from core.ledger.views import CommittedEvent
+from core.ledger.events import Event
+from core.ledger.views import CommittedEvent, tell
 
 VERSION: Final = 1
 MISSED_EVENTS_MAX: Final = 500
@@ -61,10 +62,10 @@ def catch_up(after: int | None, head: int, missed: Sequence[CommittedEvent]) -> 
     return [frame_of(one) for one in missed if one.seq <= head]
 
 
-def tell_committed(hub: Hub, events: Sequence[CommittedEvent]) -> None:
-    """Tell what the writer has committed; costs nothing while nobody listens."""
+def tell_committed(hub: Hub, events: Sequence[tuple[int, Event]]) -> None:
+    """Tell what the writer has committed, each event with its number; costs nothing while nobody listens."""
     if hub.listeners:
-        hub.tell([frame_of(event) for event in events])
+        hub.tell([frame_of(tell(event, seq)) for seq, event in events])
 
 
 def _text(kind: str, **members: Any) -> str:

@@ -12,8 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from core.journal.writer import BATCH_MAX
+from core.ledger.decider import EVENTS_PER_COMMAND_MAX
+
 SEATS_MAX: Final = 512
-WAITING_FRAMES_MAX: Final = 1_000  # above what one batch of the writer can book, with room for a pause
+# A whole batch of the writer is told at once; the rest is for a listener that pauses.
+WAITING_FRAMES_MAX: Final = BATCH_MAX * EVENTS_PER_COMMAND_MAX + 1_000
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ from core.journal.answers import (
 )
 from core.journal.chain import EventRow, hash_of
 from core.ledger.book import Book, KnownEntry
-from core.ledger.decider import decide, evolve
+from core.ledger.decider import EVENTS_PER_COMMAND_MAX, decide, evolve
 from core.ledger.entries import RecordEntry
 from core.ledger.events import (
     AccountClosed,
@@ -100,7 +100,9 @@ class Batch:
 
         The last event is the one that was wished for: it carries the key and makes the answer.
         """
-        assert events, "a command that is carried out happens"
+        assert 0 < len(events) <= EVENTS_PER_COMMAND_MAX, (
+            "a command that is carried out happens, and so often"
+        )
         for event in events[:-1]:
             self._happen(order, event, None, wall_ns)
         place = self._happen(order, events[-1], order.key, wall_ns)

@@ -113,11 +113,13 @@ def list_events(connection: Connection, after_seq: int, limit: int) -> list[Even
 
 
 def committed_after(connection: Connection, after_seq: int, limit: int) -> list[CommittedEvent]:
-    """Return what a writer's listener would have been told of the events after a sequence, in order."""
+    """Return what would have been told of the events after a sequence at the time, in order."""
     told = []
     for row in event_rows(connection, after_seq, limit):
         event = decode(row.body)
-        assert event is not None, f"event {row.seq} can't be read"
+        assert event is not None, (
+            f"event {row.seq} can't be read, and a core whose book has one does not start"
+        )
         told.append(tell(event, row.seq))
     return told
 

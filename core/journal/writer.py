@@ -16,12 +16,11 @@ from core.guarded.recorder import FlightRecorder
 from core.journal.answers import Answer, Leaving, Work
 from core.journal.append import Committed, Failed, FencedBy, Journal, NotBegun
 from core.ledger.events import Event
-from core.ledger.views import CommittedEvent, tell
 
 BATCH_MAX: Final = 256  # as many as there are slots
 
 Waiting = tuple[Work, "asyncio.Future[Answer]"]
-Listener = Callable[[Sequence[CommittedEvent]], None]
+Listener = Callable[[Sequence[tuple[int, Event]]], None]
 
 
 class Writer:
@@ -61,7 +60,7 @@ class Writer:
         return self._journal.head_seq
 
     def listen(self, listener: Listener | None) -> None:
-        """Have `listener` called on the loop with the events of each batch, in order; None: nobody listens.
+        """Have `listener` called on the loop with the numbered events of each batch, in order; None: nobody listens.
 
         It is called after COMMIT and after the batch was answered. It must not raise and must not wait.
         """
@@ -128,7 +127,7 @@ class Writer:
     ) -> None:
         _give(batch, answers)
         if self._listener is not None and events:
-            self._listener([tell(event, seq) for seq, event in events])
+            self._listener(events)
 
     def _fail(self, batch: Sequence[Waiting], answers: Sequence[Answer], text: str) -> None:
         self._stopping = True

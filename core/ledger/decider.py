@@ -9,7 +9,7 @@ a refused one leaves nothing behind.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import assert_never
+from typing import Final, assert_never
 
 from core.ledger.accounts import Account, is_overdrawn
 from core.ledger.book import Book, KnownEntry
@@ -31,6 +31,8 @@ from core.ledger.events import (
 from core.ledger.household import Resolved, resolve
 from core.ledger.money import fits, format_amount
 from core.ledger.reasons import Fault, Reason, Rejection, Slug, reject
+
+EVENTS_PER_COMMAND_MAX: Final = 4  # a replacement: the reversal, two accounts of first use, the entry
 
 Accounts = Mapping[str, Account]
 

@@ -19,7 +19,6 @@ from core.ledger.events import (
     TransactionPosted,
     TransactionReversed,
     kind_of,
-    postings_of,
 )
 from core.ledger.money import format_amount
 
@@ -240,7 +239,7 @@ def tell(event: Event, seq: int) -> CommittedEvent:
     """Return what is told of a committed event to whoever listens."""
     if not isinstance(event, Booking):
         return CommittedEvent(seq, kind_of(event), event.id, None, "", (event.id,))
-    accounts = tuple(dict.fromkeys(posting.account for posting in postings_of(event)))
+    accounts = tuple(dict.fromkeys(line.account for line in event.postings))
     return CommittedEvent(seq, kind_of(event), event.id, event.date, event.description, accounts)
 
 

@@ -7,10 +7,8 @@ commands would be a second door beside HTTP, without keys.
 
 import asyncio
 import contextlib
-from functools import partial
 from typing import Final
 
-from sqlalchemy import Connection
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from core import frames
@@ -18,8 +16,6 @@ from core.frames import MISSED_EVENTS_MAX
 from core.hub import Frame, Seat
 from core.journal import queries
 from core.journal.store import StoreError
-from core.ledger.events import decode
-from core.ledger.views import CommittedEvent, tell
 from core.service import Draining, NoSlot, ReadTooLong, Service
 from core.web.problems import Problem, respond
 from core.web.same_origin import is_foreign
@@ -100,19 +96,14 @@ async def _missed(service: Service, after: int | None, head: int) -> list[Frame]
             pass
     status = 503
     try:
-        found = await service.read(slot, partial(_events_after, after))
+        # One more than are told: are there more?
+        found = await service.read(slot, lambda c: queries.committed_after(c, after, MISSED_EVENTS_MAX + 1))
         if isinstance(found, ReadTooLong | StoreError):
             return TRY_AGAIN_LATER
         status = 200
         return frames.catch_up(after, head, found)
     finally:
         service.finish(slot, status)
-
-
-def _events_after(after: int, connection: Connection) -> list[CommittedEvent]:
-    rows = queries.event_rows(connection, after, MISSED_EVENTS_MAX + 1)
-    # An event that this version can't read keeps a core from starting.
-    return [tell(event, row.seq) for row in rows if (event := decode(row.body)) is not None]
 
 
 async def _gone(websocket: WebSocket) -> None:

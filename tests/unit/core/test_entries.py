@@ -2,6 +2,7 @@
 
 import asyncio
 import sqlite3
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,11 @@ from core.journal.proof import Proven, prove
 from core.journal.register import HouseholdFilter
 from core.journal.store import LEDGER_FILE
 from core.journal.writer import Writer
+from core.ledger.decider import EVENTS_PER_COMMAND_MAX
 from core.ledger.entries import Origin, RecordEntry
+from core.ledger.events import Event
 from core.ledger.reasons import Slug
-from core.ledger.views import CommittedEvent, EntryView
+from core.ledger.views import EntryView, tell
 from tests.unit.core.books import (
     Pen,
     entering,
@@ -136,6 +139,17 @@ def test_a_change_keeps_the_id_and_everything_that_ever_stood(tmp_path: Path) ->
             (None, command.id),
         ]
         assert [one.date for one in kept] == ["2026-11-20", "2026-11-21", "2026-11-21"]
+
+
+def test_no_command_books_more_events_than_a_listeners_line_is_measured_by(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("bank"))
+        command = entering("-5")
+        made.carry_out(command)
+        before = made.journal.head_seq
+        most = replacing(command.id, "6", None, currency="USD", payment_method="cash", category="gifts")
+        made.carry_out(most)
+        assert made.journal.head_seq - before == EVENTS_PER_COMMAND_MAX
 
 
 def test_entries_are_written_changed_and_reversed_once_per_key(tmp_path: Path) -> None:
@@ -303,10 +317,10 @@ def test_who_listens_is_told_what_was_committed_after_it_was_answered(tmp_path: 
             on_fenced=nothing.append,
             on_bug=nothing.append,
         )
-        heard: list[CommittedEvent] = []
+        heard: list[tuple[int, Event]] = []
         answered: list[asyncio.Future[Answer]] = []
 
-        def listen(events: "list[CommittedEvent] | Any") -> None:
+        def listen(events: Sequence[tuple[int, Event]]) -> None:
             assert all(future.done() for future in answered)
             heard.extend(events)
 
@@ -320,13 +334,15 @@ def test_who_listens_is_told_what_was_committed_after_it_was_answered(tmp_path: 
         await writer.submit(order(entering("-1", category="식비"), slot=slot(made)))
         await writer.stop()
         made.recorder.close()
-        assert [(event.seq, event.kind, event.date) for event in heard] == [
-            (2, "account.opened", None),
-            (3, "entry.posted", "2026-11-21"),
+        assert [seq for seq, _ in heard] == [2, 3]
+        said = [tell(event, seq) for seq, event in heard]
+        assert [(event.kind, event.date) for event in said] == [
+            ("account.opened", None),
+            ("entry.posted", "2026-11-21"),
         ]
-        assert heard[1].accounts == ("bank", heard[0].id)
+        assert said[1].accounts == ("bank", said[0].id)
         reading = opened(tmp_path)
-        assert queries.committed_after(reading, 1, 2) == heard
+        assert queries.committed_after(reading, 1, 2) == said
         reading.close()
         reading.engine.dispose()
         assert not nothing

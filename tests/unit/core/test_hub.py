@@ -4,6 +4,8 @@ from typing import Any
 from core import frames
 from core.frames import MISSED_EVENTS_MAX, catch_up, frame_of, tell_committed
 from core.hub import SEATS_MAX, WAITING_FRAMES_MAX, Frame, Hub, Seat
+from core.journal.writer import BATCH_MAX
+from core.ledger.decider import EVENTS_PER_COMMAND_MAX
 from core.ledger.views import CommittedEvent
 
 
@@ -49,6 +51,15 @@ def test_there_are_only_so_many_seats_and_one_given_back_is_taken_again() -> Non
     assert seats[0] is not None
     hub.leave(seats[0])
     assert hub.sit() is not None
+
+
+def test_a_whole_batch_that_books_as_much_as_it_can_fits_a_line() -> None:
+    seat = Hub().sit()
+    assert seat is not None
+    a_pause = WAITING_FRAMES_MAX - BATCH_MAX * EVENTS_PER_COMMAND_MAX
+    assert a_pause > 0
+    assert seat.give(told(*range(a_pause)))
+    assert seat.give(told(*range(BATCH_MAX * EVENTS_PER_COMMAND_MAX)))
 
 
 def test_nothing_is_encoded_while_nobody_listens() -> None:
