@@ -58,6 +58,12 @@ class Settings:
     last_answers_ms: int = _setting(300, 1, 10_000, "time to give the last answers after a failed commit")
     # Imports: what is kept of the files that people gave.
     import_file_bytes_max: int = _setting(20 << 20, 1 << 10, 1 << 28, "largest file of an import")
+    import_looking_ms: int = _setting(
+        18_000,
+        10,
+        600_000,
+        "time to read a file and look at its rows; well below a gateway's patience of 30 s",
+    )
     import_preview_days: int = _setting(7, 1, 3_650, "days until a preview that nobody committed is removed")
     imports_bytes_max: int = _setting(1 << 29, 1 << 20, 1 << 40, "room for all files, the oldest go first")
     imports_max: int = _setting(200, 1, 100_000, "imports kept, the oldest go first")

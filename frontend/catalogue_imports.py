@@ -140,6 +140,10 @@ REFUSED: Final[dict[str, dict[str, str]]] = {
         "en": "The currency is not known. Please choose an account or a currency.",
     },
     "bad-currency": {"ko": "통화 코드로 읽을 수 없어요.", "en": "This cannot be read as a currency."},
+    "too-many-categories": {
+        "ko": "분류가 200가지를 넘어요. 분류로 고른 칸이 맞는지 확인해 주세요.",
+        "en": "The file has more than 200 categories. Please check the column chosen for them.",
+    },
     "bad-fee": {"ko": "수수료를 읽을 수 없어요.", "en": "The fee cannot be read."},
 }
 

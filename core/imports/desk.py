@@ -115,12 +115,13 @@ class Desk:
             return replace(before, replayed=True) if same else Trouble("key-reused")
         folder = self._imports.unfinished(import_id)
         name = name[:NAME_CHARACTERS_MAX]
-        table = await self._looker.read(folder, choices.encoding, password)
+        until_ns = self._looker.deadline_ns()
+        table = await self._looker.read(folder, choices.encoding, password, until_ns)
         if isinstance(table, Trouble):
             return table
         size = folder.file.stat().st_size
         made = Manifest(import_id, State.PREVIEW, name, size, sha256, time.time_ns(), choices.encoding)
-        looked = await self._looker.look(table, made, choices, anew=True)
+        looked = await self._looker.look(table, made, choices, until_ns, anew=True)
         if isinstance(looked, Trouble):
             return looked
         await asyncio.to_thread(folder.keep_rows, table.path)
@@ -151,9 +152,10 @@ class Desk:
         if after(kept.manifest.state, Trigger.READ_AGAIN) is None:
             return Trouble("import-committed")
         folder = self._imports.open(import_id)
+        until_ns = self._looker.deadline_ns()
         anew = choices.encoding is not None and choices.encoding != kept.manifest.encoding
         table = (
-            await self._looker.read(folder, choices.encoding, None)
+            await self._looker.read(folder, choices.encoding, None, until_ns)
             if anew
             else kept.table or unreadable(KEPT_FILE_LOST)
         )
@@ -161,7 +163,7 @@ class Desk:
             return table
         manifest = msgspec.structs.replace(kept.manifest, encoding=choices.encoding or kept.manifest.encoding)
         try:
-            looked = await self._looker.look(table, manifest, choices, anew=anew)
+            looked = await self._looker.look(table, manifest, choices, until_ns, anew=anew)
             fresh = table.path if anew else None
             return looked if isinstance(looked, Trouble) else await self._keep_look(folder, looked, fresh)
         finally:

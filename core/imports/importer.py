@@ -24,7 +24,7 @@ from core.hub import Frame
 from core.imports import judging
 from core.imports.folder import ImportFolder
 from core.imports.reading.candidates import Candidate, Result, SkippedRow
-from core.imports.records import PROBLEMS_MAX, Manifest, Problem, Progress
+from core.imports.records import PROBLEMS_MAX, Manifest, Problem, Progress, shown
 from core.imports.states import State, Trigger, after
 from core.journal.answers import (
     Answer,
@@ -158,8 +158,7 @@ class Importer:
                 job.end = await self._wave(job)
             except RowsLostError:
                 _break(job, KEPT_FILE_LOST)
-            # Anything may arrive here, because any stranger's file may; the guard would take a dead task for
-            # a hang.
+            # Any stranger's file may bring any mistake of ours; the guard takes a dead task for a hang.
             except Exception:
                 logger.exception("Import %s stopped at a mistake of our own", job.manifest.id)
                 _break(job, FAILED_INSIDE)
@@ -299,7 +298,7 @@ def meaning_of(answer: Answer, candidate: Candidate) -> tuple[int, Outcome | Non
             return status_of(rejection.slug), refused(candidate, rejection)
         case KeyTaken() | DecisionFailed():
             logger.error("Line %d of an import can't be decided: %s", candidate.line, answer)
-            return UNANSWERED, Problem(candidate.line, FAILED_INSIDE, candidate.cells)
+            return UNANSWERED, Problem(candidate.line, FAILED_INSIDE, shown(candidate.cells))
         case StoreBusy():
             return BUSY, None
         case OutcomeUnknown() | Leaving():
@@ -314,7 +313,7 @@ def refused(candidate: Candidate, rejection: Rejection) -> Duplicate | Problem:
     """Return what a refusal of the ledger means for a row."""
     if rejection.slug is Slug.ALREADY_IMPORTED:
         return Duplicate()
-    return Problem(candidate.line, rejection.slug.value, candidate.cells, dict(rejection.values))
+    return Problem(candidate.line, rejection.slug.value, shown(candidate.cells), dict(rejection.values))
 
 
 def frame_of(job: Job) -> Frame:

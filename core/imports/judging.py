@@ -10,7 +10,7 @@ import msgspec
 
 from core.imports.reading.candidates import Candidate, RefusedRow, Result, SkippedRow
 from core.imports.reading.fingerprints import fingerprint
-from core.imports.records import EntryShown, Manifest, Problem, SampleRow
+from core.imports.records import EntryShown, Manifest, Problem, SampleRow, shown
 from core.ledger.entries import EntryBody, Origin, RecordEntry, record_entry
 from core.ledger.fields import DESCRIPTION_CHARACTERS_MAX
 from core.ledger.reasons import Rejection
@@ -24,11 +24,11 @@ def judge(result: Result, currency: str | None) -> Candidate | Problem | Skipped
         case Candidate():
             if currency is not None and result.currency != currency:
                 values = {"given": result.currency, "currency": currency}
-                return Problem(result.line, OTHER_CURRENCY, result.cells, values)
+                return Problem(result.line, OTHER_CURRENCY, shown(result.cells), values)
             return result
         case RefusedRow():
             values = {} if result.column is None else {"column": result.column}
-            return Problem(result.line, result.reason.value, result.cells, values)
+            return Problem(result.line, result.reason.value, shown(result.cells), values)
         case SkippedRow():
             return result
         case _:
@@ -47,11 +47,11 @@ def sample_of(judged: Candidate | Problem | SkippedRow) -> SampleRow:
                 judged.category,
                 judged.payment_method,
             )
-            return SampleRow(judged.line, judged.cells, entry, None)
+            return SampleRow(judged.line, shown(judged.cells), entry, None)
         case Problem():
             return SampleRow(judged.line, judged.cells, None, judged.reason, judged.values)
         case SkippedRow():
-            return SampleRow(judged.line, judged.cells, None, judged.reason.value)
+            return SampleRow(judged.line, shown(judged.cells), None, judged.reason.value)
         case _:
             assert_never(judged)
 

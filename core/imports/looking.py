@@ -6,6 +6,7 @@ a file's bytes, and a password above all, have no place in evidence.
 """
 
 import asyncio
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -21,9 +22,9 @@ from core.imports.reading.formats import builtin_formats
 from core.imports.reading.kept import ReadTable
 from core.imports.reading.limits import ReadingLimits
 from core.imports.reading.mapping import FaultKind, Mapping, MappingFault, faults_of
-from core.imports.reading.proposal import propose
+from core.imports.reading.proposal import fitting_formats, guessed_anew, propose
 from core.imports.reading.rows import parse_rows
-from core.imports.reading.table import Unreadable
+from core.imports.reading.table import Row, Table, Unreadable, Why
 from core.imports.records import Manifest, Survey
 from core.imports.survey import survey
 from core.imports.troubles import Trouble, unreadable
@@ -36,7 +37,7 @@ T = TypeVar("T")
 
 LOOKS_AT_A_TIME: Final = 2
 FINGERPRINTS_AT_A_TIME: Final = 2_000
-READING_MS_MAX: Final = 20_000  # a gateway waits 30 s for an answer
+GUESSED: Final = ("date_format", "decimal")
 NAMED_MAX: Final = 128  # characters of somebody's text that a sentence repeats
 
 
@@ -58,6 +59,30 @@ class Looked:
     survey: Survey
 
 
+class TooLateError(Exception):
+    """A look has taken as long as it may."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """A table whose rows come until a moment of the monotonic clock: a thread can't be called off otherwise."""
+
+    table: ReadTable
+    until_ns: int
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The unique names of the columns."""
+        return self.table.columns
+
+    def rows(self) -> Iterator[Row]:
+        """The rows below the header. TooLateError once the moment has come."""
+        for row in self.table.rows():
+            if time.monotonic_ns() > self.until_ns:
+                raise TooLateError
+            yield row
+
+
 class Looker:
     """Looks at files. All methods on the loop's thread."""
 
@@ -65,15 +90,20 @@ class Looker:
         self._service = service
         self._room = asyncio.Semaphore(LOOKS_AT_A_TIME)
 
+    def deadline_ns(self) -> int:
+        """Return until when a look that begins now, and the reading before it, may take."""
+        return time.monotonic_ns() + self._service.settings.import_looking_ms * 1_000_000
+
     async def read(
-        self, folder: ImportFolder, encoding: str | None, password: str | None
+        self, folder: ImportFolder, encoding: str | None, password: str | None, until_ns: int
     ) -> ReadTable | Trouble:
         """Read the folder's file into fresh rows. What was read before stays until they are kept or removed."""
         fresh = folder.fresh_rows(self._service.new_id())
-        limits = ReadingLimits(
-            file_bytes_max=self._service.settings.import_file_bytes_max, wall_ms_max=READING_MS_MAX
-        )
         async with self._room:
+            left_ms = max(1, (until_ns - time.monotonic_ns()) // 1_000_000)
+            limits = ReadingLimits(
+                file_bytes_max=self._service.settings.import_file_bytes_max, wall_ms_max=left_ms
+            )
             read = await read_in_child(
                 folder.file, encoding=encoding, password=password, out=fresh, limits=limits
             )
@@ -83,9 +113,17 @@ class Looker:
         return read
 
     async def look(
-        self, table: ReadTable, manifest: Manifest, choices: Choices, *, anew: bool
+        self, table: ReadTable, manifest: Manifest, choices: Choices, until_ns: int, *, anew: bool
     ) -> Looked | Trouble:
         """Return how the table would be booked with these choices. `anew`: nothing was chosen for it before."""
+        try:
+            return await self._look(Timed(table, until_ns), manifest, choices, anew=anew)
+        except TooLateError:
+            return unreadable(Why.TOO_SLOW.value)
+
+    async def _look(
+        self, table: Timed, manifest: Manifest, choices: Choices, *, anew: bool
+    ) -> Looked | Trouble:
         account_id = choices.account or manifest.account
         account = await self.account(account_id) if account_id is not None else None
         if isinstance(account, Trouble):
@@ -95,16 +133,25 @@ class Looker:
         if wanted and wanted not in formats:
             return Trouble("import-format-unknown", {"format": wanted[:NAMED_MAX]})
         proposal = await asyncio.to_thread(propose, table, formats, wanted)
-        kept = None if anew or choices.format is not None else manifest.mapping
+        mapping, chosen = proposal.mapping, manifest.chosen
+        if anew or choices.format is not None:
+            mapping, chosen = choices.mapping or mapping, ()
+        elif choices.mapping is None:
+            mapping = manifest.mapping
+        else:
+            set_now = _set_by_hand(manifest.mapping, choices.mapping)
+            chosen = tuple(field for field in GUESSED if field in {*chosen, *set_now})
+            mapping = await asyncio.to_thread(guessed_anew, table, manifest.mapping, choices.mapping, chosen)
         filled = msgspec.structs.replace(
             manifest,
             format=proposal.format,
-            mapping=choices.mapping or kept or proposal.mapping,
+            mapping=mapping,
+            chosen=chosen,
             account=account_id,
             currency=account.currency if account else None,
         )
         if blocking(faults_of(filled.mapping, table.columns)):
-            return Looked(filled, Survey(table.head.row_count, fitting=proposal.fitting))
+            return Looked(filled, Survey(table.table.head.row_count, fitting=proposal.fitting))
         found = await self._survey(filled, table, proposal.fitting)
         return found if isinstance(found, Trouble) else Looked(filled, found)
 
@@ -115,9 +162,7 @@ class Looker:
             return Trouble("account-not-found", {"account": account_id[:NAMED_MAX]})
         return found
 
-    async def _survey(
-        self, manifest: Manifest, table: ReadTable, fitting: tuple[str, ...]
-    ) -> Survey | Trouble:
+    async def _survey(self, manifest: Manifest, table: Timed, fitting: tuple[str, ...]) -> Survey | Trouble:
         async with self._room:
             surveyor = await asyncio.to_thread(
                 lambda: survey(results(manifest, table), manifest.account, manifest.currency)
@@ -125,6 +170,8 @@ class Looker:
         duplicates = 0
         seen = surveyor.fingerprints
         for at in range(0, len(seen), FINGERPRINTS_AT_A_TIME):
+            if time.monotonic_ns() > table.until_ns:
+                raise TooLateError
             some = seen[at : at + FINGERPRINTS_AT_A_TIME]
             known = await self._ask("read.fingerprints", partial(_known, some))
             if isinstance(known, Trouble):
@@ -151,10 +198,16 @@ class Looker:
             self._service.finish(slot, status)
 
 
-def results(manifest: Manifest, table: ReadTable) -> Iterator[Result]:
+def results(manifest: Manifest, table: Table) -> Iterator[Result]:
     """Return what each row of the table is under this wish, in order, always the same."""
-    form = builtin_formats().get(manifest.format) if manifest.format is not None else None
-    return parse_rows(table, manifest.mapping, form, manifest.currency)
+    formats = builtin_formats()
+    form = formats.get(manifest.format) if manifest.format is not None else None
+    of_header = next(iter(fitting_formats(table.columns, formats)), None)
+    return parse_rows(table, manifest.mapping, form, manifest.currency, of_header)
+
+
+def _set_by_hand(before: Mapping, now: Mapping) -> Iterator[str]:
+    return (field for field in GUESSED if getattr(now, field) != getattr(before, field))
 
 
 def blocking(faults: tuple[MappingFault, ...]) -> bool:

@@ -15,6 +15,8 @@ from core.imports.states import State
 
 SAMPLE_MAX: Final = 20
 PROBLEMS_MAX: Final = 200
+CELLS_SHOWN_MAX: Final = 12
+CELL_SHOWN_CHARACTERS_MAX: Final = 80
 
 
 class Manifest(msgspec.Struct, frozen=True):
@@ -31,12 +33,13 @@ class Manifest(msgspec.Struct, frozen=True):
     account: str | None = None
     currency: str | None = None  # the account's
     mapping: Mapping = Mapping()
+    chosen: tuple[str, ...] = ()  # fields of the mapping that a person set and no guess may change
     skip_duplicates: bool = True
     fault: str | None = None  # why it failed
 
 
 class Problem(msgspec.Struct, frozen=True):
-    """A row that is not booked, and why. `values` are named by the reason's sentence."""
+    """A row that is not booked, and why. `cells` as `shown`; `values` are named by the reason's sentence."""
 
     line: int
     reason: str
@@ -88,3 +91,13 @@ class Progress(msgspec.Struct, frozen=True):
     refused: int = 0
     skipped: int = 0
     problems: tuple[Problem, ...] = ()
+
+
+def shown(cells: tuple[str, ...]) -> tuple[str, ...]:
+    """Return of a row's cells what an eye takes in: a wide file has millions of characters in its first rows."""
+    rest = ("…",) if len(cells) > CELLS_SHOWN_MAX else ()
+    return (*map(_cut, cells[:CELLS_SHOWN_MAX]), *rest)
+
+
+def _cut(cell: str) -> str:
+    return cell if len(cell) <= CELL_SHOWN_CHARACTERS_MAX else cell[: CELL_SHOWN_CHARACTERS_MAX - 1] + "…"

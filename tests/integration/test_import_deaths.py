@@ -168,3 +168,28 @@ def test_a_boundary_that_no_parser_takes_is_a_malformed_upload(core: Core) -> No
         "POST", "/api/ledger/imports", b"", Content_Type=f"multipart/form-data; boundary={'b' * 300}"
     )
     assert (answer.status, answer.body["type"]) == (400, "/problems/malformed-upload")
+
+
+def test_a_look_that_takes_too_long_is_refused_with_its_reason_and_changes_nothing(data: Path) -> None:
+    with started(data) as core:
+        ready(core).open(BANK)
+        import_id = made(core, statement(MANY, "row"))
+    with started(data, CORE_IMPORT_LOOKING_MS="10") as core:
+        before = seen(ready(core), import_id)
+        for body in ({}, {"encoding": "cp949"}):
+            answer = on(core, import_id, "preview", **body)
+            assert (answer.status, answer.body.get("reason")) == (422, "too-slow")
+        assert seen(core, import_id) == before
+
+
+def test_a_decimal_mark_that_nobody_chose_follows_the_column_that_was_chosen(core: Core) -> None:
+    core.open("euro", currency="EUR")
+    file = b"Wann;Was;Wieviel\n2026-01-31;Brot;-3,20\n2026-02-01;Lohn;1.200,00\n"
+    answer = uploaded(core, file, account="euro")
+    mapping = {**answer.body["mapping"], "date": "Wann", "description": "Was", "amount": "Wieviel"}
+    looked = on(core, answer.body["id"], "preview", mapping=mapping).body
+    assert (looked["mapping"]["decimal"], looked["mapping"]["date_format"]) == (",", "ymd")
+    assert (looked["rows"]["new"], looked["rows"]["refused"]) == (2, 0)
+    chosen = {**looked["mapping"], "decimal": "."}
+    again = on(core, answer.body["id"], "preview", mapping=chosen).body
+    assert again["mapping"]["decimal"] == "."

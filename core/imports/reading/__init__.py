@@ -13,7 +13,7 @@ What the life of an import calls:
 - `formats.builtin_formats() -> Mapping[str, Format]`
 - `proposal.propose(table, formats, wanted=None) -> Proposal`
 - `mapping.faults_of(mapping, columns) -> tuple[MappingFault, ...]`
-- `rows.parse_rows(table, mapping, format_, account_currency) -> Iterator[Candidate | RefusedRow | SkippedRow]`
+- `rows.parse_rows(table, mapping, format_, account_currency, header_format) -> Iterator[Result]`
 - `fingerprints.fingerprint(account, candidate) -> str`
 - `balance.check_balance(results) -> BalanceVerdict`
 """

@@ -30,6 +30,7 @@ class Refusal(StrEnum):
     NO_CURRENCY = "no-currency"
     BAD_CURRENCY = "bad-currency"
     BAD_FEE = "bad-fee"
+    TOO_MANY_CATEGORIES = "too-many-categories"
 
 
 class Skip(StrEnum):

@@ -15,7 +15,15 @@ import msgspec
 from core.imports.reading.amounts import guess_decimal
 from core.imports.reading.dates import guess_order, looks_like_date
 from core.imports.reading.formats import Format
-from core.imports.reading.mapping import DateOrder, Decimal, Mapping, MappingFault, Positive, faults_of
+from core.imports.reading.mapping import (
+    DateOrder,
+    Decimal,
+    Mapping,
+    MappingFault,
+    Positive,
+    column_of,
+    faults_of,
+)
 from core.imports.reading.names import canonical, header_text
 from core.imports.reading.roles import DIRECTION_IN, DIRECTION_OUT, SPENDING, roles_in
 from core.imports.reading.table import Table
@@ -23,6 +31,7 @@ from core.imports.reading.table import Table
 #: Asked for instead of a format's id: read the table by its words alone.
 NO_FORMAT: Final = ""
 
+_NUMBERS: Final = ("amount", "in", "out", "balance")
 _HAS_DIGIT: Final = re.compile(r"[0-9]")
 
 
@@ -42,14 +51,18 @@ class Proposal:
 
 def propose(table: Table, formats: abstract.Mapping[str, Format], wanted: str | None = None) -> Proposal:
     """How `table` may be read. `wanted` names a format of `formats`, or NO_FORMAT; None takes the best."""
-    names = frozenset(canonical(column) for column in table.columns)
-    fitting = sorted(
-        (form for form in formats.values() if form.fits(names)), key=lambda form: -len(form.header.required)
-    )
+    fitting = fitting_formats(table.columns, formats)
     best = fitting[0].id if fitting else None
     chosen = best if wanted is None else (wanted or None)
     mapping = _by_words(table) if chosen is None else mapping_of(formats[chosen], table.columns)
     return Proposal(chosen, tuple(form.id for form in fitting), mapping, faults_of(mapping, table.columns))
+
+
+def fitting_formats(columns: tuple[str, ...], formats: abstract.Mapping[str, Format]) -> list[Format]:
+    """All formats whose header this is, the one that asks for most names first."""
+    names = frozenset(canonical(column) for column in columns)
+    fitting = (form for form in formats.values() if form.fits(names))
+    return sorted(fitting, key=lambda form: -len(form.header.required))
 
 
 def mapping_of(format_: Format, columns: tuple[str, ...]) -> Mapping:
@@ -64,6 +77,33 @@ def mapping_of(format_: Format, columns: tuple[str, ...]) -> Mapping:
     return _mapping(
         roles, format_.date.order, format_.amount.decimal, format_.amount.positive, format_.currency
     )
+
+
+def guessed_anew(table: Table, before: Mapping, now: Mapping, chosen: abstract.Container[str]) -> Mapping:
+    """`now`, with what nobody has chosen guessed from the columns that play another role than `before`.
+
+    `chosen` names the fields of a mapping that a person has set; a decimal mark guessed from one column says
+    nothing of another.
+    """
+    changes: dict[str, DateOrder | Decimal | None] = {}
+    indices = {
+        role: table.columns.index(column)
+        for role in ("date", *_NUMBERS)
+        if (column := column_of(now, role)) in table.columns
+    }
+    new = {role for role in indices if column_of(now, role) != column_of(before, role)}
+    order = "date" in new and "date_format" not in chosen
+    mark = not new.isdisjoint(_NUMBERS) and "decimal" not in chosen
+    if not order and not mark:
+        return now
+    cells = _cells(table, indices)
+    if order:
+        changes["date_format"] = guess_order(cells["date"])
+    if mark:
+        changes["decimal"] = guess_decimal(
+            [cell for role in _NUMBERS if role in indices for cell in cells[role]]
+        )
+    return msgspec.structs.replace(now, **changes)
 
 
 def _mapping(
@@ -83,7 +123,7 @@ def _by_words(table: Table) -> Mapping:
         indices.pop("direction", None)
     if not _says_direction(cells.get("direction", [])):
         indices.pop("direction", None)
-    numbers = [cell for role in ("amount", "in", "out", "balance") if role in indices for cell in cells[role]]
+    numbers = [cell for role in _NUMBERS if role in indices for cell in cells[role]]
     roles = {role: table.columns[index] for role, index in indices.items()}
     order = guess_order(cells.get("date", []))
     return _mapping(roles, order, guess_decimal(numbers), _meaning(roles.get("amount")), None)

@@ -2,7 +2,8 @@
 
 A pure walk over the table. The mapping says which column is what, the format which words its columns may hold;
 a word that neither knows stops the row, because a guess would book money in the wrong direction. Nothing of
-one row changes how another is read, except the count of identical rows that goes into the fingerprint.
+one row changes how another is read, except the count of identical rows that goes into the fingerprint, and the
+bound on categories, because each of them opens accounts.
 """
 
 import re
@@ -32,6 +33,8 @@ from core.ledger.money import fits, is_currency
 # Well below what the book takes; the whole cell stays in `cells`.
 DESCRIPTION_CHARACTERS_MAX: Final = 500
 NAME_CHARACTERS_MAX: Final = 100
+#: Each opens an account, and one for money in and one for money out; no household has as many.
+CATEGORIES_MAX: Final = 200
 
 _FOOTER: Final = re.compile(
     r"(합계|총합계|소계|총계|누계|총[0-9,]+건|[0-9,]+건$|합산|grandtotal|total|subtotal|合計|小計|summe|gesamt).*"
@@ -68,7 +71,7 @@ class _Fault:
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Everything that stays the same from row to row, and the count of identical rows."""
+    """Everything that stays the same from row to row, the count of identical rows, and the categories met."""
 
     mapping: Mapping
     places: dict[str, int]
@@ -77,21 +80,28 @@ class _Reader:
     words: _Words
     account_currency: str | None
     seen: Counter[tuple[str, ...]] = field(default_factory=Counter)
+    categories: set[str] = field(default_factory=set)
 
 
 def parse_rows(
-    table: Table, mapping: Mapping, format_: Format | None, account_currency: str | None
+    table: Table,
+    mapping: Mapping,
+    format_: Format | None,
+    account_currency: str | None,
+    header_format: Format | None,
 ) -> Iterator[Result]:
     """What each row of `table` becomes, in order and one at a time.
 
     `mapping` must fit the table (`mapping.faults_of` is empty but for a missing date order). The currency of a
-    row is its own column's, else the mapping's, else the account's.
+    row is its own column's, else the mapping's, else the account's. `format_` is the one that was chosen,
+    `header_format` the one whose header this is (`proposal.fitting_formats`), whatever was chosen: rows are
+    known again by it.
     """
     reader = _Reader(
         mapping=mapping,
         places=_places(table.columns, mapping),
         header=tuple(header_text(column) for column in table.columns),
-        identity=_identity(table.columns, format_),
+        identity=_identity(table.columns, header_format),
         words=_words(format_),
         account_currency=account_currency,
     )
@@ -148,7 +158,10 @@ def _judge(reader: _Reader, row: Row) -> Result:
         return _refused(reader, row, money)
     if money.minor == 0:
         return SkippedRow(row.line, row.cells, Skip.NO_MOVEMENT)
-    return _candidate(reader, row, date, money)
+    candidate = _candidate(reader, row, date, money)
+    if not _admitted(reader, candidate.category):
+        return _refused(reader, row, _Fault(Refusal.TOO_MANY_CATEGORIES, "category"))
+    return candidate
 
 
 def _refused(reader: _Reader, row: Row, fault: _Fault) -> RefusedRow:
@@ -301,6 +314,16 @@ def _candidate(reader: _Reader, row: Row, date: str, money: _Money) -> Candidate
         identity=identity,
         ordinal=reader.seen[identity],
     )
+
+
+def _admitted(reader: _Reader, category: str | None) -> bool:
+    """Whether a category is among the first of the file: a column of payees is none of categories."""
+    if category is None or category in reader.categories:
+        return True
+    if len(reader.categories) >= CATEGORIES_MAX:
+        return False
+    reader.categories.add(category)
+    return True
 
 
 def _identity_of(reader: _Reader, row: Row) -> tuple[str, ...]:

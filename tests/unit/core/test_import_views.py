@@ -1,6 +1,7 @@
 import re
 import string
 
+import msgspec
 import pytest
 
 from core.imports.desk import Kept
@@ -9,8 +10,9 @@ from core.imports.judging import OTHER_CURRENCY, judge, sample_of
 from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Skip, SkippedRow
 from core.imports.reading.mapping import FaultKind
 from core.imports.reading.table import Note, Why
-from core.imports.records import Manifest, Problem, Progress, Survey
+from core.imports.records import Manifest, Problem, Progress, Survey, shown
 from core.imports.states import State
+from core.imports.survey import survey
 from core.web.import_views import sentence, summary_of
 from frontend.catalogue_imports import BOOKING
 
@@ -67,3 +69,15 @@ def test_the_numbers_of_rows_mean_the_same_before_and_after_the_booking(state: S
     assert (rows.new, rows.duplicates, rows.good) == (8, 5, 13)
     assert rows.new + rows.duplicates == rows.good
     assert rows.good + rows.refused + rows.skipped == rows.total
+
+
+def test_of_a_wide_row_only_what_an_eye_takes_in_is_kept() -> None:
+    wide = RefusedRow(3, ("x" * 4_000,) * 100, Refusal.NO_DATE, "Date")
+    judged = judge(wide, "KRW")
+    assert isinstance(judged, Problem)
+    assert judged.cells == (*(("x" * 79 + "…",) * 12), "…")
+    found = survey([wide] * 300, None, "KRW").found(0, ())
+    assert (len(found.problems), len(found.sample)) == (200, 20)
+    assert len(msgspec.json.encode(found)) < 1 << 19
+    narrow = ("2026-03-01", "shop", "-500")
+    assert shown(narrow) == narrow

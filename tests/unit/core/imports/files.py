@@ -44,7 +44,7 @@ def results(data: bytes | str | Table, currency: str | None = None, **changes: A
     proposal = propose(held, builtin_formats())
     mapping = msgspec.structs.replace(proposal.mapping, **changes)
     format_ = builtin_formats()[proposal.format] if proposal.format else None
-    return list(parse_rows(held, mapping, format_, currency))
+    return list(parse_rows(held, mapping, format_, currency, format_))
 
 
 def in_child(

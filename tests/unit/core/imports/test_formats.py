@@ -36,7 +36,7 @@ def test_every_format_reads_its_own_sample(format_: Format, sample: Sample) -> N
     proposal = propose(read, builtin_formats())
     assert proposal.format == format_.id
     assert proposal.problems == ()
-    results = list(parse_rows(read, proposal.mapping, format_, None))
+    results = list(parse_rows(read, proposal.mapping, format_, None, format_))
     candidates = [result for result in results if isinstance(result, Candidate)]
     assert len(candidates) == len(sample.expect)
     for candidate, expected in zip(candidates, sample.expect, strict=True):

@@ -1,13 +1,25 @@
+import msgspec
 import pytest
 
+from core.imports.looking import results as read_by
 from core.imports.reading import rows as room
 from core.imports.reading.balance import BalanceVerdict, check_balance
 from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Skip, SkippedRow
 from core.imports.reading.fingerprints import fingerprint
 from core.imports.reading.formats import builtin_formats
-from core.imports.reading.mapping import DateOrder, FaultKind, Mapping, MappingFault, Positive, faults_of
+from core.imports.reading.mapping import (
+    DateOrder,
+    Decimal,
+    FaultKind,
+    Mapping,
+    MappingFault,
+    Positive,
+    faults_of,
+)
 from core.imports.reading.names import unique_names
-from core.imports.reading.proposal import NO_FORMAT, propose
+from core.imports.reading.proposal import NO_FORMAT, guessed_anew, propose
+from core.imports.records import Manifest
+from core.imports.states import State
 from core.ledger import fields
 from tests.unit.core.imports.files import CHASE, results, table, workbook
 
@@ -219,3 +231,42 @@ def test_a_person_may_read_a_known_bank_without_its_format() -> None:
     assert proposal.fitting == ("us.chase.card",)
     assert proposal.mapping.date == "Transaction Date"
     assert proposal.mapping.amount == "Amount"
+
+
+def test_the_same_rows_are_known_again_whatever_format_they_are_read_by() -> None:
+    held = table(
+        CHASE + "03/21/2026,03/22/2026,SHOP,Food,Sale,-4.50,\n03/21/2026,03/22/2026,SHOP,Food,Sale,-4.50,\n"
+    )
+    prints = []
+    for wanted in (None, NO_FORMAT):
+        proposal = propose(held, builtin_formats(), wanted)
+        wish = Manifest("id", State.PREVIEW, "x", 1, "00", 0, format=proposal.format, currency="USD")
+        wish = msgspec.structs.replace(wish, mapping=proposal.mapping)
+        rows = [row for row in read_by(wish, held) if isinstance(row, Candidate)]
+        prints.append([fingerprint("card", row) for row in rows])
+    assert prints[0] == prints[1]
+    assert len(set(prints[0])) == 2
+
+
+def test_a_column_of_payees_opens_no_account_for_each_of_them() -> None:
+    count = room.CATEGORIES_MAX + 5
+    lines = [f"2026-01-02,가상,-100,가게{n % count}" for n in range(2 * count)]
+    data = "\n".join(["날짜,내용,금액,분류", *lines])
+    assert len({c.category for c in candidates(data)}) == room.CATEGORIES_MAX
+    assert refusals(data) == [Refusal.TOO_MANY_CATEGORIES] * 10
+    refused = [row for row in results(data, "KRW") if isinstance(row, RefusedRow)]
+    assert {row.column for row in refused} == {"분류"}
+
+
+def test_what_nobody_has_chosen_is_guessed_anew_from_the_columns_that_were_chosen() -> None:
+    held = table("Wann;Was;Wieviel\n31.01.2026;Brot;-3,20\n01.02.2026;Lohn;1.200,00\n")
+    before = propose(held, {}).mapping
+    chosen = msgspec.structs.replace(
+        before, date="Wann", amount="Wieviel", date_format=None, decimal=Decimal.POINT
+    )
+    start = Mapping()
+    now = guessed_anew(held, start, chosen, ())
+    assert (now.date_format, now.decimal) == (DateOrder.DMY, Decimal.COMMA)
+    kept = guessed_anew(held, start, chosen, ("date_format", "decimal"))
+    assert (kept.date_format, kept.decimal) == (None, Decimal.POINT)
+    assert guessed_anew(held, chosen, chosen, ()) == chosen
