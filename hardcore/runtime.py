@@ -258,7 +258,7 @@ class Runtime:
             "state": reading.state,
             "face": reading.face,
             "stage": reading.stage,
-            "since_ns": reading.since_ns,
+            "since_ns": reading.since_ns if reading.fault_ns is None else reading.fault_ns,
             "incident": reading.incident,
             "planned": reading.planned,
         }

@@ -49,7 +49,8 @@ class Outage:
 
     `epoch`: the core that served before it, None if this gateway saw none; `reached`: when each stage was first
     reached; `told`: the narrowest promise so far; `plain`: neither the operator nor a last resort was part of it;
-    `sure`: somebody knows of it (see `is_sure`); `measured`: its begin is known, and so is its length.
+    `said`: the guard said so; `sure`: somebody knows of it (see `is_sure`); `measured`: its begin is known, and so is
+    its length.
     """
 
     began_ns: int
@@ -58,6 +59,7 @@ class Outage:
     planned: bool = False
     plain: bool = True
     told: Told | None = None
+    said: bool = False
     sure: bool = False
     measured: bool = False
 
@@ -105,7 +107,13 @@ def follow(
         plain = outage.plain and known.face is Face.HOLD
         measured = outage.measured or known.incident is not None
         outage = replace(
-            outage, began_ns=began_ns, planned=known.planned, plain=plain, sure=True, measured=measured
+            outage,
+            began_ns=began_ns,
+            planned=known.planned,
+            plain=plain,
+            said=True,
+            sure=True,
+            measured=measured,
         )
     return _reach(outage, known.stage or 1, samples, now_ns)
 
@@ -153,9 +161,9 @@ def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_n
     text = _text(outage, known.face, late=late)
     open_ended = past or text not in {Text.RECOVERING, Text.PLANNED}
     return Shown(
-        # The guard may not have said anything yet of what we saw ourselves: its state and phase are older then.
+        # The guard may not have said anything yet of what we saw ourselves: its words are older then.
         state=known.state if known.face is not Face.FORWARD else HAState.RECOVERY,
-        phase=known.phase if known.face is not Face.FORWARD else "",
+        phase=known.phase if outage.said else "",
         incident=known.incident,
         stage=outage.stage,
         began_ns=outage.began_ns,

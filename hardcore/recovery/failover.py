@@ -88,8 +88,7 @@ class FailoverManager:
         self._drill = PendingDrill()
         self._audit = Audit()
         self._held_ns: int | None = None
-        self._term_sent = False
-        self._skip_evidence = False
+        self._term_sent = self._skip_evidence = False
         self._actions: list[Action] = []
         self._transitions: deque[Transition] = deque(maxlen=TRANSITIONS_MAX)
 
@@ -152,6 +151,7 @@ class FailoverManager:
             face=phases.face(self._phase, self.wanted),
             stage=max(shown, self._stage_max) if shown is not None else None,
             since_ns=self._since_ns,
+            fault_ns=self._story.steps["fault"] if self._story else None,
             wanted=self.wanted,
             life=self._life,
             epoch=self._store.epoch if self._phase in phases.SERVING else None,

@@ -28,6 +28,7 @@ class Reading:
     face: Face
     stage: int | None
     since_ns: int
+    fault_ns: int | None  # when the fault of the open incident began
     wanted: Wanted
     life: int
     epoch: int | None
