@@ -41,6 +41,16 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
         "ko": "서버를 다시 켜고 있어요. 쓰던 내용은 이 화면에 그대로 있어요.",
         "en": "The server is being restarted. What you typed is still on this page.",
     },
+    "state_off": {"ko": "꺼짐", "en": "Off"},
+    "state_off_more": {
+        "ko": "관리자가 서버를 꺼 두었어요. 다시 켜지면 이 화면이 스스로 알려 드려요.",
+        "en": "The administrator has turned the server off. When it is back, this page says so by itself.",
+    },
+    "state_stopped": {"ko": "멈춤", "en": "Stopped"},
+    "state_stopped_more": {
+        "ko": "서버가 스스로 돌아오지 못했어요. 관리자의 확인이 필요해요.",
+        "en": "The server could not come back by itself. The administrator has to look at it.",
+    },
     # An empty start
     "start_title": {"ko": "아직 비어 있어요", "en": "Nothing here yet"},
     "start_lead": {
@@ -226,10 +236,6 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
         "ko": "{n}건은 이미 있어서 건너뛸 거예요.",
         "en": "{n} is there already and will be skipped.",
     },
-    "import_nothing_new": {
-        "ko": "새로 적을 내역이 없어요.",
-        "en": "There is nothing new to book.",
-    },
     "import_skipped": {"ko": "{n}건은 이미 있어서 건너뛰었어요.", "en": "{n} skipped as already there."},
     "import_how": {"ko": "이렇게 읽을까요", "en": "Read it like this"},
     "import_account": {"ko": "어느 계좌의 내역인가요", "en": "Which account is it of"},
@@ -283,6 +289,10 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "import_again": {"ko": "이미 있는 내역도 다시 적기", "en": "Book those that are already there once more"},
     "import_commit": {"ko": "{n}건 적기", "en": "Book {n}"},
     "import_commit_none": {"ko": "적을 내역 없음", "en": "Nothing to book"},
+    "import_moved": {
+        "ko": "내 계좌끼리 옮긴 돈도 들어온 돈과 나간 돈으로 적어요.",
+        "en": "Money moved between your own accounts is booked as money in and money out too.",
+    },
     "import_progress": {"ko": "{total}건 중 {done}건", "en": "{done} of {total}"},
     "import_leave": {
         "ko": "이 창을 닫아도 계속 적어요. 서버가 다시 켜져도 이어서 해요.",
@@ -351,7 +361,6 @@ SCRIPT_WORDS: Final = (
     "unsaid",
     "import_commit",
     "import_commit_none",
-    "import_nothing_new",
     "import_drop",
     "import_file_first",
     "import_file_gone",

@@ -68,6 +68,7 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
         summary=seen.summary,
         flows=seen.flows,
         spent=seen.spent,
+        repeated=pages_book.repeated(line.name for line in seen.spent),
         recent=seen.recent,
         currencies=CURRENCIES,
         currency_here=HOME_CURRENCY[reader.lang],
@@ -114,7 +115,7 @@ async def draw_accounts(request: Request, form: Drawn, status: int, key: str | N
         seq=seq,
         form=form,
         plain=PLAIN,
-        groups=groups,
+        groups=[(kind, group, pages_book.repeated(one.name for one in group)) for kind, group in groups],
         types=[kind.value for kind in TYPES],
         currencies=CURRENCIES,
     )

@@ -6,7 +6,8 @@ like a fault. So a page asks once, on a reader's thread, and gets a picture; how
 
 import calendar
 import urllib.parse
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -151,6 +152,11 @@ def entry(connection: Connection, entry_id: str) -> EntryPicture | None:
     if all(one.id != found.account for one in choices):
         choices += [_shown(one) for one in accounts if one.id == found.account]
     return EntryPicture(found, choices, _category_names(accounts))
+
+
+def repeated(names: Iterable[str | None]) -> frozenset[str | None]:
+    """Return the names that stand more than once in a list: only their currency tells them apart."""
+    return frozenset(name for name, times in Counter(names).items() if times > 1)
 
 
 def read_place(cursor: str) -> Position | None:

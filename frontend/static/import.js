@@ -156,7 +156,8 @@ function countAgain(form) {
   const button = form.querySelector("button.primary");
   button.textContent = n ? say("import_commit", { n }) : say("import_commit_none");
   button.disabled = !ready || !n;
-  if (ready) tell(form, n ? "" : say("import_nothing_new"));
+  const skipping = document.getElementById("import-skipping");
+  if (skipping) skipping.hidden = form.elements.again.checked;
 }
 
 async function commit(api, form) {

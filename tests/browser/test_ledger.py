@@ -151,3 +151,19 @@ def test_two_tabs_that_change_one_entry_see_each_others_change(house: House, ope
     save(form)
     second.wait_for_url("**/register")
     assert answer_of(house, f"/api/ledger/entries/{entry['id']}")["amount"] == "-202"
+
+
+@pytest.mark.parametrize("lang", ["ko-KR", "en-US"])
+def test_the_header_fits_a_phone_whatever_the_state_is_called(
+    house: House, open_tab: OpenTab, lang: str
+) -> None:
+    page = open_tab(house, lang=lang, viewport={"width": 360, "height": 780})
+    words = page.evaluate(
+        """["serving", "slow", "down", "off", "stopped"].map((state) => {
+            document.documentElement.dataset.hc = state;
+            const right = document.querySelector(".tongues").getBoundingClientRect().right;
+            return [document.querySelector(".state .words").innerText.trim(), right <= innerWidth];
+        })"""
+    )
+    assert all(fits for _, fits in words)
+    assert len({word for word, _ in words if word}) == len(words)

@@ -389,6 +389,23 @@ def test_an_account_is_added_at_its_name_and_closed_with_its_past_kept(core: Cor
     assert "여행" in get(core, "/accounts").text
 
 
+def test_names_that_stand_twice_in_a_list_are_told_apart_by_their_currency(core: Core) -> None:
+    begin(core)
+    body = {"id": "a:usd", "name": "Dollars", "type": "asset", "currency": "USD"}
+    assert core.ask("POST", "/api/ledger/accounts", body).status == 201
+    assert "USD" not in Elements(get(core, "/accounts").text).words
+    for number, account in enumerate(("a:usd", begin(core))):
+        post(core, "/entries", lunch(account, amount="5", category="", _idempotency_key=f"c{number}"))
+    for path in ("/accounts", "/?month=2026-11"):
+        words = Elements(get(core, path, Accept_Language="ko").text).words
+        assert [
+            words[at + 1]
+            for at, word in enumerate(words)
+            if word == "분류 없음" and words[at + 1] in {"KRW", "USD"}
+        ]
+        assert {"KRW", "USD"} <= set(words)
+
+
 def test_an_import_is_shown_from_its_preview_to_its_end(core: Core) -> None:
     account = begin(core, "en", "USD")
     file = f"Date,Description,Amount\n2026-11-02,Coffee,-4.50\n2026-02-31,Impossible,-1.00\n2026-11-03,{HOSTILE.replace(',', '')!r},2.00\n"
