@@ -72,6 +72,9 @@ OUTCOMES: Mapping[str, Text] = {
     "recovered_in": _text("{seconds}초 만에 다시 응답했어요.", "it answered again after {seconds} s."),
     "recovered": _text("지금은 다시 응답해요.", "it answers again."),
     "manual": _text("자동 복구를 멈추고 사람의 확인을 기다려요.", "recovery waits for a person."),
+    "served": _text(
+        "자동 복구를 멈췄지만 나중에 다시 열렸어요.", "recovery had stopped, and it was open again later."
+    ),
     "safe_mode": _text("읽기만 할 수 있게 열어 뒀어요.", "it is open for reading only."),
     "assist": _text("사람의 결정을 기다려요.", "a person is to decide."),
     "open": _text("복구가 아직 끝나지 않았어요.", "the recovery has not ended yet."),
@@ -133,6 +136,7 @@ NEXT_STEPS: Mapping[str, Text] = {
 OUTCOME_WORDS: Mapping[str, Text] = {
     "recovered": _text("복구됨", "recovered"),
     "manual": _text("사람 필요", "needs a person"),
+    "served": _text("다시 열림", "open again"),
     "safe_mode": _text("읽기 전용", "read-only"),
     "assist": _text("결정 대기", "to be decided"),
     "open": _text("진행 중", "open"),
@@ -272,6 +276,7 @@ WORDS: Mapping[str, Text] = {
     "outage": _text("중단 시간", "Outage"),
     "detection": _text("발견까지", "Noticed after"),
     "outcome": _text("결과", "Outcome"),
+    "served_again": _text("다시 열린 시각", "Open again at"),
     "account": _text("계좌", "account"),
     "transaction": _text("거래", "transaction"),
     "accounts": _text("계좌", "Accounts"),

@@ -299,6 +299,7 @@ class Executor:
         for line in self.serving:
             self._publish(line)
         self.begin(self.in_hand(self.mark, "released"))
+        self.begin(self.filing.served_again(clock.now_ns()))
 
     async def _close(self, order: orders.CloseIncident) -> None:
         incident = order.incident

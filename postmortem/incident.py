@@ -138,6 +138,7 @@ class Incident:
     audit: Audit | None
     deaths: tuple[Death, ...]
     waits_for: str | None
+    served_again_at: str | None
 
 
 #: Stages in which the core was at work on a command; QUEUED only waited for its turn.
@@ -177,6 +178,7 @@ def from_facts(incident_id: str, raw: object) -> Incident:
         audit=_audit(facts.get("audit")),
         deaths=tuple(_death(line) for line in mappings(facts.get("deaths"))),
         waits_for=optional_text(facts.get("waits_for")),
+        served_again_at=moment(facts.get("served_again_at")),
     )
 
 
@@ -193,14 +195,19 @@ def still_open(incident_id: str, opened_at: str | None, page: object) -> Inciden
     return from_facts(incident_id, facts)
 
 
-def ending(outcome: str, closed_at: str | None) -> str:
-    """Return what came of it, in one word: its outcome, or `untold` if its guard died before it was over."""
+def ending(outcome: str, closed_at: str | None, served_again_at: str | None) -> str:
+    """Return what came of it, in one word: its outcome, or what the outcome alone does not say.
+
+    `untold`: its guard died before it was over. `served`: recovery had stopped, and a core served again later.
+    """
+    if outcome == "manual" and served_again_at is not None:
+        return "served"
     return "untold" if outcome == "open" and closed_at is not None else outcome
 
 
 def waits_for(incident: Incident) -> str | None:
     """Return the diagnosis that has to be cleared away by a person before another try makes sense."""
-    if incident.outcome != "manual":
+    if incident.outcome != "manual" or incident.served_again_at is not None:
         return None
     return incident.waits_for or incident.diagnosis
 

@@ -6,6 +6,7 @@ waits for any of this.
 """
 
 import asyncio
+from collections import deque
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
@@ -51,6 +52,8 @@ class Filing:
         self._pauses_s = pauses_s
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._late: dict[str, list[RequestOutcome]] = {}
+        self._stopped: deque[str] = deque(maxlen=writer.STOPPED_MAX)
+        self._looked = False
 
     async def close(
         self, incident: Incident, pid: int | None, nonce: str, after: Sequence[asyncio.Event]
@@ -59,6 +62,8 @@ class Filing:
 
         `after`: its evidence, which comes first.
         """
+        if incident.outcome == "manual":
+            self._stopped.append(incident.id)
         told = facts(incident, pid, nonce, clock.wall)
         folder = self._incidents / incident.id
         async with self._alone(incident.id):
@@ -96,6 +101,19 @@ class Filing:
         async with self._alone(order.incident):
             if await self._persist(order.incident, writer.add_audit, folder, told):
                 await self._have_report(folder)
+
+    async def served_again(self, at_ns: int) -> None:
+        """Tell the incidents in which recovery had stopped, an earlier guard's too, that a core serves again."""
+        stopped, looked = list(self._stopped), self._looked
+        self._stopped.clear()
+        self._looked = True
+        if not looked:
+            stopped += await self._hands.in_hand(writer.find_stopped, self._incidents)
+        for incident_id in dict.fromkeys(stopped):
+            folder = self._incidents / incident_id
+            async with self._alone(incident_id):  # its facts are there, if they can be
+                if await self._persist(incident_id, writer.add_served, folder, clock.wall(at_ns)):
+                    await self._have_report(folder)
 
     async def close_abandoned(self, found: Sequence[writer.Abandoned]) -> None:
         """Close what a dead guard left open: each gets closing facts and a report, or is removed."""

@@ -30,6 +30,8 @@ DEAD_STORE_MS = 10_000
 LIVES_MAX = 16
 #: Requests that the facts of one incident name.
 REQUESTS_MAX = 4096
+#: Incidents in which recovery had stopped that are told when a core serves again: the newest.
+STOPPED_MAX = 64
 
 Abandoned = bundle.Found
 
@@ -97,6 +99,26 @@ def add_audit(path: Path, audit: Mapping[str, Any]) -> bundle.BundleFailed | Non
     """Add to the facts of a closed incident what the proof of the whole ledger said."""
     facts = _read(path, bundle.FACTS)
     return facts if isinstance(facts, bundle.BundleFailed) else write_facts(path, {**facts, "audit": audit})
+
+
+def find_stopped(incidents: Path) -> list[str]:
+    """Return the ids of the newest incidents in which recovery had stopped and nothing has served since."""
+    told = [
+        (found, _read(found.path, bundle.FACTS)) for found in bundle.find_bundles(incidents)[:STOPPED_MAX]
+    ]
+    return [found.id for found, facts in told if isinstance(facts, Mapping) and _stopped(facts)]
+
+
+def add_served(path: Path, at: str) -> bundle.BundleFailed | None:
+    """Add to the facts of an incident in which recovery had stopped that a core serves again."""
+    facts = _read(path, bundle.FACTS)
+    if isinstance(facts, bundle.BundleFailed):
+        return facts
+    return write_facts(path, {**facts, "served_again_at": at}) if _stopped(facts) else None
+
+
+def _stopped(facts: Mapping[str, Any]) -> bool:
+    return facts.get("outcome") == "manual" and "served_again_at" not in facts
 
 
 def is_id(text: str) -> bool:

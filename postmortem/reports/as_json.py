@@ -24,6 +24,7 @@ def as_item(report: Report, language: str) -> dict[str, Any]:
         "outage_ms": incident.outage_ms,
         "detected_ms": incident.detected_ms,
         "outcome": incident.outcome,
+        "served_again_at": incident.served_again_at,
         "planned": incident.planned,
         "fingerprint": report.fingerprint,
         "evidence_complete": report.contents.complete,

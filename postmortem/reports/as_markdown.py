@@ -35,7 +35,9 @@ def as_markdown(report: Report, language: str) -> str:
             summary=report.summary[language],
             next_step=next_step(incident, language),
             grade=texts.GRADES[incident.grade][language],
-            outcome=texts.OUTCOME_WORDS[ending(incident.outcome, incident.closed_at)][language],
+            outcome=texts.OUTCOME_WORDS[
+                ending(incident.outcome, incident.closed_at, incident.served_again_at)
+            ][language],
             accounts=", ".join(report.account_ids),
             transactions=", ".join(report.transaction_ids),
             fingerprint=report.fingerprint,

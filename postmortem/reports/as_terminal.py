@@ -32,6 +32,8 @@ _OUTCOME_STYLES = {
     "assist": "warn",
     "safe_mode": "warn",
     "manual": "bad",
+    "served": "good",
+    "untold": "warn",
 }
 
 
@@ -57,7 +59,7 @@ def print_list(items: list[dict[str, Any]], language: str, write: Write, look: L
         outcome = _outcome(item, language)
         head = f"{_local(item['opened_at'], language)}  {short[item['id']]}  "
         outage = milliseconds(item["outage_ms"], "-")
-        state = look.style(pad(outcome, 11), _OUTCOME_STYLES[item["outcome"]])
+        state = look.style(pad(outcome, 11), _OUTCOME_STYLES[_ending(item)])
         row = f"{look.style(head, 'dim')}{state}{pad(outage, 9, right=True)}"
         used = cells(head) + 11 + 9 + 2
         if look.width >= _WIDE:
@@ -99,6 +101,8 @@ def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) ->
         ("transactions", ", ".join(story["transaction_ids"]) or idle),
         ("money", story["money_line"][language]),
     ]
+    if again_at := story["served_again_at"]:
+        rows.insert(2, ("served_again", _local(again_at, language)))
     if step := story["next_step"][language]:
         rows.append(("next_step", step))
     for label, value in rows:
@@ -108,7 +112,11 @@ def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) ->
 
 
 def _outcome(item: Mapping[str, Any], language: str) -> str:
-    return texts.OUTCOME_WORDS[ending(item["outcome"], item["closed_at"])][language]
+    return texts.OUTCOME_WORDS[_ending(item)][language]
+
+
+def _ending(item: Mapping[str, Any]) -> str:
+    return ending(item["outcome"], item["closed_at"], item["served_again_at"])
 
 
 def _timeline(story: Mapping[str, Any], language: str) -> Iterable[str]:

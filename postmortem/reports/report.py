@@ -67,9 +67,8 @@ def summarise(incident: Incident, language: str) -> str:
     cause = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])[language]
     lead = texts.GRADE_LEADS[incident.grade if incident.diagnosis in texts.CAUSES else "certain"][language]
     timed = incident.outcome == "recovered" and incident.outage_ms is not None
-    outcome = texts.OUTCOMES["recovered_in" if timed else ending(incident.outcome, incident.closed_at)][
-        language
-    ]
+    how = ending(incident.outcome, incident.closed_at, incident.served_again_at)
+    outcome = texts.OUTCOMES["recovered_in" if timed else how][language]
     seconds = f"{(incident.outage_ms or 0) / 1000:.1f}"
     joint = " " if language == "ko" else "; "
     sentence = f"{lead}{cause}{joint}{outcome.format(seconds=seconds)}"

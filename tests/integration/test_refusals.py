@@ -127,6 +127,23 @@ def test_a_store_that_another_program_holds_is_not_fought_for_and_resume_brings_
     assert house.book("after-the-lock").status == 201
 
 
+def test_what_waited_for_a_person_is_told_as_over_when_a_core_serves_again(new_house: MakeHouse) -> None:
+    house = new_house()
+    stopped_with_records(house)
+    with locked(house.folders.data / "ledger.db"):
+        house.begin()
+        refused_at_once(house)
+        assert house.closed(1)["next_step"]["en"] is not None
+        assert "needs a person" in house.cli("incidents").out
+    assert house.cli("resume").code == 0
+    until(lambda: house.incidents()[0]["served_again_at"], "the incident to be told as over")
+    assert house.incidents()[0]["outcome"] == "manual"
+    listed = house.cli("incidents").out
+    assert "open again" in listed
+    assert "person" not in listed
+    assert house.closed(1)["next_step"]["en"] is None
+
+
 def test_a_file_that_is_no_ledger_is_left_alone(new_house: MakeHouse) -> None:
     house = new_house()
     house.data.mkdir(parents=True)

@@ -120,6 +120,19 @@ def test_a_loop_of_deaths_is_told_in_a_plain_sentence() -> None:
     assert one.summary["en"].endswith("CRASH_LOOP — it failed more often than the restart budget allows.")
 
 
+def test_an_incident_that_was_served_after_waits_for_nobody() -> None:
+    one = report(outcome="manual", waits_for="DB_LOCKED", served_again_at="2026-11-21T09:30:00.000Z")
+    assert one.summary["en"].endswith("; recovery had stopped, and it was open again later.")
+    assert one.summary["ko"].endswith("자동 복구를 멈췄지만 나중에 다시 열렸어요.")
+    assert as_item(one, "en")["served_again_at"] == "2026-11-21T09:30:00.000Z"
+    for language in texts.LANGUAGES:
+        said = as_markdown(one, language) + terminal(one, language, Look())
+        assert texts.OUTCOME_WORDS["served"][language] in said
+        assert texts.OUTCOME_WORDS["manual"][language] not in said
+        assert texts.WORDS["next_step"][language] not in said
+        assert texts.WORDS["served_again"][language] in terminal(one, language, Look())
+
+
 @pytest.mark.parametrize("outcome", ["recovered", "open"])
 def test_nobody_is_asked_to_do_anything_where_nothing_waits(outcome: str) -> None:
     one = report(outcome=outcome, waits_for="DB_LOCKED")

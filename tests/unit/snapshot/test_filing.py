@@ -2,6 +2,7 @@ import asyncio
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -166,3 +167,49 @@ def test_an_incident_left_open_is_closed_as_soon_as_its_folder_can_be_written(tm
     told = facts(tmp_path / ID)
     assert (told["outcome"], told["opened_at"]) == ("open", "2025-10-01T13:39:38.624Z")
     assert bundle.verify_bundle(tmp_path / ID) == []
+
+
+def test_what_recovery_had_stopped_at_is_told_when_a_core_serves_again(tmp_path: Path) -> None:
+    hands = Hands(lambda: None)
+
+    async def filed() -> None:
+        filing = Filing(tmp_path, hands, hands.report, pauses_s=())
+        await filing.close(incident(), None, "", ())
+        assert "served_again_at" not in facts(tmp_path / ID)
+        await filing.served_again(5)
+
+    asyncio.run(filed())
+    assert facts(tmp_path / ID)["served_again_at"]
+    assert facts(tmp_path / ID)["outcome"] == "manual"
+    assert hands.reported == [ID, ID]
+
+
+def test_the_first_core_of_a_guard_is_told_to_the_incidents_of_the_guards_before_it_once(
+    tmp_path: Path,
+) -> None:
+    hands = Hands(lambda: None)
+
+    async def filed() -> None:
+        await Filing(tmp_path, hands, hands.report, pauses_s=()).close(incident(), None, "", ())
+        later = Filing(tmp_path, hands, hands.report, pauses_s=())
+        await later.served_again(5)
+        told = facts(tmp_path / ID)["served_again_at"]
+        await later.served_again(5_000_000_000)
+        await Filing(tmp_path, hands, hands.report, pauses_s=()).served_again(9_000_000_000)
+        assert facts(tmp_path / ID)["served_again_at"] == told
+
+    asyncio.run(filed())
+    assert hands.reported == [ID, ID]
+
+
+def test_an_incident_that_ended_well_is_not_told_again(tmp_path: Path) -> None:
+    hands = Hands(lambda: None)
+
+    async def filed() -> None:
+        filing = Filing(tmp_path, hands, hands.report, pauses_s=())
+        await filing.close(replace(incident(), outcome="recovered", waits_for=None), None, "", ())
+        await filing.served_again(5)
+
+    asyncio.run(filed())
+    assert "served_again_at" not in facts(tmp_path / ID)
+    assert hands.reported == [ID]
