@@ -10,6 +10,7 @@ from typing import Any
 
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import START_S, House
+from tests.waiting import until
 
 
 def verified(house: House, epoch: int) -> dict[str, Any]:
@@ -63,3 +64,22 @@ def test_a_ledger_that_is_not_whole_is_served_and_told_to_everybody(new_house: M
         return any(item["money"]["verified"] is False for item in house.incidents())
 
     house.until(lambda _: money(), "the incident to claim nothing about the money")
+
+
+def test_a_ledger_that_is_not_whole_is_told_by_the_next_guard_too(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    for number in range(5):
+        assert house.book(f"booked-{number}").status == 201
+    change_an_old_line(house)
+    house.hit("core")
+    before = house.until(lambda s: s["state"] == "DEGRADED", "the worry to be shown")
+    house.closed(1)
+    assert verified(house, before["core"]["epoch"])["ok"] is False
+
+    guard = house.hit("sentinel")
+    until(lambda: guard.gone, "the guard to be gone")
+    told = house.until(lambda s: s["state"] == "DEGRADED", "the next guard to show the worry")
+    assert told["sentinel"]["pid"] != before["sentinel"]["pid"]
+    assert told["worries"] == before["worries"]
+    assert verified(house, told["core"]["epoch"])["ok"] is False
