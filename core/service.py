@@ -11,8 +11,10 @@ import asyncio
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import Final, TypeVar
 
@@ -32,6 +34,15 @@ from core.settings import Settings
 T = TypeVar("T")
 
 VERIFICATIONS_WAITING_MAX: Final = 16
+UNANSWERED: Final = 500  # noted of work that ended without an answer
+
+
+@dataclass(slots=True)
+class Held:
+    """A slot while its work goes on. `status`: what the work was answered with, as soon as that is known."""
+
+    slot: int
+    status: int = UNANSWERED
 
 
 class NoSlot:
@@ -211,3 +222,28 @@ class Service:
         # The writer's connection is the last to close: it empties the log, so that a ledger at rest is one file.
         self._readers.dispose()
         await self._writer.stop()
+
+
+@contextmanager
+def holding(
+    service: Service,
+    kind: str,
+    payload: bytes,
+    *,
+    key: str | None = None,
+    command_id: str = "",
+    transaction_id: str = "",
+    account_ids: tuple[str, ...] = (),
+) -> Iterator[Held | NoSlot | Draining]:
+    """Hold a slot for a piece of work, where there is one to be had, and free it however the work ends."""
+    slot = service.begin(
+        kind, payload, key=key, command_id=command_id, transaction_id=transaction_id, account_ids=account_ids
+    )
+    if not isinstance(slot, int):
+        yield slot
+        return
+    held = Held(slot)
+    try:
+        yield held
+    finally:
+        service.finish(slot, held.status)

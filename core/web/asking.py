@@ -5,7 +5,8 @@ every refusal ends the request as a problem, and no handler decides for itself w
 """
 
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Final, TypeVar, assert_never
 
 import msgspec
@@ -27,10 +28,10 @@ from core.journal.answers import (
 from core.journal.store import StoreError
 from core.ledger.commands import Command, accounts_of, transaction_of
 from core.ledger.reasons import Rejection
-from core.service import Draining, NoSlot, ReadTooLong, Service
+from core.service import Draining, Held, NoSlot, ReadTooLong, Service, holding
 from core.web.door import take_slot
 from core.web.intake import digest_of, idempotency_key
-from core.web.problems import Outcome, Problem, ProblemError, refusal
+from core.web.problems import PROBLEM_KINDS, Outcome, Problem, ProblemError, refusal
 
 T = TypeVar("T")
 
@@ -88,18 +89,31 @@ async def read(
 
 
 def begin(request: Request, kind: str, payload: bytes, **named: Any) -> int:
-    """Return a slot for this request, which may not run without one."""
-    slot = service_of(request).begin(kind, payload, **named)
-    match slot:
-        case NoSlot():
-            raise ProblemError(Problem("busy"))
-        case Draining():
-            raise ProblemError(Problem("leaving"))
-        case int():
-            take_slot(request.scope, slot)
-            return slot
-        case _:
-            assert_never(slot)
+    """Return the slot of this request, which may not run without one; it is given back with the answer."""
+    slot = granted(service_of(request).begin(kind, payload, **named))
+    take_slot(request.scope, slot)
+    return slot
+
+
+@contextmanager
+def working(request: Request, kind: str, payload: bytes, **named: Any) -> Iterator[Held]:
+    """Hold a slot for one of several pieces of work of this request; a problem that ends it gives it its status."""
+    with holding(service_of(request), kind, payload, **named) as found:
+        held = granted(found)
+        try:
+            yield held
+        except ProblemError as error:
+            held.status = PROBLEM_KINDS[error.problem.slug].status
+            raise
+
+
+def granted(found: T | NoSlot | Draining) -> T:
+    """Return what was asked for, or end the request where nothing new can be begun."""
+    if isinstance(found, NoSlot):
+        raise ProblemError(Problem("busy"))
+    if isinstance(found, Draining):
+        raise ProblemError(Problem("leaving"))
+    return found
 
 
 def respond_with(answer: Answer) -> Response:

@@ -9,10 +9,9 @@ from typing import Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from core.service import Service
+from core.service import UNANSWERED, Service
 
 _SLOT: Final = "core.slot"
-_UNANSWERED: Final = 500
 _SWITCHING: Final = 101
 _HEADS: Final = frozenset({"http.response.start", "websocket.accept", "websocket.http.response.start"})
 
@@ -33,7 +32,7 @@ class Door:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request through."""
-        status = _UNANSWERED
+        status = UNANSWERED
 
         async def stamp(message: Message) -> None:
             nonlocal status

@@ -25,7 +25,6 @@ from core.ledger.commands import (
     post_transaction,
 )
 from core.ledger.views import view_account
-from core.service import Draining, NoSlot
 from core.web.asking import (
     NAMED_MAX,
     accepted,
@@ -33,6 +32,7 @@ from core.web.asking import (
     as_list,
     begin,
     carry_out,
+    granted,
     read,
     respond_with,
     service_of,
@@ -142,11 +142,7 @@ async def list_events(request: Request) -> Response:
 
 async def get_verdict(request: Request) -> Response:
     """GET /api/ledger/verify."""
-    verdict = await service_of(request).verify()
-    if isinstance(verdict, NoSlot):
-        raise ProblemError(Problem("busy"))
-    if isinstance(verdict, Draining):
-        raise ProblemError(Problem("leaving"))
+    verdict = granted(await service_of(request).verify())
     if isinstance(verdict, StoreError):
         logger.error("The ledger could not be read for its proof: %s", verdict.text)
         raise ProblemError(Problem("store-unreadable"))

@@ -16,7 +16,7 @@ from core.frames import MISSED_EVENTS_MAX
 from core.hub import Frame, Seat
 from core.journal import queries
 from core.journal.store import StoreError
-from core.service import Draining, NoSlot, ReadTooLong, Service
+from core.service import Draining, NoSlot, ReadTooLong, Service, holding
 from core.web.problems import Problem, respond
 from core.web.same_origin import is_foreign
 from frontend.render import language
@@ -86,24 +86,18 @@ async def _missed(service: Service, after: int | None, head: int) -> list[Frame]
     """Return the frames of what was missed, or the code to close with where the book can't be asked."""
     if after is None or after >= head:
         return frames.catch_up(after, head, ())
-    slot = service.begin("read.missed", b"after=%d" % after)
-    match slot:
-        case NoSlot():
+    with holding(service, "read.missed", b"after=%d" % after) as held:
+        if isinstance(held, NoSlot):
             return TRY_AGAIN_LATER
-        case Draining():
+        if isinstance(held, Draining):
             return RESTARTING
-        case int():
-            pass
-    status = 503
-    try:
-        # One more than are told: are there more?
-        found = await service.read(slot, lambda c: queries.committed_after(c, after, MISSED_EVENTS_MAX + 1))
+        one_more = MISSED_EVENTS_MAX + 1  # than are told: are there more?
+        found = await service.read(held.slot, lambda c: queries.committed_after(c, after, one_more))
         if isinstance(found, ReadTooLong | StoreError):
+            held.status = 503
             return TRY_AGAIN_LATER
-        status = 200
+        held.status = 200
         return frames.catch_up(after, head, found)
-    finally:
-        service.finish(slot, status)
 
 
 async def _gone(websocket: WebSocket) -> None:

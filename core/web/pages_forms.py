@@ -15,11 +15,9 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
-from core.journal.answers import Done
 from core.ledger.commands import Command, accounts_of, transaction_of
 from core.ledger.reasons import Fault
-from core.service import Draining, NoSlot
-from core.web.asking import respond_with, service_of
+from core.web.asking import respond_with, service_of, working
 from core.web.intake import check_key, digest_of, idempotency_key, read_body
 from core.web.pages_answers import reader_of, tell_script, text_for
 from core.web.problems import Problem, ProblemError
@@ -85,29 +83,20 @@ async def carry_out(
     service = service_of(request)
     key = form.key + part if form.key is not None else None
     command_id = service.new_id()
-    slot = service.begin(
+    with working(
+        request,
         kind,
         form.body,
         key=key,
         command_id=command_id,
         transaction_id=transaction_of(command),
         account_ids=accounts_of(command),
-    )
-    match slot:
-        case NoSlot():
-            raise ProblemError(Problem("busy"))
-        case Draining():
-            raise ProblemError(Problem("leaving"))
-        case int():
-            pass
-    status = 500
-    try:
-        answer = await service.carry_out(command, key, digest_of(request, form.body), command_id, slot)
-        status = answer.status if isinstance(answer, Done) else 422
-        told: dict[str, Any] = msgspec.json.decode(respond_with(answer).body)
-        return told
-    finally:
-        service.finish(slot, status)
+    ) as held:
+        answer = await service.carry_out(command, key, digest_of(request, form.body), command_id, held.slot)
+        response = respond_with(answer)
+        held.status = response.status_code
+    told: dict[str, Any] = msgspec.json.decode(response.body)
+    return told
 
 
 def from_script(request: Request) -> bool:

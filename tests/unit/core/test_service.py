@@ -1,17 +1,23 @@
-"""The service while its core leaves."""
+"""The service: slots that always come back, and a core that leaves."""
 
 import asyncio
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
+import pytest
 from sqlalchemy import Connection
+from starlette.requests import Request
 
+from core.guarded.recorder import NoRecorder
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.verify import Verdict
 from core.service import Draining, Service
 from core.settings import Settings
+from core.web.asking import working
+from core.web.problems import Problem, ProblemError
 from tests import waiting
 from tests.unit.core.books import Pen
 from tests.unit.core.test_writer import Heard, writing
@@ -23,6 +29,45 @@ async def serving(path: Path) -> AsyncIterator[Service]:
     async with writing(made, Heard()) as writer:
         readers = open_reading(path / LEDGER_FILE, 2, 1_000)
         yield Service(writer, readers, made.recorder, Settings(), made.epoch)
+
+
+class Notes(NoRecorder):
+    """Remembers with which status each piece of work was finished."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.finished: list[int] = []
+
+    def finish(self, slot: int, status: int) -> None:
+        super().finish(slot, status)
+        self.finished.append(status)
+
+
+def test_a_slot_comes_back_with_the_status_of_the_answer_however_the_work_ends(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with serving(tmp_path) as service:
+            notes = service._recorder = Notes()
+            app = SimpleNamespace(state=SimpleNamespace(service=service))
+            request = Request({"type": "http", "app": app})
+            with working(request, "test", b"") as held:
+                held.status = 201
+            for problem, status in (("store-busy", 503), ("entry-changed", 409), ("unbalanced", 422)):
+                with pytest.raises(ProblemError), working(request, "test", b""):
+                    raise ProblemError(Problem(problem))
+                assert notes.finished[-1] == status
+            with pytest.raises(ZeroDivisionError), working(request, "test", b""):
+                raise ZeroDivisionError
+            assert notes.finished == [201, 503, 409, 422, 500]
+            assert service.in_flight == 0
+            service.drain()
+            with pytest.raises(ProblemError) as refused, working(request, "test", b""):
+                pass
+            assert refused.value.problem.slug == "leaving"
+            assert len(notes.finished) == 5
+            await service.close()
+            notes.close()
+
+    asyncio.run(scenario())
 
 
 def test_a_proof_that_a_leaving_core_gives_up_was_not_begun(tmp_path: Path) -> None:
