@@ -4,7 +4,7 @@ The recovery page must work when nothing else does, so it needs nothing but itse
 in it and are allowed by their hash. Its script and that of a living page are ES modules set one after the other, so
 that a page never has half of them or two versions at once. A bundler was not needed for that, because each module
 imports by one line from its neighbours and no two of them use the same name at their top (a test sees to both).
-Comments stay in the checkout and are not sent.
+Comments and indentation stay in the checkout and are not sent.
 """
 
 import base64
@@ -39,8 +39,12 @@ CLIENT_MODULES: Final = (
     "screen.js",
     "drafts.js",
     "slowness.js",
+    "typing.js",
     "client.js",
 )
+
+#: What only the recovery page says, by the beginning of the code.
+PAGE_ONLY: Final = frozenset({"R15", "reopens", "reopen", "back", *OUTCOMES[1:]})
 
 SOURCES: Final = Path(__file__).parent / "crisis"
 _TEMPLATES: Final = Path(__file__).parent.parent / "templates"
@@ -51,6 +55,11 @@ _OPENING: Final[Mapping[Kind, str]] = MappingProxyType(
     {"recovering": "R1", "planned": "R2", "stopped_trying": "R8", "off": "OFF"}
 )
 _IMPORT: Final = re.compile(r'^import [^"]*"\./[\w.]+\.js";\n', flags=re.MULTILINE)
+#: The spaces before a line, and what stands behind code for its reader.
+_AROUND: Final = re.compile(r"^ +|  +// .*$| +$", flags=re.MULTILINE)
+#: Spaces around an operator; none of our strings has one (a test sees to it).
+OPERATOR: Final = re.compile(r" (=>|[=!]==|&&|\|\||\?\?|[<>]=?|[=?:*/]) ")
+_LOOSE: Final = re.compile(r"(?<=[;,{}])\s+|\s+(?=[{}])|(?<=\w:) ")
 _COMMENT: Final = re.compile(r"^ *//[^\n]*\n|^ */\*.*?\*/ *\n", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -78,10 +87,11 @@ def own_files() -> Mapping[str, OwnFile]:
     """Return the scripts and styles of the gateway by their path, such as `/__hc/client.js`."""
     files = {
         "client.js": OwnFile(_modules(CLIENT_MODULES).encode(), _SCRIPT),
-        "client.css": OwnFile(_source("client.css").encode(), _STYLE),
+        "client.css": OwnFile(_style("client.css").encode(), _STYLE),
     }
     for lang in LANGUAGES:
-        body = f"export const words = {_json(words(lang))};\n".encode()
+        said = {code: text for code, text in words(lang).items() if not _is_of_the_page(code)}
+        body = f"export const words = {_json(said)};\n".encode()
         files[f"words.{lang}.js"] = OwnFile(body, _SCRIPT)
     return MappingProxyType({f"/__hc/{name}": one for name, one in files.items()})
 
@@ -92,7 +102,7 @@ def recovery_page(lang: Language, kind: Kind, outcome: Outcome = "get") -> Page:
     that sends nothing twice (`get`), and says what became of a form otherwise.
     """
     script = _page_script()
-    style = "\n" + _source("client.css") + _source("recovery.css")
+    style = "\n" + _style("client.css") + _style("recovery.css")
     page = _environment().get_template("recovery.html.j2")
     body = page.render(
         lang=lang,
@@ -125,12 +135,24 @@ def _page_script() -> str:
 
 
 def _modules(names: Iterable[str]) -> str:
-    return in_one("\n" + _source(name) for name in names)
+    return in_one("\n" + OPERATOR.sub(r"\1", _source(name)) for name in names)
 
 
 def _source(name: str) -> str:
-    """A file of the folder without its comments; they are full lines here, so no string can be mistaken."""
-    return _COMMENT.sub("", (SOURCES / name).read_text("utf-8"))
+    """A file of the folder without its comments and indentation. A comment is a full line here or stands two
+    spaces behind the code, as in no string of ours, and no text goes over several lines.
+    """
+    return _AROUND.sub("", _COMMENT.sub("", (SOURCES / name).read_text("utf-8")))
+
+
+def _style(name: str) -> str:
+    """A style of the folder without the spaces that mean nothing."""
+    return _LOOSE.sub("", _source(name))
+
+
+def _is_of_the_page(code: str) -> bool:
+    """Whether the recovery page alone says it: what became of a form is said where the form was answered."""
+    return code.partition(".")[0] in PAGE_ONLY
 
 
 def _json(value: object) -> str:

@@ -31,6 +31,16 @@ function sayLines(list, lines) {
   lines.forEach((line, index) => say(list.children[index], line));
 }
 
+function sayWaiting(list, waiting) {
+  list.hidden = waiting.length === 0;
+  while (list.children.length > waiting.length) list.lastChild.remove();
+  while (list.children.length < waiting.length) list.append(make("p", "waiting", make("strong", ""), " ", make("span", "")));
+  waiting.forEach(({ head, line }, index) => {
+    say(list.children[index].firstChild, head);
+    say(list.children[index].lastChild, line);
+  });
+}
+
 function sayStages(list, stages) {
   list.hidden = stages.length === 0;
   while (list.children.length > stages.length) list.lastChild.remove();
@@ -61,9 +71,7 @@ export function makeCard(pressed) {
   const bar = make("progress", "");
   const time = make("p", "time");
   const stages = make("ol", "");
-  const waitingHead = make("strong", "");
-  const waitingLine = make("span", "");
-  const waiting = make("p", "waiting", waitingHead, " ", waitingLine);
+  const waiting = make("div", "lines");
   const summary = make("summary", "");
   const more = make("div", "lines");
   const details = make("details", "", summary, more);
@@ -90,11 +98,7 @@ export function makeCard(pressed) {
     if (card.progress !== null) bar.value = Math.max(card.progress, bar.value);
     bar.setAttribute("aria-label", card.head);
     sayStages(stages, card.stages);
-    waiting.hidden = card.waiting === null;
-    if (card.waiting) {
-      say(waitingHead, card.waiting.head);
-      say(waitingLine, card.waiting.line);
-    }
+    sayWaiting(waiting, card.waiting);
     details.hidden = card.details.length === 0;
     say(summary, words.details);
     sayLines(more, card.details);

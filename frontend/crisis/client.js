@@ -10,25 +10,32 @@ import { face } from "./wording.js";
 import { makeScreen } from "./screen.js";
 import { keepDrafts } from "./drafts.js";
 import { watchRequests } from "./slowness.js";
+import { watchTyping } from "./typing.js";
 
 const TICK_MS = 1000;
 const PENDING_MAX = 999;
+const HEEDED = "hc:heeded";
 
 let lang = document.documentElement.lang.startsWith("ko") ? "ko" : "en";
 let { words } = await import(`./words.${lang}.js`);
-let view = CALM;
+let view = { ...CALM, heeded: heeded() };
 let pending = 0;
 let timer = 0;
-let downWasTold = false; // the page heard hc:down
+let askNow = () => {};
+let downWasTold = false;  // the page heard hc:down
 let isAway = false;      // it is owed hc:back, because of that or because the line was lost
-let backWasTold = false; // by a state frame, before its back frame
+let backWasTold = false;  // by a state frame, before its back frame
 let plainTitle = document.title;
 let shownTitle = null;
 let restored = null;
 
 const screen = makeScreen({ close: () => hear({ type: "dismiss" }), keep, other, undo, leave });
 const drafts = keepDrafts(() => paint());
-const requests = watchRequests(() => paint());
+const requests = watchRequests(() => {
+  if (requests.isSlow()) askNow();  // slow, or nobody there: the gateway answers at once if it can
+  paint();
+});
+const typing = watchTyping();
 
 function tell(name, detail) {
   document.dispatchEvent(new CustomEvent(name, { detail }));
@@ -37,10 +44,25 @@ function tell(name, detail) {
 function hear(said) {
   const now_ms = performance.now();
   if (said.type === "state" && said.text !== null && !isAway) drafts.saveAll();
+  const { mode: was, heeded: wasHeeded } = view;
   view = next(view, said, now_ms);
+  // Keys pressed into a dialog that has just opened are lost: it waits for a pause of whoever is typing.
+  if (view.mode === "card" && was !== "card") {
+    const due_ms = typing.pause(now_ms);
+    if (due_ms > now_ms) view = { ...view, mode: "sign", due_ms };
+  } else if (view.mode !== "sign") typing.rest();
+  if (view.heeded !== wasHeeded) heeded(view.heeded);
   paint();
   announce(said);
   arm(now_ms);
+}
+
+// A verdict that was read is not said again on each page of this tab.
+function heeded(value) {
+  try {
+    if (value !== undefined) sessionStorage.setItem(HEEDED, value ? "1" : "");
+    return sessionStorage.getItem(HEEDED) === "1";
+  } catch { return false; }  // no storage: it is said again
 }
 
 function announce(said) {
@@ -74,8 +96,9 @@ function paint() {
     pending, draft: drafts.standing(), slow: requests.isSlow(), alive: true, unheard: false, request: null,
   };
   const shown = face(view, facts, performance.now(), words);
-  const isDown = view.mode === "sign" || view.mode === "card" || view.mode === "lost";
-  mark(isDown ? "down" : facts.slow && view.mode === "calm" ? "slow" : "serving");
+  const isOut = view.mode === "sign" || view.mode === "card";
+  const downs = { OFF: "off", R8: "stopped" };
+  mark(isOut ? downs[view.frame.text] ?? "down" : view.mode === "lost" ? "down" : facts.slow && view.mode === "calm" ? "slow" : "serving");
   if (window.parent === window) screen.show(shown, words, lang, view.mode === "card", drafts.asText() !== "");
   nameTab(shown.title);
 }
@@ -113,7 +136,7 @@ async function keep() {
   try {
     await navigator.clipboard.writeText(typed);
     screen.card.copied("keep.done", words);
-  } catch { // no permission, or no secure context: a plain address in a home network has none
+  } catch {  // no permission, or no secure context: a plain address in a home network has none
     const { byHand } = screen.card;
     byHand.hidden = false;
     byHand.value = typed;
@@ -150,4 +173,4 @@ document.addEventListener("input", (event) => { if (event.isTrusted) leave(); })
 
 restored = drafts.restore();
 if (restored) screen.note({ head: words.R13, line: words[restored.tried ? "R13.tried" : "R13.unsent"] }, words);
-openChannel(hear);
+askNow = openChannel(hear);

@@ -15,8 +15,11 @@ function isCheck(field) {
   return field.type === "checkbox" || field.type === "radio";
 }
 
+const secret = new WeakSet();  // seen as a password once: a button may show what is in it
+
 function isKept(field) {
-  return Boolean(field.name) && "value" in field && !NEVER.has(field.type) && !field.closest("[data-hc-nodraft]")
+  if (field.type === "password") secret.add(field);
+  return !secret.has(field) && Boolean(field.name) && "value" in field && !NEVER.has(field.type) && !field.closest("[data-hc-nodraft]")
     && !SECRET.test(field.autocomplete ?? "");
 }
 
@@ -64,7 +67,7 @@ function isDraftForm(form) {
 }
 
 function load(key) {
-  try { return JSON.parse(sessionStorage.getItem(key)); } catch { return null; } // no storage, or not ours
+  try { return JSON.parse(sessionStorage.getItem(key)); } catch { return null; }  // no storage, or not ours
 }
 
 function forget(form) {
@@ -81,14 +84,14 @@ function store(key, draft) {
     others.sort((one, two) => (load(one)?.at ?? 0) - (load(two)?.at ?? 0));
     others.slice(0, Math.max(0, others.length + 1 - DRAFTS_MAX)).forEach((name) => sessionStorage.removeItem(name));
     return sessionStorage.getItem(key) === written;
-  } catch { return false; } // full or forbidden
+  } catch { return false; }  // full or forbidden
 }
 
 /** Keep drafts of this page. `changed` is called after each save. */
 export function keepDrafts(changed) {
   const touched = new Set();  // fields typed into since the page was opened
-  const stored = new WeakMap(); // form -> whether its last save was read back
-  const tried = new WeakSet(); // forms that were submitted since the last success
+  const stored = new WeakMap();  // form -> whether its last save was read back
+  const tried = new WeakSet();  // forms that were submitted since the last success
   let timer = 0;
 
   function save(form) {
@@ -157,10 +160,12 @@ export function keepDrafts(changed) {
   document.addEventListener("input", (event) => {
     const field = event.composedPath()[0];
     if (!field.form && !("defaultValue" in field)) return;
+    isKept(field);
     touched.add(field);
     clearTimeout(timer);
     timer = setTimeout(saveAll, SAVE_AFTER_MS);
   }, true);
+  document.addEventListener("focusin", (event) => isKept(event.composedPath()[0]), true);
   document.addEventListener("submit", (event) => {
     tried.add(event.target);
     saveAll();

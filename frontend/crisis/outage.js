@@ -8,20 +8,24 @@ export const SHORT_STAY_MS = 5000;
 export const RESULT_STAY_MS = 8000;
 const AGAIN_STAY_MS = 3000;
 const LONG_S = 1;     // history says it takes at least this long: no reason to wait with the overlay
-const BRIEF_MS = 1000; // history says it is usually over by then: an overlay would only flash
+const BRIEF_MS = 1000;  // history says it is usually over by then: an overlay would only flash
 
 export const CALM = Object.freeze({
   mode: "calm",     // calm | sign (strip) | card (overlay) | result (card, not modal) | short (strip) | lost | again
+                    // | unsound (card, not modal)
   frame: null,      // the last state frame
-  back: null,       // {outage_ms, verified: true | null | false}
+  back: null,       // {outage_ms: null if nobody measured it, verified: true | null}
+  gap_ms: 0,        // how long our own line was gone
+  silent: false,    // of a lost line: nobody refused, nobody answered
+  heeded: false,    // that the ledger is not whole was read and put aside
   begun_ms: 0,      // when the outage began, on our clock
-  due_ms: Infinity, // when `tick` means something
+  due_ms: Infinity,  // when `tick` means something
   reached: {},      // stage -> milliseconds after the beginning
   overlay_after_ms: 400,
 });
 
 const stays = (view) => view;
-const calms = (view) => ({ ...CALM, frame: view.frame, overlay_after_ms: view.overlay_after_ms });
+const calms = ({ frame, overlay_after_ms, heeded }) => ({ ...CALM, frame, overlay_after_ms, heeded });
 
 /** Whether a person has to act before anything goes on: nobody is trying any more. */
 export function isFinal(frame) {
@@ -42,8 +46,15 @@ function withStage(view, frame, now_ms) {
 }
 
 function begins(view, frame, now_ms) {
-  const fresh = { ...calms(view), mode: "sign", begun_ms: now_ms, due_ms: now_ms + view.overlay_after_ms };
+  const { gap_ms } = view;
+  const begun_ms = now_ms - gap_ms;
+  const fresh = { ...calms(view), heeded: false, mode: "sign", gap_ms, begun_ms, due_ms: now_ms + view.overlay_after_ms };
   return goesOn(fresh, frame, now_ms);
+}
+
+// Put aside while a person had to act: once somebody tries again, it is an outage like any other.
+function resumes(view, frame, now_ms) {
+  return isFinal(view.frame) && !isFinal(frame) ? begins(view, frame, now_ms) : goesOn(view, frame, now_ms);
 }
 
 function goesOn(view, frame, now_ms) {
@@ -55,26 +66,46 @@ function goesOn(view, frame, now_ms) {
   return isLong(frame) && !(isFinal(frame) && heardBefore) ? { ...next, mode: "card" } : next;
 }
 
+// The guard's number is that of the core. Where our own line was gone too, that is what was seen here.
+function lengthOf(view, told_ms, now_ms) {
+  if (!view.gap_ms) return told_ms;
+  const own_ms = view.begun_ms ? now_ms - view.begun_ms : view.gap_ms;
+  return Math.max(told_ms ?? 0, own_ms, view.gap_ms);
+}
+
 function ends(mode, stay_ms) {
   return (view, said, now_ms) => {
-    const back = said.type === "back"
-      ? { outage_ms: said.outage_ms, verified: said.verified }
+    const isBack = said.type === "back";
+    const frame = isBack ? view.frame : said;
+    if ((isBack ? said.verified : frame.sound) === false) return doubts({ ...view, frame });
+    const back = isBack
+      ? { outage_ms: lengthOf(view, said.outage_ms, now_ms), verified: said.verified }
       : view.back ?? { outage_ms: now_ms - view.begun_ms, verified: null };
-    const frame = said.type === "back" ? view.frame : said;
     return { ...view, mode, frame, back, due_ms: now_ms + stay_ms };
   };
 }
 
 function verifies(stay_ms) {
-  return (view, said, now_ms) => ({
-    ...view, back: { ...view.back, verified: said.ok }, due_ms: now_ms + stay_ms,
-  });
+  return (view, said, now_ms) => (said.ok
+    ? { ...view, back: { ...view.back, verified: true }, due_ms: now_ms + stay_ms } : doubts(view));
 }
 
+// That the ledger is not whole goes away by a reader's hand alone, or by a proof that it is.
+const doubts = (view) => ({ ...calms(view), mode: "unsound" });
+const learns = (view, said) => (said.ok ? view : doubts(view));
+const heeds = (view) => ({ ...calms(view), heeded: true });
+const heals = (view, said) => (said.ok ? calms(view) : view);
+const hears = (view, frame) => (frame.sound === true ? { ...calms(view), frame } : { ...view, frame });
+
 // Who was told that the server is being switched off knows why nobody answers any more.
-const loses = (view) => (view.frame?.text === "OFF" ? view : { ...calms(view), mode: "lost" });
-const knows = (view, frame) => ({ ...view, frame });
-const finds = (view, frame, now_ms) => ({ ...calms(view), frame, mode: "again", due_ms: now_ms + AGAIN_STAY_MS });
+const loses = (view, said) => (view.frame?.text === "OFF" ? view
+  : { ...calms(view), mode: "lost", silent: said.silent === true });
+function knows(view, frame) {
+  const next = { ...view, frame, gap_ms: 0, heeded: view.heeded && frame.sound !== true };
+  return frame.sound === false && !view.heeded ? doubts(next) : next;
+}
+const finds = (view, frame, now_ms) => (frame.sound === false && !view.heeded ? doubts({ ...view, frame })
+  : { ...calms(view), frame, gap_ms: view.gap_ms, mode: "again", due_ms: now_ms + AGAIN_STAY_MS });
 const short = ends("short", SHORT_STAY_MS);
 const result = ends("result", RESULT_STAY_MS);
 const rises = (view) => ({ ...view, mode: "card", due_ms: Infinity });
@@ -82,8 +113,8 @@ const rises = (view) => ({ ...view, mode: "card", due_ms: Infinity });
 const lowers = (view) => (isFinal(view.frame) ? { ...view, mode: "sign", due_ms: Infinity } : view);
 
 export const MOVES = {
-  calm: { down: begins, serving: knows, back: short, verified: stays, lost: loses, tick: stays, dismiss: stays },
-  sign: { down: goesOn, serving: short, back: short, verified: stays, lost: loses, tick: rises, dismiss: stays },
+  calm: { down: begins, serving: knows, back: short, verified: learns, lost: loses, tick: stays, dismiss: stays },
+  sign: { down: resumes, serving: short, back: short, verified: stays, lost: loses, tick: rises, dismiss: stays },
   card: { down: goesOn, serving: result, back: result, verified: stays, lost: loses, tick: stays, dismiss: lowers },
   result: {
     down: begins, serving: knows, back: result, verified: verifies(RESULT_STAY_MS), lost: loses, tick: calms,
@@ -93,14 +124,17 @@ export const MOVES = {
     down: begins, serving: knows, back: short, verified: verifies(SHORT_STAY_MS), lost: loses, tick: calms,
     dismiss: calms,
   },
-  lost: { down: begins, serving: finds, back: short, verified: stays, lost: stays, tick: stays, dismiss: stays },
-  again: { down: begins, serving: knows, back: short, verified: stays, lost: loses, tick: calms, dismiss: calms },
+  unsound: { down: begins, serving: hears, back: short, verified: heals, lost: loses, tick: stays, dismiss: heeds },
+  lost: { down: begins, serving: finds, back: short, verified: learns, lost: stays, tick: stays, dismiss: stays },
+  again: { down: begins, serving: knows, back: short, verified: learns, lost: loses, tick: calms, dismiss: calms },
 };
 
 /** The view after an event: `lost`, `tick`, `dismiss`, or a frame of the gateway. A frame of a kind that this
     script does not know changes nothing, because a newer gateway may say more. */
 export function next(view, said, now_ms) {
-  if (said.type === "hello") return { ...view, overlay_after_ms: said.overlay_after_ms };
+  if (said.type === "hello") {
+    return { ...view, overlay_after_ms: said.overlay_after_ms, gap_ms: Math.max(view.gap_ms, said.gap_ms ?? 0) };
+  }
   const kind = said.type === "state" ? (said.text === null ? "serving" : "down") : said.type;
   if (kind === "tick" && now_ms < view.due_ms) return view;
   const move = MOVES[view.mode][kind];

@@ -11,7 +11,7 @@ function deepFocus() {
 
 function selectionIn(element) {
   try { return element.selectionStart === null ? null : [element.selectionStart, element.selectionEnd, element.selectionDirection]; }
-  catch { return null; } // this kind of field has no selection
+  catch { return null; }  // this kind of field has no selection
 }
 
 /** Remember the place; the function that is returned goes back to it. */

@@ -8,8 +8,8 @@ import { CALM, next } from "./outage.js";
 import { face } from "./wording.js";
 import { makeCard } from "./card.js";
 
-const SPREAD_MS = 150; // many browsers wait for the same moment
-const REOPEN_PAUSE_MS = 2000; // after a return that led here again
+const SPREAD_MS = 150;  // many browsers wait for the same moment
+const REOPEN_PAUSE_MS = 2000;  // after a return that led here again
 const REOPENED = "hc:reopened";
 const YEAR_S = 31536000;
 
@@ -68,7 +68,7 @@ function cameBackHere() {
     const last_ms = Number(sessionStorage.getItem(REOPENED) ?? 0);
     sessionStorage.setItem(REOPENED, String(Date.now()));
     return Date.now() - last_ms < REOPEN_PAUSE_MS;
-  } catch { return false; } // no storage: the spread has to do
+  } catch { return false; }  // no storage: the spread has to do
 }
 
 function reopen() {

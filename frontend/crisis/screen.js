@@ -54,7 +54,7 @@ export function makeScreen(acts) {
   root.append(style, strip, corner, overlay, notice, status);
   document.body.append(host);
 
-  let goBack = null; // set while the overlay is open
+  let goBack = null;  // set while the overlay is open
   let mayClose = false;
 
   // Escape: a browser may close a dialog at the second press whatever a script says, so it is opened again.

@@ -1,7 +1,8 @@
 // Whether a request of the page has been waiting for longer than a person likes.
 //
 // window.fetch is wrapped and hands through exactly what it is given and what it gets. Sending a file takes its
-// time without anybody being slow, so requests that carry one are not counted.
+// time without anybody being slow, so requests that carry one are not counted; nor is a Request that may, because
+// not every browser tells what is in it.
 
 const SLOW_AFTER_MS = 1000;
 const WAITING_MAX = 200;
@@ -19,7 +20,8 @@ export function watchRequests(changed) {
 
   window.fetch = function fetch(...given) {
     const answer = plain.apply(this, given);
-    if (!isUpload(given[1]?.body) && waiting < WAITING_MAX) watch(answer);
+    const mayCarry = given[0] instanceof Request && given[0].method !== "GET";
+    if (!mayCarry && !isUpload(given[1]?.body) && waiting < WAITING_MAX) watch(answer);
     return answer;
   };
 

@@ -5,9 +5,10 @@
 
 import { isFinal } from "./outage.js";
 
+const TITLES = { R8: "title.stopped", OFF: "title.off" };
 const HEADS = { R1: "R1", R2: "R2", R7b: "R7", R8: "R8", OFF: "OFF" };
 const STATUS_EVERY_S = 10;
-const SAMPLES_MIN = 5; // with fewer there is no estimate; with more and none, what was promised is over
+const SAMPLES_MIN = 5;  // with fewer there is no estimate; with more and none, what was promised is over
 
 /** A text with its values in place of the names in braces. */
 export function fill(text, values) {
@@ -66,15 +67,18 @@ function stages(view, words) {
     const ended_ms = reached[number + 1];
     const took = mark === "done" && number in reached && ended_ms !== undefined;
     return {
-      mark, name: stageName(frame, number, words), word: words[`mark.${mark}`],
+      mark, name: stageName(frame, number, words),
+      // Not every outage stops at every stage: with nothing to stop, nothing was.
+      word: words[mark === "done" && !(number in reached) ? "mark.passed" : `mark.${mark}`],
       took: took ? fill(words.took, { t: seconds(ended_ms - reached[number]) }) : null,
     };
   });
 }
 
+// What the gateway holds, and what waits in this page alone: two places, so two sentences.
 function waiting(view, facts, words) {
-  const n = Math.max(view.frame.held ?? 0, facts.pending);
-  return n > 0 && !isFinal(view.frame) ? { head: fill(words.R1b, { n }), line: words["R1b.line"] } : null;
+  return [["R1b", view.frame.held], ["R1p", facts.pending]].filter(([, n]) => n > 0 && !isFinal(view.frame))
+    .map(([code, n]) => ({ head: fill(words[code], { n }), line: words[`${code}.line`] }));
 }
 
 function downCard(view, facts, now_ms, words) {
@@ -104,17 +108,16 @@ function downCard(view, facts, now_ms, words) {
 
 function shortCard(head, lines, tone, strong = null) {
   return {
-    head, lines, strong, time: null, progress: null, stages: [], waiting: null, details: [],
+    head, lines, strong, time: null, progress: null, stages: [], waiting: [], details: [],
     status: [head, ...lines].join(" "), closes: true, tone,
   };
 }
 
 function resultCard(view, facts, words) {
   const { outage_ms, verified } = view.back;
-  const last = { true: words["R3.verified"], null: words["R3b.line"], false: words["R10.line"] }[verified];
-  const lines = [fill(words["R3.took"], { t: seconds(outage_ms) }), last];
-  const strong = facts.request && asked(facts.request, "now", words);
-  return verified === false ? shortCard(words.R10, lines, "warn", strong) : shortCard(words.R3, lines, "good", strong);
+  const lines = [words[verified ? "R3.verified" : "R3b.line"]];
+  if (outage_ms !== null) lines.unshift(fill(words["R3.took"], { t: seconds(outage_ms) }));
+  return shortCard(words.R3, lines, "good", askedOf(view, facts, words));
 }
 
 // What became of the form that the recovery page answers, and what to do about it `wait`ing or `now`.
@@ -122,22 +125,31 @@ function asked(outcome, when, words) {
   return `${words[`${outcome}.line`]} ${words[`${outcome}.${when}`]}`;
 }
 
+function askedOf(view, facts, words) {
+  return facts.request && asked(facts.request, view.mode === "lost" ? "wait" : "now", words);
+}
+
 function shortStrip(view, words) {
   const { outage_ms, verified } = view.back;
-  const head = outage_ms < 1000
-    ? fill(words.R3c, { n: Math.round(outage_ms) })
-    : fill(words["R3c.seconds"], { t: seconds(outage_ms) });
-  if (verified === false) return { head, line: `${words.R10}. ${words["R10.line"]}`, tone: "warn" };
-  return { head, line: verified === true ? words["R3c.verified"] : null, tone: "good" };
+  const head = outage_ms === null ? words["R11.back"]
+    : outage_ms < 1000
+      ? fill(words.R3c, { n: Math.round(outage_ms) })
+      : fill(words["R3c.seconds"], { t: seconds(outage_ms) });
+  return { head, line: verified ? words["R3c.verified"] : null, tone: "good" };
+}
+
+// Nobody refused and nobody answered: then it may be the server as well as the line.
+function lostStrip(view, facts, words) {
+  const code = view.silent ? "R12" : "R11";
+  const kept = facts.alive ? [words["R11.kept"]] : [];
+  return { head: words[code], line: [words[`${code}.line`], ...kept].join(" "), tone: "warn" };
 }
 
 function stripOf(view, facts, words) {
   switch (view.mode) {
     case "sign": return { head: headOf(view.frame, words), line: null, tone: isFinal(view.frame) ? "warn" : "busy" };
     case "short": return shortStrip(view, words);
-    case "lost": return {
-      head: words.R11, line: [words["R11.line"], ...(facts.alive ? [words["R11.kept"]] : [])].join(" "), tone: "warn",
-    };
+    case "lost": return lostStrip(view, facts, words);
     case "again": return { head: words["R11.back"], line: null, tone: "good" };
     case "calm": return facts.slow ? { head: words.R0, line: words["R0.line"], tone: "busy" } : null;
     default: return null;
@@ -147,8 +159,10 @@ function stripOf(view, facts, words) {
 function cardOf(view, facts, strip, now_ms, words) {
   if (view.mode === "card") return downCard(view, facts, now_ms, words);
   if (view.mode === "result") return resultCard(view, facts, words);
+  if (view.mode === "unsound") return shortCard(words.R10, [words["R10.line"]], "warn", askedOf(view, facts, words));
   // Where no page lives under it, there is nothing that a strip could stay out of the way of.
-  return strip && !facts.alive ? shortCard(strip.head, strip.line ? [strip.line] : [], strip.tone) : null;
+  return strip && !facts.alive
+    ? shortCard(strip.head, strip.line ? [strip.line] : [], strip.tone, askedOf(view, facts, words)) : null;
 }
 
 /** What is on the screen for a view.
@@ -159,6 +173,6 @@ export function face(view, facts, now_ms, words) {
   const card = cardOf(view, facts, strip, now_ms, words);
   const status = card ? card.status : strip ? [strip.head, strip.line].filter(Boolean).join(". ") : "";
   const down = view.mode === "sign" || view.mode === "card";
-  const title = down ? "title.down" : view.mode === "result" || view.mode === "short" ? "title.back" : null;
+  const title = down ? TITLES[view.frame.text] ?? "title.down" : view.mode === "result" || view.mode === "short" ? "title.back" : null;
   return { strip, card, status, title: title && words[title] };
 }

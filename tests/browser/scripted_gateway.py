@@ -28,7 +28,7 @@ PAGE_POLICY: Final = (
 SERVING: Final[Mapping[str, Any]] = {
     "v": 1, "type": "state", "state": "OPERATIONAL", "phase": "RUNNING", "stage": None, "stages": 4,
     "since": None, "elapsed_ms": 0, "eta": None, "samples": 0, "incident": None, "held": 0, "planned": False,
-    "alerted_at": None, "text": None,
+    "alerted_at": None, "text": None, "sound": None,
 }  # fmt: skip
 _HELLO: Final = {"v": 1, "type": "hello", "overlay_after_ms": 400, "demo": False}
 _START_S: Final = 10
@@ -40,7 +40,7 @@ def down(text: str = "R1", **fields: Any) -> dict[str, Any]:
     return {**SERVING, **first, **fields}
 
 
-def back(outage_ms: int, *, verified: bool | None = None) -> dict[str, Any]:
+def back(outage_ms: int | None, *, verified: bool | None = None) -> dict[str, Any]:
     """What is said when a core serves again."""
     return {"v": 1, "type": "back", "outage_ms": outage_ms, "verified": verified, "planned": False}
 
@@ -52,12 +52,15 @@ class ScriptedGateway:
         self.pages = dict(pages)
         self.recovering: tuple[Language, Kind, Outcome] | None = None
         self.refuses_sockets = False
+        self.has_no_place = False
         self.asked: list[str] = []
         self._state: Mapping[str, Any] = SERVING
         self._listeners: set[ServerConnection] = set()
         self._loop = asyncio.new_event_loop()
         self._ready = threading.Event()
         self._ended = asyncio.Event()
+        self._awake = asyncio.Event()
+        self._awake.set()
         self._thread = threading.Thread(target=self._run, name="scripted gateway")
         self.port = 0
 
@@ -69,6 +72,7 @@ class ScriptedGateway:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.thaw()
         self._loop.call_soon_threadsafe(self._ended.set)
         self._thread.join(_START_S)
 
@@ -90,6 +94,14 @@ class ScriptedGateway:
         """End every page's socket."""
         asyncio.run_coroutine_threadsafe(self._hang_up(), self._loop).result(_START_S)
 
+    def freeze(self) -> None:
+        """Keep every connection and answer nothing, as a process that the kernel has stopped."""
+        self._loop.call_soon_threadsafe(self._awake.clear)
+
+    def thaw(self) -> None:
+        """Answer again."""
+        self._loop.call_soon_threadsafe(self._awake.set)
+
     # -- the serving thread ----------------------------------------------------------------------------
 
     def _run(self) -> None:
@@ -97,12 +109,17 @@ class ScriptedGateway:
         self._loop.close()
 
     async def _serve(self) -> None:
-        async with serve(self._listen, "127.0.0.1", 0, process_request=self._answer) as server:
+        async with serve(
+            self._listen, "127.0.0.1", 0, process_request=self._answer, close_timeout=1
+        ) as server:
             self.port = _port_of(server)
             self._ready.set()
             await self._ended.wait()
 
     async def _listen(self, page: ServerConnection) -> None:
+        if self.has_no_place:
+            await page.close(1013)
+            return
         await page.send(json.dumps(_HELLO))
         await page.send(json.dumps(self._state))
         self._listeners.add(page)
@@ -120,7 +137,8 @@ class ScriptedGateway:
         for page in list(self._listeners):
             await page.close(1012)
 
-    def _answer(self, _: ServerConnection, request: Request) -> Response | None:
+    async def _answer(self, _: ServerConnection, request: Request) -> Response | None:
+        await self._awake.wait()
         path = request.path.partition("?")[0]
         self.asked.append(path)
         if path == "/__hc/live":

@@ -23,7 +23,16 @@ def test_every_event_has_its_move_in_every_mode(open_ledger: OpenLedger) -> None
         .map(([mode, row]) => [mode, Object.keys(row).sort().join()])"""
     )
     events = ",".join(sorted(["down", "serving", "back", "verified", "lost", "tick", "dismiss"]))
-    assert {mode for mode, _ in moves} == {"calm", "sign", "card", "result", "short", "lost", "again"}
+    assert {mode for mode, _ in moves} == {
+        "calm",
+        "sign",
+        "card",
+        "result",
+        "short",
+        "lost",
+        "again",
+        "unsound",
+    }
     assert {row for _, row in moves} == {events}
 
 
@@ -137,6 +146,51 @@ def test_the_page_is_told_that_it_is_back_once_also_when_only_the_state_says_so(
 # -- the page underneath -------------------------------------------------------------------------------
 
 
+def test_the_overlay_waits_for_a_pause_of_whoever_is_typing(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    page.evaluate(
+        """document.addEventListener("hc:down", () => {
+          window.seen = [document.activeElement.name, document.querySelectorAll("dialog:modal").length];
+        })"""
+    )
+    page.focus("[name=memo]")
+    page.keyboard.type("half")
+    gateway.say(down("R7b"))
+    marks(page, "down")
+    assert page.evaluate("seen") == ["memo", 0]
+    expect(overlay(page)).to_be_visible()
+    assert page.input_value("[name=memo]") == "half"
+
+
+def test_the_wait_for_a_pause_ends_and_never_in_the_middle_of_a_syllable(open_ledger: OpenLedger) -> None:
+    page = open_ledger()
+    page.evaluate(
+        """async () => {
+          window.now = 10000; performance.now = () => now;
+          const { watchTyping } = await import("/source/typing.js");
+          window.typing = watchTyping();
+        }"""
+    )
+    page.focus("[name=memo]")
+    pause = "(at_ms) => { now = at_ms; return typing.pause(at_ms); }"
+    assert page.evaluate(pause, 10000) == 10000
+    page.keyboard.press("a")
+    assert page.evaluate(pause, 10100) == 10600
+    page.evaluate("now = 11400")
+    page.keyboard.press("b")
+    assert page.evaluate(pause, 11500) == 11600
+    assert page.evaluate(pause, 11600) == 11600
+    page.evaluate("typing.rest(); now = 20000")
+    keys = page.context.new_cdp_session(page)
+    keys.send("Input.imeSetComposition", {"text": "하", "selectionStart": 1, "selectionEnd": 1})
+    assert page.evaluate(pause, 20100) == 20600
+    page.evaluate("now = 21900")
+    keys.send("Input.imeSetComposition", {"text": "한", "selectionStart": 1, "selectionEnd": 1})
+    assert page.evaluate(pause, 22000) == 22500
+
+
 def test_text_selection_and_place_are_as_they_were(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
     page = open_ledger()
     page.fill("[name=memo]", "half of a sentence")
@@ -220,6 +274,19 @@ def test_nothing_is_cut_off_on_a_phone(
         assert wide == []
 
 
+def test_a_card_leaves_a_phone_its_bottom_bar(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:
+    page = open_ledger(viewport={"width": 390, "height": 700})
+    gateway.say(down("R7b"))
+    is_over(gateway, back(3000))
+    shows(page, "You are back")
+    expect(page.locator(".corner")).to_be_visible()
+    page.evaluate("Promise.all(document.getAnimations().map((one) => one.finished))")
+    box = page.locator(".corner").bounding_box()
+    assert box is not None
+    assert box["y"] + box["height"] <= 700 - 64
+    assert box["height"] <= 140
+
+
 # -- claims --------------------------------------------------------------------------------------------
 
 
@@ -234,8 +301,8 @@ def test_a_claim_is_made_exactly_where_its_fact_is(open_ledger: OpenLedger) -> N
     facts = {"pending": 0, "draft": None, "slow": False, "alive": True, "unheard": False, "request": None}
     base = {"frame": down(), "back": None, "begun_ms": 0, "reached": {}}
     for mode, verified, draft, held, slow in itertools.product(
-        ("calm", "sign", "card", "result", "short", "lost", "again"),
-        (True, None, False),
+        ("calm", "sign", "card", "result", "short", "lost", "again", "unsound"),
+        (True, None),
         (None, "page", "stored"),
         (0, 2),
         (True, False),
@@ -250,10 +317,10 @@ def test_a_claim_is_made_exactly_where_its_fact_is(open_ledger: OpenLedger) -> N
         assert ("All balances were checked" in text) == (mode == "result" and verified is True)
         assert ("still running" in text) == (mode == "result" and verified is None)
         assert ("Nothing was lost" in text) == (mode == "short" and verified is True)
-        assert ("does not match" in text) == (mode in {"result", "short"} and verified is False)
+        assert ("does not match" in text) == (mode == "unsound")
         assert ("stored in this browser" in text) == (card and draft == "stored")
         assert ("still on this page" in text) == (card and draft == "page")
-        assert ("2 waiting" in text) == (card and held == 2)
+        assert ("2 waiting at the server" in text) == (card and held == 2)
         assert ("slow to answer" in text) == (mode == "calm" and slow)
         assert ("Check this device" in text) == (mode == "lost")
         assert ("No alert could be sent" in text) is False
@@ -263,9 +330,40 @@ def test_waiting_requests_of_the_page_are_counted(open_ledger: OpenLedger, gatew
     page = open_ledger()
     gateway.say(down("R7b"))
     page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 2}}))")
-    shows(page, "2 waiting")
+    shows(page, "2 waiting in this window")
+    shows(page, "Keep this window open")
+    assert page.get_by_text("waiting at the server").count() == 0
     page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 0}}))")
-    expect(page.get_by_text("2 waiting", exact=True)).to_be_hidden()
+    expect(page.get_by_text("2 waiting in this window", exact=True)).to_be_hidden()
+
+
+def test_what_the_gateway_holds_and_what_waits_in_the_page_are_two_sentences(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 2}}))")
+    gateway.say(down("R7b", held=1))
+    shows(page, "2 waiting in this window")
+    shows(page, "1 waiting at the server")
+
+
+def test_a_request_that_may_carry_a_file_is_never_called_slow(open_ledger: OpenLedger) -> None:
+    counted = open_ledger().evaluate(
+        """async () => {
+          window.fetch = () => new Promise(() => {});
+          const { watchRequests } = await import("/source/slowness.js?bench");
+          watchRequests(() => {});
+          let timers = 0;
+          window.setTimeout = () => { timers += 1; };
+          const body = new FormData();
+          void fetch(new Request("/upload", { method: "POST", body }));
+          void fetch("/upload", { method: "POST", body });
+          const uploads = timers;
+          void fetch(new Request("/list"));
+          return [uploads, timers];
+        }"""
+    )
+    assert counted == [0, 1]
 
 
 def test_a_slow_answer_is_said_while_the_page_stays_usable(open_ledger: OpenLedger) -> None:
@@ -354,6 +452,19 @@ def test_a_draft_survives_a_reload_and_secrets_are_never_kept(open_ledger: OpenL
     assert not any(secret in kept for secret in ("s3cret", "123456", "m1ne"))
     page.get_by_role("button", name="Undo").click()
     assert [page.input_value(f"#entry [name={name}]") for name in ("what", "amount")] == ["", "0"]
+
+
+def test_a_password_that_is_shown_for_a_moment_is_not_kept(open_ledger: OpenLedger) -> None:
+    page = open_ledger()
+    page.focus("#entry [name=secret]")
+    page.evaluate("document.querySelector('#entry [name=secret]').type = 'text'")
+    page.keyboard.type("s3cret")
+    page.fill("#entry [name=what]", "tea")
+    page.goto("/en?again")
+    shows(page, "Restored what you typed")
+    kept = json.dumps(page.evaluate("({...sessionStorage})"))
+    assert "tea" in kept
+    assert "s3cret" not in kept
 
 
 def test_a_draft_that_was_sent_is_forgotten_and_one_that_may_have_been_claims_nothing(

@@ -170,7 +170,7 @@ def test_a_planned_restart_is_called_one(house: House, open_tab: OpenTab) -> Non
         with held_start(house, known):
             is_down(page)
             expect(overlay(page)).to_be_visible()
-            assert "Restarting for an update" in told(page)
+            assert "The administrator is restarting the server" in told(page)
             assert "Nothing is broken." in told(page)
         assert asking.wait(30) == 0
     is_serving(page)

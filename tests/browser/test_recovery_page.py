@@ -45,6 +45,28 @@ def test_a_recovery_page_for_a_form_sends_nothing_and_shows_the_way_back(
     assert [path for path in gateway.asked[asked:] if path == "/en"] == []
 
 
+def test_what_became_of_a_form_is_said_also_after_the_line_was_lost(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    gateway.recovering = ("en", "recovering", "unknown")
+    gateway.say(down())
+    page = open_ledger("/en")
+    page.context.set_offline(True)
+    gateway.hang_up()
+    shows(page, "No connection to the server")
+    shows(page, "It is not known whether what you just sent was done.")
+    page.context.set_offline(False)
+    shows(page, "Restarting the server")
+    is_over(gateway, back(2000))
+    shows(page, "Please check the records first.")
+    page.context.set_offline(True)
+    gateway.hang_up()
+    shows(page, "No connection to the server")
+    page.context.set_offline(False)
+    shows(page, "Connected again")
+    shows(page, "Please check the records first.")
+
+
 def test_the_recovery_page_changes_its_language_and_remembers_it(
     open_ledger: OpenLedger, gateway: ScriptedGateway
 ) -> None:

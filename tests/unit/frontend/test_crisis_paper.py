@@ -14,8 +14,10 @@ from frontend.catalogue_crisis import LANGUAGES, words
 from frontend.crisis_paper import (
     CLIENT_MODULES,
     KINDS,
+    OPERATOR,
     OUTCOMES,
     PAGE_MODULES,
+    PAGE_ONLY,
     SOURCES,
     Kind,
     Outcome,
@@ -105,7 +107,19 @@ def test_the_words_of_a_language_are_a_module() -> None:
         one = own_files()[f"/__hc/words.{lang}.js"]
         assert one.content_type == "text/javascript; charset=utf-8"
         told = one.body.decode().removeprefix("export const words = ").removesuffix(";\n")
-        assert json.loads(told) == words(lang)
+        said = {code: text for code, text in words(lang).items() if code.partition(".")[0] not in PAGE_ONLY}
+        assert json.loads(told) == said
+
+
+def test_what_only_the_recovery_page_says_is_asked_for_only_there() -> None:
+    """On a living page there is no form that was answered, and nobody who reopens it."""
+    recovery = (SOURCES / "recovery.js").read_text("utf-8")
+    for module in set(CLIENT_MODULES):
+        used = {
+            plain or quoted for plain, quoted in _USED_WORD.findall((SOURCES / module).read_text("utf-8"))
+        }
+        assert not {word for word in used if word.partition(".")[0] in PAGE_ONLY}, module
+    assert "words.reopen" in recovery
 
 
 def test_no_comment_of_ours_is_sent() -> None:
@@ -133,6 +147,13 @@ def test_each_module_comes_after_those_it_imports(modules: tuple[str, ...]) -> N
     for place, module in enumerate(modules):
         text = (SOURCES / module).read_text("utf-8")
         assert set(re.findall(r'from "\./([\w.]+)"', text)) <= set(modules[:place])
+
+
+@pytest.mark.parametrize("module", CLIENT_MODULES)
+def test_no_string_has_what_is_taken_for_an_operator(module: str) -> None:
+    text = re.sub(r"//.*|/\*.*?\*/", "", (SOURCES / module).read_text("utf-8"))
+    strings = re.findall(r"\"[^\"\n]*\"", text)
+    assert not [string for string in strings if OPERATOR.search(string) and string != '" ? "']
 
 
 def test_every_module_is_used() -> None:
