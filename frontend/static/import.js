@@ -123,8 +123,11 @@ function changed(api, field) {
 }
 
 function mappingOf(form) {
+  const columns = JSON.parse(form.dataset.columns);
   const mapping = {};
-  for (const select of form.querySelectorAll("[data-role]")) mapping[select.name] = select.value || null;
+  for (const { name, value, dataset } of form.querySelectorAll("[data-role]")) {
+    mapping[name] = (value && "column" in dataset ? columns[value] : value) || null;
+  }
   return mapping;
 }
 

@@ -26,10 +26,12 @@ def previewed(page: Page) -> None:
     expect(page.locator("#import-body[data-state=preview]")).to_be_visible()
 
 
-def choose_account(page: Page, account: str = BANK) -> None:
-    """Choose the account and wait until the file was looked at with it."""
+def choose_account(page: Page, account: str = BANK, *, ready: bool = True) -> None:
+    """Choose the account and wait until the file was looked at with it; `ready`: and may be booked."""
     page.locator("#how-account").select_option(account)
-    expect(page.locator("form[data-commit][data-ready]")).to_be_visible()
+    expect(page.locator(f"#how-account option[value='{account}'][selected]")).to_be_attached()
+    if ready:
+        expect(page.locator("form[data-commit][data-ready]")).to_be_visible()
 
 
 def commit(page: Page) -> None:
@@ -171,6 +173,37 @@ def test_the_button_says_how_many_are_booked_and_rests_where_nothing_is_new(
     button.click()
     done(page)
     assert len(entries(own_house)) == 6
+
+
+def test_a_column_is_chosen_by_its_name_however_long_that_is(
+    own_house: House, open_tab: OpenTab, tmp_path: Path
+) -> None:
+    long = "Wieviel' \"" + "x" * 500
+    path = tmp_path / "own.csv"
+    path.write_text('Wann;Was;"' + long.replace('"', '""') + '"\n2026-11-02;Kaffee;-3\n2026-11-03;Lohn;5\n')
+    page = open_tab(own_house, "/import")
+    choose(page, path)
+    previewed(page)
+    choose_account(page, ready=False)
+    for role, column in (("date", "Wann"), ("amount", "Wieviel")):
+        option = page.locator(f"#map-{role} option", has_text=column)
+        assert len(option.inner_text()) <= 60
+        page.locator(f"#map-{role}").select_option(option.get_attribute("value"))
+        expect(page.locator(f"#map-{role} option[selected]")).to_contain_text(column)
+    expect(page.locator("#import-facts .counts")).to_contain_text("2 new, to book")
+
+
+def test_a_file_that_changed_after_it_was_chosen_is_asked_for_again(
+    house: House, open_tab: OpenTab, tmp_path: Path
+) -> None:
+    page = open_tab(house, "/import")
+    path = hana_csv(tmp_path)
+    page.locator("#upload-file").set_input_files(path)
+    path.unlink()
+    page.locator("form[data-upload] button.primary").click()
+    expect(page.locator("form[data-upload] [data-said].wrong")).to_contain_text("choose it again")
+    choose(page, hana_csv(tmp_path))
+    previewed(page)
 
 
 @pytest.mark.parametrize(
