@@ -8,6 +8,7 @@ currency without cents are taken for the noise of a spreadsheet, while `1.000` m
 
 import re
 import unicodedata
+from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,6 +30,7 @@ _COMMA: Final = re.compile(
     r"(?P<whole>[0-9]*|[0-9]{1,3}(?:(?P<mark>[.'\s])[0-9]{3})(?:(?P=mark)[0-9]{3})*)(?:,(?P<part>[0-9]+))?"
 )
 _NOISE_DIGITS_MAX: Final = 2
+_ANY_DIGIT: Final = str.maketrans("123456789", "000000000")
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +92,10 @@ def guess_decimal(cells: list[str]) -> Decimal:
     Where every cell reads both ways (`1.000`), the point is taken: a currency of two digits then refuses
     three of them, and nothing is booked wrongly.
     """
-    point = sum(_reads(cell, Decimal.POINT) for cell in cells)
-    comma = sum(_reads(cell, Decimal.COMMA) for cell in cells)
+    # How a cell reads is a matter of where its digits stand and not of which they are: a column has few shapes.
+    shapes = Counter(cell.translate(_ANY_DIGIT) for cell in cells)
+    point = sum(count for shape, count in shapes.items() if _reads(shape, Decimal.POINT))
+    comma = sum(count for shape, count in shapes.items() if _reads(shape, Decimal.COMMA))
     return Decimal.COMMA if comma > point else Decimal.POINT
 
 

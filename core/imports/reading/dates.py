@@ -68,7 +68,7 @@ def guess_order(cells: Iterable[str]) -> DateOrder | None:
     """The one order in which every date of the column can be meant, or None if that isn't exactly one."""
     possible = set(DateOrder)
     same_in_every_order = triples = False
-    for cell in cells:
+    for cell in set(cells):
         plain = _plain(cell)
         if _COMPACT.fullmatch(plain) or _SERIAL.fullmatch(plain):
             same_in_every_order = True
