@@ -140,5 +140,6 @@ document.addEventListener("hc:state", ({ detail }) => {
 document.addEventListener("hc:back", ({ detail }) => {
   isDown = false;
   stage = null;
-  say("log.back", { ms: Math.round(detail.outage_ms) }, "ok");
+  if (detail.outage_ms === null) say("log.again_there", {}, "ok");
+  else say("log.back", { ms: Math.round(detail.outage_ms) }, "ok");
 });

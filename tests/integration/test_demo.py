@@ -26,7 +26,9 @@ def begin(house: House, lang: str) -> str:
     assert house.launcher is not None
     launcher = house.launcher
     until(
-        lambda: "/__hc/demo\nC" in house.said or launcher.poll() is not None, "the demo to be ready", START_S
+        lambda: "Ctrl-C" in house.said.partition("/__hc/demo\n")[2] or launcher.poll() is not None,
+        "the demo to be ready",
+        START_S,
     )
     assert launcher.poll() is None, house.said
     house.url = house.status()["url"]
@@ -50,6 +52,23 @@ def test_a_year_is_in_the_ledger_once_and_the_page_that_breaks_it_is_there(demo_
     end(demo_house)
     begin(demo_house, "en")
     assert demo_house.booked() == first
+    end(demo_house)
+
+
+def test_a_core_that_is_broken_again_and_again_is_still_brought_back(demo_house: House) -> None:
+    assert "its limit of restarts is set high" in begin(demo_house, "en")
+    for _ in range(6):  # more than the five that a guard puts up with otherwise
+        demo_house.hit("core")
+        demo_house.running()
+    end(demo_house)
+
+
+def test_a_policy_of_ones_own_stays(demo_house: House) -> None:
+    demo_house.folders.policy.parent.mkdir(parents=True)
+    own = demo_house.settle_policy(max_restart_count=7).read_text("utf-8")
+    demo_house.folders.policy.write_text(own, "utf-8")
+    assert "its limit of restarts" not in begin(demo_house, "en")
+    assert demo_house.folders.policy.read_text("utf-8") == own
     end(demo_house)
 
 

@@ -31,6 +31,16 @@ def test_both_languages_name_the_same_values_and_no_particle_stands_after_one(co
     assert not PARTICLE_AFTER_A_VALUE.search(ko)
 
 
+@pytest.mark.parametrize("code", ["coffee", "category", "method"])
+def test_what_is_booked_has_one_name_in_both_languages(code: str) -> None:
+    ko, en = DEMO[code]
+    assert ko == en
+
+
+def test_a_length_that_nobody_knows_is_not_called_zero() -> None:
+    assert 'detail.outage_ms === null) say("log.again_there"' in SCRIPT
+
+
 @pytest.mark.parametrize("lang", get_args(Language))
 def test_the_page_has_a_button_for_each_fault_and_nothing_inline(lang: Language) -> None:
     page = demo_paper.demo_page(lang).decode()
