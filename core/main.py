@@ -2,8 +2,9 @@
 
 The order is the design: instruments first, so that any death from here on leaves evidence; the socket bound
 before the store is touched, so that a taken port costs no epoch; the fence before the proof; READY only when a
-request could be answered. Leaving has two ways. Asked to, a core finishes what it has; after a failed commit or
-a higher epoch it touches the store no more and is gone by `os._exit`, because closing a database is a write.
+request could be answered. Leaving has two ways. Asked to, a core finishes what it has; after a failed commit, a
+higher epoch or a mistake of ours it touches the store no more and is gone by `os._exit`, because closing a
+database is a write, and a process whose loop is over while its writer lives is half dead.
 """
 
 import asyncio
