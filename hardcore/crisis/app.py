@@ -102,7 +102,7 @@ class Gateway:
         except Exception as error:  # noqa: BLE001 - whatever is wrong with the paper: requests are answered
             _LOG.error("the recovery pages could not be made, plain ones are shown: %s", describe(error))
         finally:
-            self._desk.stocked(shelf)
+            self._desk.counter.stocked(shelf)
 
     async def _drain(self) -> None:
         _LOG.info("leaving: %d connections", len(self._census.connections))

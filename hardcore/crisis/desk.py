@@ -6,11 +6,10 @@ request it concerns. Everything runs in one thread, and nothing here waits.
 
 import asyncio
 from collections.abc import Callable
-from functools import partial
 from typing import assert_never
 
-from hardcore.crisis import pages
-from hardcore.crisis.drills import Begun, Declined, DrillDoor, Said, Unheard, fault_of
+from hardcore.crisis.counter import Counter
+from hardcore.crisis.drills import DrillDoor
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.feed import Heard, PhaseHeard, ReleaseHeard, Teller
 from hardcore.crisis.heads import RequestHead, browser_of
@@ -22,9 +21,8 @@ from hardcore.crisis.mishap import contained
 from hardcore.crisis.moves import TURNED_AWAY, Moves
 from hardcore.crisis.problems import Problem
 from hardcore.crisis.routing import Route
-from hardcore.crisis.shelf import Shelf
 from hardcore.crisis.sockets import Sockets
-from hardcore.crisis.standing import Standing, alive, ready
+from hardcore.crisis.standing import Standing
 from hardcore.model.phases import Face
 
 
@@ -47,9 +45,7 @@ class Desk:
         self.live = Live(loop, limits, self.history, self.moves.waiting, now_ns, demo=demo)
         self.sockets = Sockets(loop, outlook, self.live, limits, now_ns)
         outlook.watch = self._look
-        self._now_ns = now_ns
-        self._drills = drills  # in a demo only
-        self._early: list[Exchange] | None = []  # ask for what is not on the shelf yet; None: all of it is
+        self.counter = Counter(self.moves, self.live, limits.feed_silence_ms, now_ns, drills)
 
     @property
     def room(self) -> WaitingRoom:
@@ -62,7 +58,7 @@ class Desk:
         way = self.moves.way(exchange.head.path)
         match way:
             case Route.LIVE | Route.READY | Route.STATUS | Route.OWN | Route.DRILL:
-                self._own_page(exchange, way)
+                self.counter.asked(exchange, way)
             case Route.FORWARD if self.moves.core_has_room():
                 self.moves.move(exchange, Trigger.PASS)
             case Route.FORWARD | Route.HOLD:
@@ -137,13 +133,6 @@ class Desk:
                 pass
         self.moves.outlook.hear(message)
 
-    def stocked(self, shelf: Shelf) -> None:
-        """All that can be shown was rendered: whoever asked for it too early is answered now."""
-        self.moves.shelf = shelf
-        early, self._early = self._early or [], None
-        for exchange in early:
-            contained("answering who asked early", partial(self._answer_own, exchange, Route.OWN))
-
     def upkeep(self) -> None:
         """What is due now and then."""
         self.moves.outlook.upkeep()
@@ -154,60 +143,3 @@ class Desk:
         """Something was learned about the core: whoever watches is told, and sockets go on."""
         contained("telling pages", lambda: self.live.look(was, self.moves.outlook.standing))
         contained("moving sockets", self.sockets.look)
-
-    def _own_page(self, exchange: Exchange, way: Route) -> None:
-        exchange.life = Life.ANSWERED  # it never was on its way to a core
-        self.moves.release_bytes(exchange)
-        head, tongue = exchange.head, exchange.head.accept_language
-        fault = fault_of(head.path) if way is Route.DRILL else None
-        if fault is not None and self._drills is not None and exchange.client.is_near:
-            if head.method == "POST":
-                self._drills.ask(fault, lambda said: self._drilled(exchange, said))
-                return
-            answer = pages.problem(Problem.METHOD_NOT_ALLOWED, tongue)
-        elif way is Route.DRILL:
-            answer = pages.problem(Problem.NOT_FOUND, tongue)
-        elif head.method not in {"GET", "HEAD"}:
-            answer = pages.problem(Problem.METHOD_NOT_ALLOWED, tongue)
-        elif way is Route.STATUS:
-            self.live.when_known(partial(self._answer_own, exchange, way))
-            return
-        elif way is Route.OWN and self._early is not None:
-            self._early.append(exchange)  # a module that is not there is never asked for again
-            return
-        else:
-            self._answer_own(exchange, way)
-            return
-        exchange.client.answer(answer.head, answer.body)
-
-    def _answer_own(self, exchange: Exchange, way: Route) -> None:
-        answer = self._own_answer(exchange.head, way)
-        exchange.client.answer(answer.head, answer.body)
-
-    def _own_answer(self, head: RequestHead, way: Route) -> pages.Answer:
-        standing = self.moves.outlook.standing
-        if way is Route.LIVE:
-            heard = alive(standing, self._now_ns(), self.limits.feed_silence_ms)
-            return pages.live(heard=heard)
-        if way is Route.READY:
-            return pages.ready(standing.state, serving=ready(standing))
-        if way is Route.STATUS:
-            return self.live.status(head)
-        sheet = self.moves.shelf.own(head.path, head.accept_language)
-        if sheet is None:
-            return pages.problem(Problem.NOT_FOUND, head.accept_language)
-        return pages.own_page(sheet, head) if sheet.policy else pages.own_file(sheet, head)
-
-    def _drilled(self, exchange: Exchange, said: Said) -> None:
-        """The sentinel has answered who asked for a drill."""
-        tongue = exchange.head.accept_language
-        match said:
-            case Begun(fault=fault):
-                answer = pages.drill_begun(fault)
-            case Declined(code=code):
-                answer = pages.problem(Problem.DRILL_REFUSED, tongue, reason=code)
-            case Unheard():
-                answer = pages.problem(Problem.GUARD_AWAY, tongue)
-            case _:
-                assert_never(said)
-        exchange.client.answer(answer.head, answer.body)

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 from tests.contract.gateway_world import Watched
@@ -28,7 +28,7 @@ class Tab:
 
     def _stay(self) -> None:
         while not self._closing.is_set():
-            with contextlib.suppress(OSError, EOFError, ConnectionClosed), self._open() as line:
+            with contextlib.suppress(OSError, EOFError, WebSocketException), self._open() as line:
                 while not self._closing.is_set():
                     with contextlib.suppress(TimeoutError):
                         self.heard.append(json.loads(line.recv(0.1)))
