@@ -41,7 +41,7 @@ from core.journal.answers import (
 from core.ledger.commands import accounts_of
 from core.ledger.entries import RecordEntry
 from core.ledger.reasons import Rejection, Slug
-from core.service import Draining, NoSlot, Service
+from core.service import UNANSWERED, Draining, NoSlot, Service, holding
 
 T = TypeVar("T")
 
@@ -53,7 +53,6 @@ END_AGAIN_AFTER_NS: Final = 1_000_000_000  # where the end of an import could no
 BEAT_S: Final = 0.25  # while a wave is at the writer, which may wait a second for somebody's lock
 
 KIND: Final = "import.row"
-UNANSWERED: Final = 500
 BUSY: Final = 503
 
 FAILED_INSIDE: Final = "internal"
@@ -216,24 +215,21 @@ class Importer:
 
     async def _book(self, candidate: Candidate, command: RecordEntry, key: str) -> Outcome | None:
         """Ask the ledger once; None where it could not be asked now."""
-        slot = self._service.begin(
+        with holding(
+            self._service,
             KIND,
             judging.payload_of(candidate),
             key=key,
             command_id=command.id,
             transaction_id=command.id,
             account_ids=accounts_of(command),
-        )
-        if isinstance(slot, Draining):
-            return Stopped()
-        if isinstance(slot, NoSlot):
-            return None
-        status = UNANSWERED
-        try:
-            answer = await self._service.carry_out(command, key, key.encode(), command.id, slot)
-            status, outcome = meaning_of(answer, candidate)
-        finally:
-            self._service.finish(slot, status)
+        ) as held:
+            if isinstance(held, Draining):
+                return Stopped()
+            if isinstance(held, NoSlot):
+                return None
+            answer = await self._service.carry_out(command, key, key.encode(), command.id, held.slot)
+            held.status, outcome = meaning_of(answer, candidate)
         return outcome
 
     async def _tell(self, job: Job) -> None:

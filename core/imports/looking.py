@@ -31,7 +31,7 @@ from core.imports.troubles import Trouble, unreadable
 from core.journal import queries
 from core.journal.store import StoreError
 from core.ledger.accounts import Account
-from core.service import Draining, NoSlot, ReadTooLong, Service
+from core.service import Draining, NoSlot, ReadTooLong, Service, holding
 
 T = TypeVar("T")
 
@@ -180,22 +180,17 @@ class Looker:
         return surveyor.found(duplicates, fitting)
 
     async def _ask(self, kind: str, question: Callable[[Connection], T]) -> T | Trouble:
-        slot = self._service.begin(kind, b"")
-        if isinstance(slot, NoSlot):
-            return Trouble("busy")
-        if isinstance(slot, Draining):
-            return Trouble("leaving")
-        status = 503
-        try:
-            found = await self._service.read(slot, question)
-            if isinstance(found, ReadTooLong):
-                return Trouble("read-too-long")
-            if isinstance(found, StoreError):
-                return Trouble("store-unreadable")
-            status = 200
+        with holding(self._service, kind, b"") as held:
+            if isinstance(held, NoSlot):
+                return Trouble("busy")
+            if isinstance(held, Draining):
+                return Trouble("leaving")
+            found = await self._service.read(held.slot, question)
+            if isinstance(found, ReadTooLong | StoreError):
+                held.status = 503
+                return Trouble("read-too-long" if isinstance(found, ReadTooLong) else "store-unreadable")
+            held.status = 200
             return found
-        finally:
-            self._service.finish(slot, status)
 
 
 def results(manifest: Manifest, table: Table) -> Iterator[Result]:

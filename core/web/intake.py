@@ -155,11 +155,10 @@ class Parameters:
         text = self._given.get(name)
         if text is None:
             return None
-        match = _POSITION.fullmatch(text)
-        if match is None or not is_date(match[1]):
+        place = read_position(text)
+        if place is None:
             self._faults.append(Fault(f"?{name}", Reason.MALFORMED))
-            return None
-        return match[1], int(match[2]), int(match[3])
+        return place
 
     def month(self, name: str) -> str | None:
         """Return a month of the calendar."""
@@ -202,6 +201,14 @@ class Parameters:
 def make_cursor(seq: int) -> str:
     """Return the cursor that goes on after this sequence."""
     return f"s{seq}"
+
+
+def read_position(text: str) -> tuple[str, int, int] | None:
+    """Return the day, the sequence and the line that a cursor of ours names, None for anything else."""
+    match = _POSITION.fullmatch(text)
+    if match is None or not is_date(match[1]):
+        return None
+    return match[1], int(match[2]), int(match[3])
 
 
 def make_position(date: str, seq: int, line: int) -> str:

@@ -18,6 +18,7 @@ from core.ledger.fields import is_date
 from core.web import pages_book
 from core.web.asking import read, service_of
 from core.web.entries import entry_in_path
+from core.web.intake import WORDS_CHARACTERS_MAX, read_position
 from core.web.pages_answers import ACCOUNT_COOKIE, reader_of, show
 from core.web.pages_book import EntryPicture
 from core.web.pages_forms import Drawn
@@ -27,7 +28,6 @@ from frontend.render import Language
 
 RECENT_MAX: Final = 8
 PAGE_LINES_MAX: Final = 50
-WORDS_CHARACTERS_MAX: Final = 200
 CURRENCIES: Final = ("KRW", "USD", "EUR", "JPY", "GBP", "CNY")
 HOME_CURRENCY: Final[MappingProxyType[Language, str]] = MappingProxyType({"ko": "KRW", "en": "USD"})
 TYPES: Final = (AccountType.ASSET, AccountType.LIABILITY, AccountType.EXPENSE, AccountType.INCOME)
@@ -207,6 +207,6 @@ def _month(request: Request) -> str | None:
 def _refuse_strange(asked: dict[str, str]) -> None:
     days_fit = all(not asked[name] or is_date(asked[name]) for name in ("from", "to"))
     account_fits = not asked["account"] or is_account_id(asked["account"])
-    cursor_fits = not asked["cursor"] or pages_book.read_place(asked["cursor"]) is not None
+    cursor_fits = not asked["cursor"] or read_position(asked["cursor"]) is not None
     if not (days_fit and account_fits and cursor_fits and len(asked["q"]) <= WORDS_CHARACTERS_MAX):
         raise ProblemError(Problem("invalid-parameter"))

@@ -24,11 +24,11 @@ from core.journal.register import (
     summary_of,
 )
 from core.ledger.accounts import Account, AccountType
-from core.ledger.fields import is_date
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import format_amount
 from core.ledger.overview import CategoryTotal, Flow, RegisterLine, Summary, category_name
 from core.ledger.views import EntryView
+from core.web.intake import make_position, read_position
 
 BARS_MAX: Final = 12
 # Among these a household's first account is looked for; later ones stand in the order of the list.
@@ -108,13 +108,14 @@ def overview(connection: Connection, month: str, recent_max: int) -> OverviewPic
 
 def register(connection: Connection, asked: Mapping[str, str], limit: int) -> RegisterPicture:
     """Return a page of the register; `asked` holds account, q, from, to and cursor, empty where not asked."""
+    place = read_position(asked["cursor"])
     accounts = _accounts(connection)
     wanted = HouseholdFilter(
         account=asked["account"] or None,
         date_from=asked["from"] or None,
         date_to=asked["to"] or None,
         words=asked["q"] or None,
-        after=read_place(asked["cursor"]) if asked["cursor"] else None,
+        after=Position(*place) if place else None,
         limit=limit + 1,
     )
     found = list_register(connection, wanted)
@@ -124,7 +125,9 @@ def register(connection: Connection, asked: Mapping[str, str], limit: int) -> Re
         account=_shown(account) if account else None,
         accounts=_money_accounts(accounts),
         lines=lines,
-        next_cursor=_place_of(lines[-1]) if len(found) > limit else None,
+        next_cursor=make_position(lines[-1].date, lines[-1].seq, lines[-1].line)
+        if len(found) > limit
+        else None,
     )
 
 
@@ -159,19 +162,6 @@ def repeated(names: Iterable[str | None]) -> frozenset[str | None]:
     return frozenset(name for name, times in Counter(names).items() if times > 1)
 
 
-def read_place(cursor: str) -> Position | None:
-    """Return the place in the register that a link of ours names, None for anything else."""
-    day, _, rest = cursor.partition("_")
-    numbers = rest.split("_")
-    if len(numbers) != 2 or not all(
-        part.isascii() and part.isdigit() and len(part) <= 18 for part in numbers
-    ):
-        return None
-    if not is_date(day):
-        return None
-    return Position(day, int(numbers[0]), int(numbers[1]))
-
-
 def register_link(asked: Mapping[str, str]) -> str:
     """Return the address of a page of the register."""
     return "/register?" + urllib.parse.urlencode({name: value for name, value in asked.items() if value})
@@ -179,10 +169,6 @@ def register_link(asked: Mapping[str, str]) -> str:
 
 def _moved(flow: Flow) -> bool:
     return any(amount.strip("-0.") for amount in (flow.income, flow.expense))
-
-
-def _place_of(line: RegisterLine) -> str:
-    return f"{line.date}_{line.seq}_{line.line}"
 
 
 def _accounts(connection: Connection) -> list[Account]:

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from core.ledger.commands import NoBody, TransactionBody
 from core.ledger.reasons import Reason
-from core.web.intake import check_key, decode_body
+from core.web.intake import check_key, decode_body, make_position, read_position
 from core.web.problems import Problem, ProblemError
 
 WHOLE = b'{"date":"2026-11-21","description":"d","postings":[{"account":"a","amount":"1","currency":"KRW"}]}'
@@ -75,3 +75,9 @@ def test_a_key_is_visible_ascii(key: str) -> None:
 def test_anything_else_is_no_key(key: str) -> None:
     with pytest.raises(ProblemError):
         check_key(key)
+
+
+def test_a_place_in_a_list_by_days_is_a_day_of_the_calendar() -> None:
+    assert read_position(make_position("2026-11-21", 7, 0)) == ("2026-11-21", 7, 0)
+    for other in ("", "2026-W47-6.7.0", "20261121.7.0", "2026-02-30.7.0", "2026-11-21.7", "2026-11-21.-1.0"):
+        assert read_position(other) is None, other

@@ -199,12 +199,6 @@ def test_a_sum_of_balances_may_be_larger_than_any_one_of_them(tmp_path: Path) ->
         assert [one.amount for one in found.net_worth] == [str(2 * INT64_MAX)]
 
 
-def test_a_place_in_the_register_is_a_day_of_the_calendar() -> None:
-    assert pages_book.read_place("2026-11-21_7_0") == Position("2026-11-21", 7, 0)
-    for other in ("2026-W47-6_7_0", "20261121_7_0", "2026-02-30_7_0", "2026-11-21_7", "2026-11-21_-1_0"):
-        assert pages_book.read_place(other) is None, other
-
-
 def test_categories_are_listed_with_the_day_they_were_last_used(tmp_path: Path) -> None:
     with pen(tmp_path) as made:
         a_month(made)
