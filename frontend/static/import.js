@@ -55,13 +55,14 @@ function lock(form, locked) {
 
 async function read(form) {
   if (!form.elements.file.files.length) return tell(form, say("import_file_first"), "wrong");
-  if (form.dataset.busy) return;
-  const file = await inMemory(form.elements.file.files[0]);
-  if (file === null) return tell(form, say("import_file_gone"), "wrong");
-  const body = new FormData(form);
-  body.set("file", file, file.name);
-  body.delete("_idempotency_key");
-  const answer = await held(form, say("import_reading"), (options) => send(API, { body, ...options }));
+  const answer = await held(form, say("import_reading"), async (options) => {
+    const body = new FormData(form);
+    const file = await inMemory(form.elements.file.files[0]);
+    if (file === null) return { status: 0, body: { detail: say("import_file_gone") } };
+    body.set("file", file, file.name);
+    body.delete("_idempotency_key");
+    return send(API, { body, ...options });
+  });
   if (answer === null) return;
   if (answer.status === 201) return location.assign(`/import/${encodeURIComponent(answer.body.id)}`);
   form.elements._idempotency_key.value = newKey();
