@@ -18,7 +18,7 @@ import psutil
 
 from hardcore import standing, status
 from hardcore.control.protocol import Ask, Request, write_line
-from hardcore.host import clock, processes
+from hardcore.host import clock, lives, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
@@ -91,7 +91,7 @@ class Door:
             case Ask.RESTART:
                 return self._restart(request)
             case Ask.RESUME:
-                return self._order(seen.Verb.RESUME, request)
+                return await self._resume(request)
             case Ask.SUBSCRIBE:
                 raise AssertionError("a subscription is no question")
             case _:
@@ -116,6 +116,11 @@ class Door:
                 "and try again, or end `hardcore up` with Ctrl-C or SIGTERM.",
             )
         return self._order(seen.Verb.STOP, request)
+
+    async def _resume(self, request: Request) -> Answer:
+        if request.accept_ledger and self._house.reading().phase is Phase.FATAL:
+            await self._house.in_hand(lives.overrule_pages, self._house.folders)
+        return self._order(seen.Verb.RESUME, request)
 
     def _restart(self, request: Request) -> Answer:
         reading = self._house.reading()

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hardcore.host import clock, processes
+from hardcore.host import clock, files, processes
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle, Identity
 from hardcore.host.recorder import PageReader, make_page
@@ -215,10 +215,11 @@ def _hold(pid: int, mark: str) -> Handle | None:
 
 
 def _last_page(folders: Folders) -> Page | None:
-    """Return the page with the highest commit among those of this boot."""
+    """Return the page with the highest commit among those of this boot whose word still counts."""
     best: Page | None = None
+    overruled = files.read_json(_overruled(folders)).get("pages")
     for path in folders.run.glob("recorder-*"):
-        if path.suffix:
+        if path.suffix or (isinstance(overruled, list) and path.name in overruled):
             continue
         reader = PageReader(path)
         page = reader.read()
@@ -237,6 +238,20 @@ def sweep(folders: Folders, living: set[str], keep: int = DEAD_LIVES_KEPT) -> No
     for nonce in [n for n in nonces if n not in living][keep:]:
         for path in _files(folders, nonce):
             path.unlink(missing_ok=True)
+
+
+def overrule_pages(folders: Folders) -> None:
+    """Let no page that is there now count as a witness: the operator has said that the ledger is right.
+
+    They stay where they are, because the evidence of the last death may still be read from them.
+    """
+    names = [path.name for path in folders.run.glob("recorder-*")]
+    with suppress(OSError):  # this guard obeys all the same; only its successor would ask again
+        files.write_json(_overruled(folders), {"pages": names}, durable=False)
+
+
+def _overruled(folders: Folders) -> Path:
+    return folders.run / "overruled.json"
 
 
 def forget_pages(folders: Folders) -> None:

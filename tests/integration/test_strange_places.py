@@ -116,6 +116,32 @@ def test_a_whole_data_folder_put_back_from_a_copy_is_served_only_when_the_operat
     assert house.booked() == ["in-the-copy"]
 
 
+def test_an_older_ledger_that_was_accepted_is_served_by_the_next_guard_too(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.book("in-the-copy").status == 201
+    assert house.cli("down").code == 0
+    kept = house.data.with_name("kept.db")
+    shutil.copyfile(house.data / "ledger.db", kept)
+    house.up()
+    assert [house.book(f"after-the-copy-{number}").status for number in range(5)] == [201] * 5
+    assert house.cli("down").code == 0
+    shutil.copyfile(kept, house.data / "ledger.db")
+    house.begin()
+    house.until(lambda status: status["phase"] == "FATAL", "the refusal of an older ledger")
+    assert house.cli("resume", "--accept-ledger").code == 0
+    before = house.running()
+
+    guard = house.hit("sentinel")
+    until(lambda: guard.gone, "the guard to be gone")
+    told = house.until(
+        lambda s: s["phase"] in {"FATAL", "RUNNING"} and s["sentinel"]["pid"] != guard.pid, "the next guard"
+    )
+    assert told["phase"] == "RUNNING"
+    assert told["core"]["epoch"] > before["core"]["epoch"]
+    assert house.booked() == ["in-the-copy"]
+
+
 def test_a_copy_lives_beside_its_original_and_neither_touches_the_other(
     house: House, new_house: MakeHouse
 ) -> None:
