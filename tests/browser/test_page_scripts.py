@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Route, expect
 
 from tests.browser.conftest import OpenTab
 from tests.browser.outages import outage
@@ -12,6 +12,7 @@ from tests.browser.tabs import Watch
 from tests.integration.house import House
 
 ROOT = Path(__file__).parents[2]
+LOST = 45
 AMOUNTS = (ROOT / "frontend" / "static" / "amounts.js").read_text()
 CASES = json.loads((ROOT / "tests" / "unit" / "frontend" / "amount_cases.json").read_text())
 
@@ -62,6 +63,28 @@ def test_the_same_text_sent_again_after_a_reload_in_an_outage_is_one_entry(
     save(form)
     expect(form.locator("[data-said].good")).to_be_visible()
     assert booked(house, "Sent twice") == 1
+
+
+def test_a_wish_is_never_given_up_while_its_page_is_open(house: House, open_tab: OpenTab) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    tries: list[Route] = []
+
+    def lost_at_first(route: Route) -> None:
+        tries.append(route)
+        if len(tries) <= LOST:
+            route.abort()
+        else:
+            route.continue_()
+
+    page.route("**/entries", lost_at_first)
+    form = write_entry(page, "Tried often", "7000")
+    save(form)
+    while len(tries) <= LOST:  # each time the page hears that the server is back, it asks again at once
+        page.evaluate("document.dispatchEvent(new CustomEvent('hc:back', {detail: {}}))")
+    expect(form.locator("[data-said].good")).to_be_visible()
+    assert booked(house, "Tried often") == 1
 
 
 def test_the_browser_asks_before_a_page_with_a_waiting_wish_is_left_and_only_then(
