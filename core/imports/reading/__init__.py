@@ -15,5 +15,5 @@ What the life of an import calls:
 - `mapping.faults_of(mapping, columns) -> tuple[MappingFault, ...]`
 - `rows.parse_rows(table, mapping, format_, account_currency, header_format) -> Iterator[Result]`
 - `fingerprints.fingerprint(account, candidate) -> str`
-- `balance.check_balance(results) -> BalanceVerdict`
+- `balance.BalanceCheck().see(result)`, one by one, then its `verdict`
 """

@@ -5,7 +5,6 @@ back is found by trying both. A refused row leaves a gap that no pair is taken a
 chain of its own.
 """
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -51,11 +50,3 @@ class BalanceCheck:
             return BalanceVerdict.ABSENT
         holds = self.pairs in {self.forwards, self.backwards}
         return BalanceVerdict.MATCH if holds else BalanceVerdict.MISMATCH
-
-
-def check_balance(results: Iterable[Result]) -> BalanceVerdict:
-    """The verdict over all results of a file, in its order."""
-    check = BalanceCheck()
-    for result in results:
-        check.see(result)
-    return check.verdict

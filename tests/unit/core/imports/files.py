@@ -12,6 +12,7 @@ import msgspec
 import msoffcrypto.format.ooxml  # type: ignore[import-untyped]  # it has no types
 import openpyxl
 
+from core.imports.reading.balance import BalanceCheck, BalanceVerdict
 from core.imports.reading.candidates import Result
 from core.imports.reading.child import read_in_child
 from core.imports.reading.formats import builtin_formats
@@ -146,6 +147,13 @@ def _ole(stream: bytes) -> bytes:
     directory = _entry("Root Entry", 5, end, 0, child=1) + _entry("Workbook", 2, 2, sectors * 512)
     directory += (_entry("", 0, 0, 0) * 2)[:256]
     return header + fat + directory + stream.ljust(sectors * 512, b"\0")
+
+
+def balance_of(made: Iterable[Result]) -> BalanceVerdict:
+    check = BalanceCheck()
+    for result in made:
+        check.see(result)
+    return check.verdict
 
 
 def _entry(name: str, kind: int, start: int, size: int, child: int = 0xFFFFFFFF) -> bytes:

@@ -1,12 +1,11 @@
 import pytest
 
-from core.imports.reading.balance import check_balance
 from core.imports.reading.candidates import Candidate, RefusedRow, SkippedRow
 from core.imports.reading.formats import Format, Sample, builtin_formats, read_format
 from core.imports.reading.names import canonical
 from core.imports.reading.proposal import propose
 from core.imports.reading.rows import parse_rows
-from tests.unit.core.imports.files import table
+from tests.unit.core.imports.files import balance_of, table
 
 SAMPLES = [(format_, sample) for format_ in builtin_formats().values() for sample in format_.test]
 
@@ -45,7 +44,7 @@ def test_every_format_reads_its_own_sample(format_: Format, sample: Sample) -> N
             assert wanted is None or getattr(candidate, name) == wanted, (name, candidate)
     assert sum(isinstance(result, SkippedRow) for result in results) == sample.skipped
     assert sum(isinstance(result, RefusedRow) for result in results) == sample.refused
-    assert check_balance(results) == sample.balance_check
+    assert balance_of(results) == sample.balance_check
 
 
 @pytest.mark.parametrize("format_", builtin_formats().values(), ids=builtin_formats())

@@ -3,7 +3,7 @@ import pytest
 
 from core.imports.looking import results as read_by
 from core.imports.reading import rows as room
-from core.imports.reading.balance import BalanceVerdict, check_balance
+from core.imports.reading.balance import BalanceVerdict
 from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Skip, SkippedRow
 from core.imports.reading.fingerprints import fingerprint
 from core.imports.reading.formats import builtin_formats
@@ -21,7 +21,7 @@ from core.imports.reading.proposal import NO_FORMAT, guessed_anew, propose
 from core.imports.records import Manifest
 from core.imports.states import State
 from core.ledger import fields
-from tests.unit.core.imports.files import CHASE, results, table, workbook
+from tests.unit.core.imports.files import CHASE, balance_of, results, table, workbook
 
 
 def candidates(data: str | bytes, currency: str | None = "KRW", **changes: object) -> list[Candidate]:
@@ -198,7 +198,7 @@ BALANCED = ["2026-01-02,가,-100,900", "2026-01-03,나,50,950", "2026-01-04,다,
     ],
 )
 def test_the_running_balance_is_a_witness_in_either_order(lines: list[str], verdict: BalanceVerdict) -> None:
-    assert check_balance(results("날짜,내용,금액,잔액\n" + "\n".join(lines) + "\n", "KRW")) is verdict
+    assert balance_of(results("날짜,내용,금액,잔액\n" + "\n".join(lines) + "\n", "KRW")) is verdict
 
 
 def test_a_mapping_names_columns_that_are_there_and_says_all_that_is_missing() -> None:
