@@ -18,6 +18,7 @@ from psutil import Process
 from tests import leftovers, waiting
 from tests.browser.scripted_pages import gateway, open_ledger  # noqa: F401 - fixtures, found by their names
 from tests.browser.tabs import Watch
+from tests.integration import houses
 from tests.integration.house import House
 
 ARGUMENTS: Final = [
@@ -33,8 +34,11 @@ LEAVING_S: Final = 5.0
 #: What a page may take to show what is waited for, on a machine that does much else.
 PATIENCE_MS: Final = 20_000
 
-MakeHouse = Callable[..., House]
+MakeHouse = houses.MakeHouse
 OpenTab = Callable[..., Page]
+
+house = houses.house
+new_house = houses.new_house
 
 
 @pytest.fixture(scope="session")
@@ -80,33 +84,8 @@ def nothing_is_left_behind(
 @pytest.fixture(scope="module")
 def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
     """The house of a module."""
-    house = House(tmp_path_factory.mktemp("house") / "data")
-    try:
-        house.up()
+    with houses.house_of_a_module(tmp_path_factory) as house:
         yield house
-    finally:
-        house.end()
-
-
-@pytest.fixture
-def house(shared_house: House) -> House:
-    """The module's house, running and without an open incident, whatever the test before did to it."""
-    shared_house.running()
-    return shared_house
-
-
-@pytest.fixture
-def new_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MakeHouse]:
-    """Make houses of the test's own; policy settings are named arguments. They are not started yet."""
-    made: list[House] = []
-
-    def make(**policy: Any) -> House:
-        made.append(House(tmp_path_factory.mktemp("own") / "data", policy))
-        return made[-1]
-
-    yield make
-    for house in made:
-        house.end()
 
 
 @pytest.fixture

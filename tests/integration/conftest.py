@@ -1,18 +1,21 @@
 """Houses for the tests: one for a whole module where that is honest, or one of a test's own."""
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
 from psutil import Process
 
 from tests import leftovers, waiting
+from tests.integration import houses
 from tests.integration.house import House
 
 # As everywhere: processes that were told to end are given this long to be gone.
 LEAVING_S = 2.0
 
-MakeHouse = Callable[..., House]
+MakeHouse = houses.MakeHouse
+
+house = houses.house
+new_house = houses.new_house
 
 
 @pytest.fixture(autouse=True)
@@ -39,31 +42,6 @@ def nothing_is_left_behind(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
     """The house of a module."""
-    house = House(tmp_path_factory.mktemp("house") / "data")
-    try:
-        house.up()
+    with houses.house_of_a_module(tmp_path_factory) as house:
         house.open_accounts()
         yield house
-    finally:
-        house.end()
-
-
-@pytest.fixture
-def house(shared_house: House) -> House:
-    """The module's house, running and without an open incident, whatever the test before did to it."""
-    shared_house.running()
-    return shared_house
-
-
-@pytest.fixture
-def new_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MakeHouse]:
-    """Make houses of the test's own; policy settings are named arguments. They are not started yet."""
-    made: list[House] = []
-
-    def make(**policy: Any) -> House:
-        made.append(House(tmp_path_factory.mktemp("own") / "data", policy))
-        return made[-1]
-
-    yield make
-    for house in made:
-        house.end()
