@@ -9,6 +9,7 @@ from hardcore.crisis.standing import (
     SUSPECTS_MAX,
     Standing,
     alive,
+    confirm,
     doubt,
     hear,
     leaving,
@@ -88,6 +89,18 @@ def test_a_doubt_holds_until_it_is_ended() -> None:
     again = hear(doubt(served), RELEASE, 9)
     assert again is not None
     assert posture(again) is Face.FORWARD
+
+
+def test_a_question_without_an_answer_confirms_a_doubt_and_nothing_else() -> None:
+    served = _after(SERVING, RELEASE, FORWARD)
+    assert not confirm(served).unanswered
+    sure = confirm(doubt(served))
+    assert sure.unanswered
+    assert not trust(sure).unanswered
+    for line in (RELEASE, ServingHeard(1, "/run/b", 8)):
+        heard = hear(sure, line, 9)
+        assert heard is not None
+        assert not heard.unanswered
 
 
 def test_a_sign_of_life_does_not_end_a_doubt() -> None:
