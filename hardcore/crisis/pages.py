@@ -7,10 +7,12 @@ before a tab gets a page; a program gets the same facts as problem+json.
 
 import html
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from email.utils import formatdate
 from http import HTTPStatus
+from urllib.parse import urlsplit
 
 from frontend.catalogue_gateway import PROBLEMS
 from frontend.render import language
@@ -87,8 +89,27 @@ def plain(what: Problem, head: RequestHead) -> Answer:
 def recovery(sheet: Sheet, what: Problem, head: RequestHead) -> Answer:
     """The recovery page on the URL that was asked for."""
     extra = _of_a_page(language(head.accept_language), sheet.policy, what)
-    body = _packed(sheet, head, extra)
+    if head.safe or (way := _way_back(head)) is None:
+        body = _packed(sheet, head, extra)
+    else:
+        # Uncompressed, because it is this reader's alone; the address is the only thing that differs.
+        body = sheet.plain.replace(b'<a href="/">', b'<a href="%s">' % html.escape(way).encode())
     return _answer(STATUS[what], sheet.kind, body, extra)
+
+
+def _way_back(head: RequestHead) -> str | None:
+    """The page of ours that a form was sent from, as far as the browser says it."""
+    told = [value for name, value in head.headers if name.lower() == b"referer"]
+    if len(told) != 1:
+        return None
+    try:
+        parts = urlsplit(told[0].decode("ascii"))
+    except ValueError:
+        return None
+    ours = parts.netloc.lower() == head.host.decode("ascii", "replace").lower()
+    if parts.scheme not in {"http", "https"} or not ours or not re.match(r"/(?![/\\])", parts.path):
+        return None
+    return parts.path + (f"?{parts.query}" if parts.query else "")
 
 
 def _of_a_page(tongue: str, policy: str, what: Problem | None = None) -> list[Header]:

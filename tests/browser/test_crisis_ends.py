@@ -69,6 +69,17 @@ def test_an_outage_that_goes_on_after_a_person_acted_takes_the_page_again(
     marks(page, "down")
 
 
+def test_a_stage_that_was_not_seen_is_not_called_done(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    gateway.say(down("R7b", stage=1))
+    shows(page, "Problem found")
+    gateway.say(down("R7b", stage=3))
+    words = overlay(page).locator("li .word")
+    expect(words).to_contain_text(["done", "passed", "now", "next"])
+
+
 def test_a_server_that_is_off_is_not_called_recovering(
     open_ledger: OpenLedger, gateway: ScriptedGateway
 ) -> None:
