@@ -42,8 +42,8 @@ new_house = houses.new_house
 
 
 @pytest.fixture(scope="session")
-def chromium() -> Iterator[Browser]:
-    """The browser."""
+def browser_path() -> str:
+    """The machine's own browser."""
     found = subprocess.run(
         ["sh", str(Path(__file__).parents[2] / "scripts" / "browser")],
         capture_output=True,
@@ -53,11 +53,29 @@ def chromium() -> Iterator[Browser]:
     if found.returncode:
         missing = pytest.fail if os.environ.get("BROWSER_TESTS") == "required" else pytest.skip
         missing(found.stderr.strip())
+    return found.stdout.strip()
+
+
+@pytest.fixture(scope="session")
+def chromium(browser_path: str) -> Iterator[Browser]:
+    """The browser."""
     expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found.stdout.strip(), args=ARGUMENTS)
+        browser = playwright.chromium.launch(executable_path=browser_path, args=ARGUMENTS)
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def scriptless(chromium: Browser, browser_path: str) -> Iterator[Browser]:
+    """A browser that runs no scripts.
+
+    Playwright's own switch comes after a page was read as one with scripts, noscript and all; this is the browser's.
+    """
+    without = [*ARGUMENTS, "--blink-settings=scriptEnabled=false"]
+    browser = chromium.browser_type.launch(executable_path=browser_path, args=without)
+    yield browser
+    browser.close()
 
 
 @pytest.fixture(autouse=True)
@@ -99,16 +117,25 @@ def watch() -> Iterator[Watch]:
 
 @pytest.fixture
 def open_tab(chromium: Browser, watch: Watch) -> Iterator[OpenTab]:
-    """Open tabs of a house, each in a profile of its own unless one is given; options are Playwright's."""
+    """Open tabs of a house, each in a profile of its own unless one is given; options are Playwright's.
+
+    `of`: another browser than the usual one.
+    """
     contexts: list[BrowserContext] = []
 
     def open_one(
-        house: House, path: str = "/", *, lang: str = "en", beside: Page | None = None, **options: Any
+        house: House,
+        path: str = "/",
+        *,
+        lang: str = "en",
+        beside: Page | None = None,
+        of: Browser = chromium,
+        **options: Any,
     ) -> Page:
         if beside is not None:
             page = beside.context.new_page()
         else:
-            contexts.append(chromium.new_context(base_url=house.url, locale=lang, **options))
+            contexts.append(of.new_context(base_url=house.url, locale=lang, **options))
             contexts[-1].set_default_timeout(PATIENCE_MS)
             page = contexts[-1].new_page()
         watch.on(page)

@@ -1,7 +1,7 @@
 """The ledger's pages as a person uses them, in both languages."""
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
 from tests.browser.conftest import MakeHouse, OpenTab
 from tests.browser.readers import a_bank, answer_of, booked, post_entry, save, write_entry
@@ -67,9 +67,9 @@ def test_an_entry_is_booked_by_keyboard_alone(house: House, open_tab: OpenTab) -
     assert booked(house, "By keyboard") == 1
 
 
-def test_an_entry_is_booked_without_javascript(house: House, open_tab: OpenTab) -> None:
+def test_an_entry_is_booked_without_javascript(house: House, open_tab: OpenTab, scriptless: Browser) -> None:
     a_bank(house)
-    page = open_tab(house, java_script_enabled=False)
+    page = open_tab(house, of=scriptless)
     save(write_entry(page, "Plain form"))
     expect(page.get_by_text("Plain form").first).to_be_visible()
     assert booked(house, "Plain form") == 1

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from tests.browser.conftest import OpenTab
 from tests.browser.outages import cores, held_start, outage
@@ -131,13 +131,16 @@ def test_text_typed_before_a_reload_in_the_outage_is_restored_and_said_not_to_be
     assert booked(house, TYPED) == 0
 
 
-def test_the_recovery_page_works_in_korean_and_without_javascript(house: House, open_tab: OpenTab) -> None:
-    page = open_tab(house, lang="ko-KR", java_script_enabled=False)
+def test_the_recovery_page_works_in_korean_and_without_javascript(
+    house: House, open_tab: OpenTab, scriptless: Browser
+) -> None:
+    page = open_tab(house, lang="ko-KR", of=scriptless)
     with outage(house):
         page.reload()
         expect(page.get_by_role("heading", name="서버를 다시 켜고 있어요")).to_be_visible()
         refresh = page.locator("meta[http-equiv=refresh]").get_attribute("content")
         assert refresh == "5"
+        expect(page.get_by_text("5초마다 자동으로 다시 열어요.")).to_be_visible()
     expect(page.locator("form#entry, form[action='/start']").first).to_be_visible()
 
 

@@ -1,18 +1,13 @@
 """The recovery page, which stands at the address of another: it waits, tells, and gives the address back."""
 
-import subprocess
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import pytest
 from playwright.sync_api import Browser, expect
 
 from tests import waiting
-from tests.browser.conftest import ARGUMENTS
 from tests.browser.scripted_gateway import ScriptedGateway, back, down
 from tests.browser.scripted_pages import OpenLedger, is_over, shows
-
-ROOT: Final = Path(__file__).parents[2]
 
 
 def test_the_recovery_page_opens_the_address_again_by_itself(
@@ -79,22 +74,8 @@ def test_the_recovery_page_changes_its_language_and_remembers_it(
     assert page.evaluate("document.cookie") == "lang=en"
 
 
-def test_the_recovery_page_reopens_without_a_script(chromium: Browser, gateway: ScriptedGateway) -> None:
-    # Playwright's own switch comes after the page was read as one with scripts, noscript and all; this is the
-    # browser's.
-    without = [*ARGUMENTS, "--blink-settings=scriptEnabled=false"]
+def test_the_recovery_page_reopens_without_a_script(scriptless: Browser, gateway: ScriptedGateway) -> None:
     gateway.recovering = ("en", "recovering", "get")
-    browser = chromium.browser_type.launch(executable_path=_path_of_browser(), args=without)
-    try:
-        browser.new_page().goto(f"{gateway.url}/en", wait_until="commit")
-        waiting.until(lambda: gateway.asked.count("/en") > 1, "the page to be opened again", 15)
-        assert "/__hc/live" not in gateway.asked
-    finally:
-        browser.close()
-
-
-def _path_of_browser() -> str:
-    found = subprocess.run(
-        ["sh", "scripts/browser"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=30
-    )
-    return found.stdout.strip()
+    scriptless.new_page().goto(f"{gateway.url}/en", wait_until="commit")
+    waiting.until(lambda: gateway.asked.count("/en") > 1, "the page to be opened again", 15)
+    assert "/__hc/live" not in gateway.asked
