@@ -108,7 +108,10 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "entry_date": {"ko": "날짜", "en": "Date"},
     "entry_save": {"ko": "저장하기", "en": "Save"},
     "entry_change": {"ko": "고쳐 저장하기", "en": "Save the change"},
-    "entry_now": {"ko": "그사이에 바뀌었어요. 지금 장부에는:", "en": "Changed meanwhile. The ledger now says:"},
+    "entry_now": {
+        "ko": "그사이에 바뀌었어요. 지금 장부에는:",
+        "en": "Changed meanwhile. The ledger now says:",
+    },
     "entry_delete": {"ko": "이 내역 지우기", "en": "Delete this entry"},
     "entry_delete_truth": {
         "ko": "목록과 잔액에서 빠져요. 지운 사실은 기록에는 남아요.",
