@@ -56,9 +56,10 @@ def browser_path() -> str:
     return found.stdout.strip()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def chromium(browser_path: str) -> Iterator[Browser]:
-    """The browser."""
+    """The browser, for the tests of this folder: while Playwright is there, no other test of this process can
+    run an event loop of its own."""
     expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_path, args=ARGUMENTS)
