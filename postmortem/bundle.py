@@ -111,6 +111,11 @@ def write_bundle(
         with _writing(temporary) as held:
             # Waited for another writer: the folder may be called by its real name by now, or be gone.
             if is_there(final):
+                # Overtaken between the look and the mkdir: this draft is our own empty one, and would be
+                # taken for a half-written incident. rmdir, so that nothing anybody wrote can go.
+                if held():
+                    with suppress(OSError):
+                        temporary.rmdir()
                 return BundleFailed(_HAS_ONE)
             if not held():
                 return BundleFailed("another writer had the evidence in hand")

@@ -265,6 +265,42 @@ def test_facts_and_evidence_that_come_at_once_both_end_up_in_one_whole_bundle(tm
         assert (one.path / bundle.FACTS).exists()
 
 
+def test_a_writer_that_was_overtaken_leaves_no_draft_beside_the_whole_bundle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look = bundle.is_there
+
+    def overtaken_after_the_look(path: Path) -> bool:
+        monkeypatch.undo()
+        there = look(path)
+        made(tmp_path)  # the other one is done, rename and all, before this one makes its draft
+        return there
+
+    monkeypatch.setattr(bundle, "is_there", overtaken_after_the_look)
+    assert isinstance(bundle.write_bundle(tmp_path, ID, {"log.txt": b"late"}, {}), BundleFailed)
+    assert [item.name for item in tmp_path.iterdir()] == [ID]
+    assert (tmp_path / ID / "recorder.bin").read_bytes() == FILES["recorder.bin"]
+    assert bundle.verify_bundle(tmp_path / ID) == []
+
+
+def test_only_an_empty_draft_is_removed_beside_the_whole_bundle(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    look, draft = bundle.is_there, tmp_path / f".{ID}.partial"
+
+    def overtaken_after_the_look(path: Path) -> bool:
+        monkeypatch.undo()
+        there = look(path)
+        made(tmp_path)
+        draft.mkdir()
+        (draft / "stacks.txt").write_bytes(b"of nobody knows whom")
+        return there
+
+    monkeypatch.setattr(bundle, "is_there", overtaken_after_the_look)
+    assert isinstance(bundle.write_bundle(tmp_path, ID, {"log.txt": b"late"}, {}), BundleFailed)
+    assert (draft / "stacks.txt").read_bytes() == b"of nobody knows whom"
+
+
 def closed(parent: Path, number: int, *, facts: bool = True, size_bytes: int = 100) -> str:
     name = f"0199a000-0000-7000-8000-{number:012}"
     files = {"recorder.bin": b"x" * size_bytes, **({bundle.FACTS: b"{}"} if facts else {})}
