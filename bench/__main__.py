@@ -67,8 +67,8 @@ PARTS: dict[str, Part] = {
     ),
     "page": Part(
         "what a person at the page waits for",
-        lambda folder: bench_page.measure(folder, kills=20, freezes=10, reloads=5),
-        lambda folder: bench_page.measure(folder, kills=1, freezes=1, reloads=1),
+        lambda folder: bench_page.measure(folder, kills=20, slow_starts=10, reloads=5),
+        lambda folder: bench_page.measure(folder, kills=1, slow_starts=1, reloads=1),
     ),
 }
 SCRIPTS: dict[str, Script] = {
