@@ -12,11 +12,15 @@ from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 
 @dataclass(frozen=True, slots=True)
 class Spawn:
-    """Start a core. `expected_epoch` None: raise whatever stands in the store."""
+    """Start a core. `expected_epoch` None: raise whatever stands in the store.
+
+    `safe`: it serves reads only, because of this; it raises no epoch and writes nothing.
+    """
 
     life: int
     expected_epoch: int | None
     witness: Witness | None
+    safe: Diagnosis | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +44,40 @@ class KillLeftovers:
 
 @dataclass(frozen=True, slots=True)
 class TakeEvidence:
-    """Take the evidence of life `life` for this incident: from a living core it is stopped first."""
+    """Take the evidence of life `life` for this incident: from a living core it is stopped first.
+
+    `stop` False: it goes on and is only looked at. `image`: write its memory out too, where that can be done.
+    """
 
     life: int
     incident: str
     living: bool
     budget_ms: int
+    stop: bool = True
+    image: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SampleStacks:
+    """Look at all stacks of a living core without stopping it; the newest look joins the evidence."""
+
+    life: int
+
+
+@dataclass(frozen=True, slots=True)
+class LookAtStore:
+    """Find out who holds the store's write lock, without opening the store."""
+
+    life: int
+
+
+@dataclass(frozen=True, slots=True)
+class SetSafe:
+    """Tell the serving core to answer reads only (`on`), or to try to write again."""
+
+    life: int
+    on: bool
+    reason: Diagnosis
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +161,9 @@ Action = (
     | Kill
     | KillLeftovers
     | TakeEvidence
+    | SampleStacks
+    | LookAtStore
+    | SetSafe
     | Release
     | CloseIncident
     | AddAudit

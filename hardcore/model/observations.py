@@ -8,7 +8,7 @@ fact carries the monotonic time at which it was true; what concerns a core carri
 from dataclasses import dataclass
 from enum import StrEnum
 
-from hardcore.model.recorder import Beats, CommandNote, Page, Threads
+from hardcore.model.recorder import Beats, CommandNote, Page, Threads, Witness
 from hardcore.model.verdicts import Diagnosis
 
 
@@ -27,11 +27,24 @@ class ThreadSample:
     state: str
     cpu_ns: int
     waits_in: str  # kernel function or system call it sleeps in; empty when unknown
+    run_delay_ns: int = 0  # time it was ready to run and was not let
+    switches: int = 0  # context switches, of both kinds
+
+
+@dataclass(frozen=True, slots=True)
+class Clocks:
+    """The other two clocks at the moment of a tick: one that counts a suspended machine's sleep, and the wall's."""
+
+    boot_ns: int
+    wall_ns: int
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessSample:
-    """The core as the kernel sees it at one tick."""
+    """The core as the kernel sees it at one tick.
+
+    `beat` is the thread of the thread beat; `deciding` are the threads of the commands in flight, by their ids.
+    """
 
     state: str
     cpu_ns: int
@@ -40,6 +53,8 @@ class ProcessSample:
     fds: int | None = None
     loop: ThreadSample | None = None
     writer: ThreadSample | None = None
+    beat: ThreadSample | None = None
+    deciding: tuple[tuple[int, ThreadSample], ...] = ()
 
 
 class Verb(StrEnum):
@@ -65,7 +80,10 @@ class SentinelBegan:
 
 @dataclass(frozen=True, slots=True)
 class Sampled:
-    """One tick of the watch. `in_flight` is read only while commands wait; None: not looked."""
+    """One tick of the watch. `in_flight` is read only while commands wait; None: not looked.
+
+    `witness` is the last commit as the page shows it at this tick.
+    """
 
     at_ns: int
     life: int
@@ -73,6 +91,133 @@ class Sampled:
     threads: Threads
     process: ProcessSample | None
     in_flight: tuple[CommandNote, ...] | None = None
+    witness: Witness | None = None
+    clocks: Clocks | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StackFrame:
+    """One frame of a thread. `names` are the locals that may be shown: plain ids, and what a lock's frame says."""
+
+    function: str
+    file: str
+    line: int
+    names: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ThreadStack:
+    """One thread's frames, the innermost first."""
+
+    tid: int
+    name: str
+    active: bool
+    owns_gil: bool
+    frames: tuple[StackFrame, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StacksSampled:
+    """A free look at all stacks, nothing was stopped for it. No stacks: `fault` says why."""
+
+    at_ns: int
+    life: int
+    stacks: tuple[ThreadStack, ...]
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """The core was asked for its health over its own socket. `answered` False: not within the probe's time."""
+
+    at_ns: int
+    life: int
+    asked_ns: int
+    answered: bool
+    epoch: int | None = None
+    seq: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LockHolder:
+    """A process that holds the store's write lock; pid 0: one that this machine's view does not name."""
+
+    pid: int
+    name: str
+    ours: bool = False  # it is the core itself
+
+
+@dataclass(frozen=True, slots=True)
+class StoreLooked:
+    """Who holds the store's write lock at this moment, as the kernel's table of locks says."""
+
+    at_ns: int
+    life: int
+    holders: tuple[LockHolder, ...]
+
+
+class StoreFault(StrEnum):
+    """What a living core says of its store, on the notify socket."""
+
+    FULL = "FULL"
+    READ_ONLY = "READ_ONLY"
+    OK = "OK"
+
+
+@dataclass(frozen=True, slots=True)
+class StoreTold:
+    """The core says that its store took a write no longer, or that it does again."""
+
+    at_ns: int
+    life: int
+    fault: StoreFault
+
+
+@dataclass(frozen=True, slots=True)
+class SafeSwitched:
+    """The core answered an order to serve reads only (`on`) or everything again; `done` False: `reason` says why."""
+
+    at_ns: int
+    life: int
+    on: bool
+    done: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DiskFacts:
+    """The data folder's file system, looked at from a thread of our own.
+
+    `write_ns` is what our own small write with its fsync took; None while it has not come back, and then
+    `pending_ns` is how long it has been under way. `fault` is its error's name (ENOSPC, EROFS …), else empty.
+    """
+
+    free_bytes: int
+    read_only: bool
+    write_ns: int | None
+    pending_ns: int = 0
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Conduct:
+    """What an outside guard would call tampering, each as a fact in words; empty: nothing strange."""
+
+    children: tuple[str, ...] = ()
+    code: tuple[str, ...] = ()
+    ports: tuple[str, ...] = ()
+    jumps: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """What is looked at once a second, off the loop. `life` is the one looked at; None: not looked."""
+
+    at_ns: int
+    life: int
+    disk: DiskFacts | None = None
+    conduct: Conduct | None = None
+    oom_kills: int | None = None  # how often the kernel has killed for memory since this life began
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,12 +310,16 @@ class TermReceived:
 
 @dataclass(frozen=True, slots=True)
 class CoreExited:
-    """The core's process is gone. `page` is its recorder, read right after; None: unreadable."""
+    """The core's process is gone. `page` is its recorder, read right after; None: unreadable.
+
+    `oom_kills` is how often the kernel has killed for memory since this life began; None: nobody can tell.
+    """
 
     at_ns: int
     life: int
     exit: Exit
     page: Page | None
+    oom_kills: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,6 +411,12 @@ CoreObservation = (
     | TermReceived
     | CoreExited
     | EvidenceTaken
+    | StacksSampled
+    | Probed
+    | StoreLooked
+    | StoreTold
+    | SafeSwitched
+    | Surveyed
 )
 
 Observation = (

@@ -43,8 +43,7 @@ class Beats:
     gc_since_ns: int = 0
     epoch: int = 0
     state: LifeState = LifeState.STARTING
-    importer_ns: int = 0
-    importer_since_ns: int = 0
+    answered_seq: int = 0  # the highest sequence that an answer has claimed to be committed
 
     @property
     def waiting(self) -> int:
@@ -73,7 +72,11 @@ class Witness:
 
 @dataclass(frozen=True, slots=True)
 class CommandNote:
-    """A command in flight or just finished. `payload` is cut at 512 bytes; `outcome` is an HTTP status."""
+    """A command in flight or just finished. `payload` is cut at 512 bytes; `outcome` is an HTTP status.
+
+    `limit_ns` is how long it may be DECIDING, 0 for as long as it takes; the time runs from `stage_ns`, or from
+    `progress_ns` if it has reported progress later than that.
+    """
 
     stage: SlotStage
     command_id: str
@@ -82,8 +85,9 @@ class CommandNote:
     transaction_id: str
     account_ids: tuple[str, ...]
     started_ns: int
-    deadline_ns: int = 0
+    limit_ns: int = 0
     stage_ns: int = 0
+    progress_ns: int = 0
     thread: int = 0
     ordinal: int = 0
     payload: bytes = b""
@@ -114,6 +118,39 @@ class LastWords:
 
 
 @dataclass(frozen=True, slots=True)
+class ComponentBeat:
+    """The own beat of one part of the core. `since_ns` 0: it has nothing to do; `limit_ns`: how long it may be silent."""
+
+    name: str
+    beat_ns: int
+    since_ns: int
+    limit_ns: int
+    done: int
+
+
+@dataclass(frozen=True, slots=True)
+class TypeCount:
+    """How many objects of one type the core held, and how many bytes they take by themselves (estimated)."""
+
+    name: str
+    count: int
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Census:
+    """The largest types in the core's memory at one moment. `examined` of `objects` were looked at."""
+
+    at_ns: int
+    rss_bytes: int
+    objects: int
+    examined: int
+    took_ns: int
+    types: tuple[TypeCount, ...]
+    torn: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Page:
     """A whole recorder page, read at one moment. `torn` counts the entries that were half written."""
 
@@ -129,3 +166,5 @@ class Page:
     finished: tuple[CommandNote, ...]
     events: tuple[RingEvent, ...]
     torn: int = 0
+    components: tuple[ComponentBeat, ...] = ()
+    censuses: tuple[Census, ...] = ()  # the last two, the older first

@@ -71,15 +71,28 @@ class Testimony:
     why: str
 
 
+class Wish(StrEnum):
+    """What the judge would like to know next, because something is suspicious; asking is free for the core."""
+
+    STACKS = "stacks"
+    STORE = "store"
+
+
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The weighed judgement. `fault_ns` is when it began as far as anybody can tell; 0 when green."""
+    """The weighed judgement. `fault_ns` is when it began as far as anybody can tell; 0 when green.
+
+    `blamed` are the ids of the commands that the evidence names. A red verdict has a diagnosis; a yellow one may
+    have (STARVED, SLEPT), and is never acted on.
+    """
 
     colour: Colour
     diagnosis: Diagnosis | None = None
     grade: Grade = Grade.UNKNOWN
     fault_ns: int = 0
     testimonies: tuple[Testimony, ...] = ()
+    wishes: frozenset[Wish] = frozenset()
+    blamed: tuple[str, ...] = ()
 
 
 GREEN = Verdict(Colour.GREEN)
