@@ -13,9 +13,12 @@ from pathlib import Path
 
 #: The kernel's limit for a Unix socket's path, without the closing zero.
 SOCKET_PATH_BYTES_MAX = 107
+#: A day: a limit of more is none.
+LIMIT_MS_MAX = 86_400_000
 _NUMBER_MAX = 2**63 - 1
 _WITNESS = re.compile(r"([0-9]{1,19}):([0-9]{1,19}):([0-9a-f]{64})")
 _NUMBER = re.compile(r"[0-9]{1,19}")
+_DIAGNOSIS = re.compile(r"[A-Z_]{1,40}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,11 @@ class GuardedEnvironment:
     control: Path | None = None
     expected_epoch: int | None = None
     witness: LastSeen | None = None
+    #: The diagnosis because of which this core may only read.
+    safe: str | None = None
+    #: How long a command may be DECIDING; a kind of command may have a multiple of it.
+    limit_ms: int | None = None
+    memory_bytes: int | None = None
     notify_socket: str | None = None
     watchdog_usec: int | None = None
 
@@ -59,6 +67,9 @@ class GuardedEnvironment:
             control=reading.socket("HARDCORE_CONTROL"),
             expected_epoch=reading.number("HARDCORE_EPOCH"),
             witness=reading.witness("HARDCORE_WITNESS"),
+            safe=reading.word("HARDCORE_SAFE"),
+            limit_ms=reading.number("HARDCORE_LIMIT_MS", 1, LIMIT_MS_MAX),
+            memory_bytes=reading.number("HARDCORE_MEMORY_BYTES", 1),
             notify_socket=reading.notify("NOTIFY_SOCKET"),
             watchdog_usec=reading.watchdog(own_pid),
         )
@@ -91,14 +102,23 @@ class _Reading:
             return None
         return found
 
-    def number(self, name: str) -> int | None:
+    def number(self, name: str, least: int = 0, most: int = _NUMBER_MAX) -> int | None:
         text = self._text(name)
         if text is None:
             return None
-        if not _NUMBER.fullmatch(text) or int(text) > _NUMBER_MAX:
-            self.faults.append(f"{name} must be a whole number, not {text!r}.")
+        if not _NUMBER.fullmatch(text) or not least <= int(text) <= most:
+            self.faults.append(f"{name} must be a whole number from {least} to {most}, not {text!r}.")
             return None
         return int(text)
+
+    def word(self, name: str) -> str | None:
+        text = self._text(name)
+        if text is None:
+            return None
+        if not _DIAGNOSIS.fullmatch(text):
+            self.faults.append(f"{name} must be a diagnosis in capitals, not {text!r}.")
+            return None
+        return text
 
     def witness(self, name: str) -> LastSeen | None:
         text = self._text(name)
@@ -123,9 +143,6 @@ class _Reading:
         return text
 
     def watchdog(self, own_pid: int | None) -> int | None:
-        usec = self.number("WATCHDOG_USEC")
-        if usec == 0:
-            self.faults.append("WATCHDOG_USEC must be above 0.")
-            return None
+        usec = self.number("WATCHDOG_USEC", 1)
         meant_for = self.number("WATCHDOG_PID")
         return None if own_pid is not None and meant_for not in {None, own_pid} else usec
