@@ -118,10 +118,36 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "돌아왔어요. 진단: {diagnosis} · 발견까지 {detected}ms · 다시 서비스까지 {outage}ms · 사건 번호: {incident}",
         "It is back. Diagnosis: {diagnosis} · noticed after {detected} ms · serving again after {outage} ms · incident {incident}",
     ),
+    "drill_done_serving": (
+        "지나갔어요. 진단: {diagnosis} · 발견까지 {detected}ms · 서비스는 끊기지 않았어요 · 사건 번호: {incident}",
+        "It is over. Diagnosis: {diagnosis} · noticed after {detected} ms · reading never stopped · incident {incident}",
+    ),
+    "drill_begins_peaceful": (
+        "훈련: {fault}. 건강한 핵심 서버를 아파 보이게 해요. 아무 일도 일어나지 않아야 해요.",
+        "Drill: {fault}. Making a healthy core look ill; nothing may come of it.",
+    ),
+    "drill_calm": ("아무도 건드리지 않았어요. 맞게 했어요.", "Nobody touched it: as it should be."),
+    "drill_disturbed": (
+        "건강한 핵심 서버를 건드렸어요. `hardcore incidents show {incident}`를 보세요.",
+        "A healthy core was disturbed. See `hardcore incidents show {incident}`.",
+    ),
     "drill_other": (
         "기대한 결과가 아니에요: {outcome}, 진단 {diagnosis}. `hardcore incidents show {incident}`를 보세요.",
         "Not what was expected: {outcome}, diagnosis {diagnosis}. See `hardcore incidents show {incident}`.",
     ),
+    "replay_same": (
+        "기록된 사실 {facts}건을 다시 넣었더니 똑같이 했어요.",
+        "{facts} recorded facts were given again, and every order was the same.",
+    ),
+    "replay_other": (
+        "기록된 사실 {facts}건을 다시 넣었더니 다르게 했어요. 처음 달라진 곳: {where}",
+        "{facts} recorded facts were given again, and an order was different: {where}",
+    ),
+    "replay_unreadable": (
+        "사건 {incident}의 기록을 다시 넣어 볼 수 없어요: {why}. `hardcore incidents`에서 번호를 확인하세요.",
+        "Incident {incident} can't be replayed: {why}. `hardcore incidents` lists the ids.",
+    ),
+    "no_such": ("그런 사건이 없어요", "there is no such incident"),
     "verify_ok": (
         "장부가 맞아요. 기록 {events}건, 모든 통화의 합이 0이에요.",
         "The ledger is whole: {events} events, and every currency sums to zero.",

@@ -26,7 +26,10 @@ class Ask(StrEnum):
 
 
 #: Faults that this version can break the core with.
-DRILLS = ("crash", "exit", "freeze", "block")
+DRILLS = (
+    *("crash", "segv", "exit", "freeze", "block", "spin", "gil", "deadlock", "slow-tx"),
+    *("oom", "dblock", "diskfull", "gc"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,7 @@ class Request:
     fault: str = ""
     yes: bool = False
     accept_ledger: bool = False
+    image: bool = False
     pid: int = 0
 
 
@@ -79,6 +83,7 @@ def read_request(line: bytes) -> Request | BadRequest:
         fault=fault,
         yes=value.get("yes") is True,
         accept_ledger=value.get("accept_ledger") is True,
+        image=value.get("image") is True,
         pid=pid,
     )
 

@@ -59,7 +59,7 @@ BREACHES: Final = (
 BRIDGES: Final = (
     ("hardcore.snapshot.writer", "postmortem.bundle"),
     ("hardcore.executor", "postmortem.dead_letters"),
-    ("hardcore.cli", "postmortem.cli"),
+    ("hardcore.looking_back", "postmortem.cli"),
     ("postmortem.cli", "sqlalchemy"),
     ("hardcore.crisis.pages", "frontend.render"),
     ("frontend.render", "jinja2"),

@@ -1,0 +1,102 @@
+"""What `hardcore doctor` says of a machine: one text for each finding, in Korean and English.
+
+Plain data and one lookup. What is not well says what to do about it, or that nothing needs to be done.
+"""
+
+from typing import Final
+
+LANGUAGES: Final = ("ko", "en")
+
+#: key -> (ko, en)
+DOCTOR: Final[dict[str, tuple[str, str]]] = {
+    "kernel": ("리눅스 {release}, 파이썬 {python}", "Linux {release}, Python {python}"),
+    "kernel_old": (
+        "리눅스 {release}: 5.4 이상이 필요해요. 운영체제를 올려 주세요.",
+        "Linux {release}: 5.4 or newer is needed. Update the system.",
+    ),
+    "threads": (
+        "스레드가 무엇을 기다리는지 볼 수 있어요.",
+        "What a thread waits for can be seen.",
+    ),
+    "threads_hidden": (
+        "이 커널은 스레드가 무엇을 기다리는지 다 보여 주지 않아요. 멈춤을 더 늦게 판단해요.",
+        "This kernel does not show everything a thread waits for: some hangs are judged later.",
+    ),
+    "data_missing": (
+        "데이터 폴더가 아직 없어요: {path}. `hardcore up`을 하면 만들어져요.",
+        "The data folder is not there yet: {path}. `hardcore up` makes it.",
+    ),
+    "data_not_writable": (
+        "데이터 폴더에 쓸 수 없어요: {path}. 폴더의 주인과 권한을 확인하세요.",
+        "The data folder can't be written: {path}. Check its owner and mode.",
+    ),
+    "room": ("디스크 여유: {free_mb}MB ({path})", "Room on the disk: {free_mb} MB ({path})"),
+    "room_none": (
+        "디스크 여유가 {free_mb}MB뿐이에요 ({path}). 자리를 만들어 주세요. 모자라면 읽기만 할 수 있어요.",
+        "Only {free_mb} MB are free ({path}). Make room: without it the ledger can only be read.",
+    ),
+    "in_memory": (
+        "데이터 폴더가 메모리({kind}) 위에 있어요. 컴퓨터를 끄면 사라져요. --data로 디스크를 고르세요.",
+        "The data folder lies in memory ({kind}) and is gone when the machine is switched off. Choose a disk with --data.",
+    ),
+    "far": (
+        "데이터 폴더가 네트워크({kind}) 위에 있어요. 잠금을 믿을 수 없으니 이 컴퓨터의 디스크로 옮기세요.",
+        "The data folder lies on a network ({kind}), where locks can't be trusted. Move it to a disk of this machine.",
+    ),
+    "file_system": ("파일 시스템: {kind}", "File system: {kind}"),
+    "policy": ("정책 파일이 올바라요.", "The policy file is fine."),
+    "policy_default": ("정책 파일이 없어서 기본값을 써요.", "There is no policy file: the defaults hold."),
+    "policy_faulty": (
+        "정책 파일에 고칠 곳이 있어요: {fault}. `hardcore policy check {path}`로 확인하세요.",
+        "The policy file needs mending: {fault}. See `hardcore policy check {path}`.",
+    ),
+    "guard": ("감시자가 지켜보고 있어요 ({state}, pid {pid}).", "The sentinel watches ({state}, pid {pid})."),
+    "guard_off": (
+        "감시자가 돌고 있지 않아요. `hardcore up`으로 시작해요.",
+        "No sentinel is running. `hardcore up` starts it.",
+    ),
+    "guard_silent": (
+        "감시자가 있지만 대답하지 않아요. `hardcore up` 창을 확인하세요.",
+        "The sentinel is there but does not answer. Look at the `hardcore up` window.",
+    ),
+    "stacks": (
+        "멈춘 프로세스의 스택을 밖에서 읽을 수 있어요.",
+        "The stacks of a stuck process can be read from outside.",
+    ),
+    "stacks_missing": (
+        "py-spy가 없어서 스택을 밖에서 읽을 수 없어요. 핵심 서버가 스스로 적는 것으로 대신해요. 설치: pip install py-spy",
+        "py-spy is not there, so stacks can't be read from outside; the core prints its own instead. To add it: pip install py-spy",
+    ),
+    "stacks_forbidden": (
+        "스택을 밖에서 읽을 권한이 없어요 ({why}). 핵심 서버가 스스로 적는 것으로 대신해요. 그대로 두어도 돼요.",
+        "Stacks may not be read from outside ({why}); the core prints its own instead. Nothing needs to be done.",
+    ),
+    "image": (
+        "메모리 전체를 파일로 남길 수 있어요 (정책의 memory_image를 켜면).",
+        "Memory can be written out whole (if the policy's memory_image asks for it).",
+    ),
+    "image_missing": (
+        "gcore가 없어서 메모리 전체를 파일로 남길 수 없어요. 필요하면 gdb를 설치하세요.",
+        "gcore is not there, so memory can't be written out whole. Install gdb if you want that.",
+    ),
+    "oom": (
+        "메모리 부족으로 끝난 것을 구별할 수 있어요 ({source}).",
+        "An end for lack of memory can be told from others ({source}).",
+    ),
+    "oom_hidden": (
+        "메모리 부족으로 끝난 것을 구별할 수 없어요. 밖에서 끝낸 것으로 적혀요.",
+        "An end for lack of memory can't be told from a kill by somebody else here.",
+    ),
+    "files": ("열 수 있는 파일: {soft}개", "Open files allowed: {soft}"),
+    "files_few": (
+        "열 수 있는 파일이 {soft}개뿐이에요. 브라우저가 많으면 모자라요. `ulimit -n {least}` 뒤에 시작하세요.",
+        "Only {soft} open files are allowed, too few for many browsers. Start after `ulimit -n {least}`.",
+    ),
+    "sum_good": ("지켜볼 준비가 됐어요.", "The guard can do its work here."),
+    "sum_bad": ("BAD로 표시된 것부터 고쳐 주세요.", "Mend what is marked BAD first."),
+}
+
+
+def doctor_text(key: str, lang: str, **values: object) -> str:
+    """Return a text in a language, its values filled in. A key that is missing is our own bug."""
+    return DOCTOR[key][LANGUAGES.index(lang)].format_map(values)
