@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench import bench_page, crowd, deaths, rates, weight
+from bench import bench_page, crowd, deaths, faults, peace, rates, restarts, weight
 from bench.figures import Figure
 from bench.machine import described, machine
 from examples.guarded import GuardError, stop_cleanly
@@ -71,12 +71,30 @@ PARTS: dict[str, Part] = {
         lambda folder: bench_page.measure(folder, kills=1, slow_starts=1, reloads=1),
     ),
 }
+#: Long ones, measured only when they are named.
+LONG: dict[str, Part] = {
+    "faults": Part(
+        "each fault many times: seen, how soon, and called by its right name (15 minutes)",
+        lambda folder: faults.measure(folder, rounds=20, say=note),
+        lambda folder: faults.measure(folder, rounds=1, say=note),
+    ),
+    "peace": Part(
+        "load of every kind for 30 minutes, and not one kill",
+        lambda folder: peace.measure(folder, seconds=1800, say=note),
+        lambda folder: peace.measure(folder, seconds=30, say=note),
+    ),
+    "restarts": Part(
+        "what a thousand restarts leave in the guard (10 minutes)",
+        lambda folder: restarts.measure(folder, restarts=1000, say=note),
+        lambda folder: restarts.measure(folder, restarts=5, say=note),
+    ),
+}
 SCRIPTS: dict[str, Script] = {
     "gateway": Script("what the gateway costs by itself", ("--rounds", "1", "--seconds", "0.5")),
     "recorder": Script("what the flight recorder costs", ()),
 }
 ABOUT = {
-    **{name: part.about for name, part in PARTS.items()},
+    **{name: part.about for name, part in (PARTS | LONG).items()},
     **{name: script.about for name, script in SCRIPTS.items()},
 }
 
@@ -85,7 +103,7 @@ def parse() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m bench",
-        description="Measure this machine. Without a name: everything, in about six minutes.",
+        description="Measure this machine. Without a name: everything but the long parts, in about six minutes.",
         epilog="\n".join(f"  {name:<10}{about}" for name, about in ABOUT.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -103,7 +121,7 @@ def parse() -> argparse.Namespace:
 
 def run_part(name: str, *, quick: bool) -> list[Figure]:
     """Measure one part in a folder of its own."""
-    part = PARTS[name]
+    part = (PARTS | LONG)[name]
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         return (part.quick if quick else part.full)(Path(folder))
 
@@ -120,7 +138,7 @@ def run(asked: argparse.Namespace) -> None:
     before, began = machine(), time.monotonic()
     if not asked.json:
         print(described(), "medians [min - max]", sep="\n")
-    for name in asked.parts or ABOUT:
+    for name in asked.parts or [*PARTS, *SCRIPTS]:
         if asked.json and name in SCRIPTS:
             continue
         if not asked.json:

@@ -7,6 +7,7 @@ round may begin (the report of the last incident is written by a process of its 
 
 import json
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,21 +29,22 @@ LOOK_EVERY_S = 0.01
 class Watched(Guarded):
     """An instance under measurement."""
 
-    def __init__(self, data: Path) -> None:
-        super().__init__(data, POLICY)
-        self._folders = locate(data)
+    def __init__(self, data: Path, policy: Mapping[str, object] | None = None) -> None:
+        """Prepare; `policy` names what differs from that of all measurements."""
+        super().__init__(data, {**POLICY, **(policy or {})})
+        self.folders = locate(data)
 
     def status(self) -> dict[str, Any]:
         """Return the status, asked at the control socket."""
         try:
-            return client.ask(self._folders.control, {"verb": "status"})
+            return client.ask(self.folders.control, {"verb": "status"})
         except client.Unreachable:
-            return from_files(self._folders)
+            return from_files(self.folders)
 
     def quiet(self) -> None:
         """Wait until nothing of the last incident is under way any more."""
         last = self.running()["last_incident"]
-        report = self._folders.incidents / str(last) / "report.md"
+        report = self.folders.incidents / str(last) / "report.md"
         give_up_at = time.monotonic() + REPORT_S
         while last and not report.exists():
             if time.monotonic() > give_up_at:
@@ -51,11 +53,11 @@ class Watched(Guarded):
 
     def core_socket(self) -> Path:
         """Return the socket of the serving core: the youngest."""
-        return max(self._folders.run.glob("core-*.sock"), key=lambda path: path.stat().st_ctime_ns)
+        return max(self.folders.run.glob("core-*.sock"), key=lambda path: path.stat().st_ctime_ns)
 
     def last_exit_ns(self) -> int:
         """Return when the guard last saw a core end, by its own log."""
-        lines = (self._folders.logs / "sentinel.log").read_text("utf-8").splitlines()
+        lines = (self.folders.logs / "sentinel.log").read_text("utf-8").splitlines()
         notes = [json.loads(line) for line in lines]
         return max(
             int(note["at_ns"]) for note in notes if note["kind"] == "phase" and note["trigger"] == "EXITED"
@@ -63,7 +65,7 @@ class Watched(Guarded):
 
     def last_timeline(self) -> dict[str, float]:
         """Return how long after the fault each step of the last incident came, in ms."""
-        last = self._folders.incidents / str(self.status()["last_incident"]) / "incident.json"
+        last = self.folders.incidents / str(self.status()["last_incident"]) / "incident.json"
         steps = json.loads(last.read_text("utf-8"))["timeline"]
         return {step["step"]: step["offset_ms"] for step in steps}
 
