@@ -7,10 +7,12 @@ So a busy core, a long garbage collection, a core that the machine does not sche
 itself asleep all stay alive.
 """
 
+from collections import deque
 from dataclasses import dataclass, field
 
-from hardcore.model.observations import Sampled
+from hardcore.model.observations import Probed, Sampled, StacksSampled, StoreLooked, StoreTold, Surveyed
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony, Verdict
+from hardcore.sentinel.patience import Patience
 from hardcore.sentinel.witnesses import beats as beat_witness
 from hardcore.sentinel.witnesses import process_state, progress
 from hardcore.sentinel.witnesses.own_stall import OwnStall
@@ -18,15 +20,7 @@ from hardcore.sentinel.witnesses.process_state import ProcessFacts, Sleep
 
 _NS_PER_MS = 1_000_000
 
-
-@dataclass(frozen=True, slots=True)
-class Patience:
-    """How long each kind of silence is borne, as the policy says."""
-
-    interval_ms: int
-    late_ms: int
-    conclusive_ms: int
-    hang_ms: int
+__all__ = ["Bench", "Patience"]
 
 
 @dataclass(slots=True)
@@ -41,6 +35,9 @@ class Bench:
     _lone_thread: beat_witness.LoneThread = field(default_factory=beat_witness.LoneThread)
     _process: process_state.ProcessState = field(default_factory=process_state.ProcessState)
     _progress: progress.Progress = field(default_factory=progress.Progress)
+    _heard: deque[StacksSampled | Probed | StoreLooked | StoreTold | Surveyed] = field(
+        default_factory=lambda: deque(maxlen=4)
+    )
     _said: Verdict = GREEN
 
     def __post_init__(self) -> None:
@@ -50,6 +47,10 @@ class Bench:
     def late_ticks(self) -> int:
         """How many of our own ticks came too late to conclude anything from."""
         return self._own_stall.late_ticks
+
+    def hear(self, fact: StacksSampled | Probed | StoreLooked | StoreTold | Surveyed) -> None:
+        """Take in what somebody else found out; the next tick is judged with it."""
+        self._heard.append(fact)
 
     def judge(self, tick: Sampled) -> Verdict:
         """Return the verdict on this tick's facts; what was said last stands if we overslept this one."""
