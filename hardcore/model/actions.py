@@ -118,6 +118,7 @@ class Incident:
     outcome: str
     waits_for: Diagnosis | None
     closed_ns: int
+    blamed: tuple[str, ...] = ()  # ids of the commands that the evidence names
 
 
 @dataclass(frozen=True, slots=True)

@@ -331,6 +331,7 @@ class EvidenceTaken:
     complete: bool
     page: Page | None
     steps: tuple[tuple[str, int], ...] = ()
+    stopped: bool = True  # the core was stopped for it, as the order said
 
 
 @dataclass(frozen=True, slots=True)
@@ -343,6 +344,7 @@ class OperatorAsked:
     accept_ledger: bool = (
         False  # RESUME: whatever stands in the store is right, nobody's word counts against it
     )
+    image: bool = False  # RESTART, RESTART_HARD: with an image of the old core's memory, if the policy allows
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,8 @@ phase as soon as the operator changed his mind in the middle.
 from enum import StrEnum
 from typing import assert_never
 
+from hardcore.model.verdicts import Diagnosis
+
 
 class Phase(StrEnum):
     """Where the guarded process is. `recovery/transitions.py` lists every way from one to the next."""
@@ -94,10 +96,19 @@ def face(phase: Phase, wanted: Wanted) -> Face:
             assert_never(phase)
 
 
-def ha_state(phase: Phase, wanted: Wanted, cause: StartCause, *, yellow: bool) -> HAState:
-    """Return the state for people. `yellow`: a witness has been worried for long enough to say so."""
+def ha_state(
+    phase: Phase, wanted: Wanted, cause: StartCause, *, yellow: bool, safe: Diagnosis | None = None
+) -> HAState:
+    """Return the state for people.
+
+    `yellow`: a witness has been worried for long enough to say so. `safe`: why the core that serves answers reads
+    only. A damaged ledger is one of the reasons that only a person can end.
+    """
     if wanted is Wanted.DOWN:
         return HAState.SHUTDOWN
+    if safe is not None and phase in SERVING:
+        damaged = safe is Diagnosis.STORE_CORRUPT
+        return HAState.MANUAL_INTERVENTION if damaged else HAState.SAFE_MODE
     match phase:
         case Phase.FATAL | Phase.UNKILLABLE:
             return HAState.MANUAL_INTERVENTION

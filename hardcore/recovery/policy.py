@@ -2,8 +2,8 @@
 
 The file is read whole or refused whole, with the line and the reason of everything that is wrong; a bad
 file never replaces a good one. Words of the contract that this version can't carry out in full are taken
-in their nearest honest sense (`EFFECT` below) and named by `notes`, so that nobody believes in a safe
-mode that is not there.
+in their nearest honest sense (`EFFECT` below) and named by `notes`, so that nobody believes in a spare
+core that is not there.
 """
 
 import dataclasses
@@ -41,14 +41,13 @@ class Word(StrEnum):
 EFFECT = {
     Word.RESTART_COMPONENT: (Word.REBOOT_PROCESS, "components are not restarted alone yet: the core is"),
     Word.PLANNED_SWITCH: (Word.REBOOT_PROCESS, "there is no spare core yet: the core is restarted"),
-    Word.SAFE_MODE_ENTER: (Word.AWAIT_OPERATOR, "there is no safe mode yet: the guard waits for you"),
     Word.SHUTDOWN: (Word.AWAIT_OPERATOR, "the core stays down; the guard goes on and waits for you"),
-    Word.DEGRADE: (Word.NONE, "the state shows DEGRADED while the cause lasts; nothing else is done"),
 }
 
 _RESTART = frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.REBOOT_PROCESS})
 _WAIT = frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.AWAIT_OPERATOR})
 _TELL = frozenset({Word.SEND_ALERT})
+_READ = frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.SAFE_MODE_ENTER})
 
 #: What is done on a diagnosis that the policy does not list. Total: a new diagnosis needs a line here.
 DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
@@ -66,11 +65,11 @@ DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
     Diagnosis.DEADLOCK: _RESTART,
     Diagnosis.TRANSACTION_TIMEOUT: _RESTART,
     Diagnosis.NO_PROGRESS: _RESTART,
-    Diagnosis.DB_LOCKED: _WAIT,
-    Diagnosis.DISK_FULL: _WAIT,
-    Diagnosis.DISK_READ_ONLY: _WAIT,
-    Diagnosis.DISK_STALLED: _TELL,
-    Diagnosis.STORE_CORRUPT: _WAIT,
+    Diagnosis.DB_LOCKED: frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.DEGRADE}),
+    Diagnosis.DISK_FULL: _READ,
+    Diagnosis.DISK_READ_ONLY: _READ,
+    Diagnosis.DISK_STALLED: _READ,
+    Diagnosis.STORE_CORRUPT: _READ | {Word.AWAIT_OPERATOR},
     Diagnosis.COMPONENT_STALLED: _TELL,
     Diagnosis.MEMORY_PRESSURE: _TELL,
     Diagnosis.LEAK: _TELL,
@@ -103,10 +102,23 @@ class Policy:
     confirm_deadlock_ms: int = setting(400, "a conclusive hang is acted on after this", low=40, high=600_000)
     confirm_hang_ms: int = setting(1500, "any other hang is acted on after this", low=40, high=3_600_000)
     gc_grace_ms: int = setting(
-        5000, "patience while the core collects garbage (not in this version)", low=0, high=3_600_000
+        5000, "patience with a hang while the core collects garbage", low=0, high=3_600_000
     )
     transaction_timeout_ms: int = setting(
-        5000, "time a transaction may take (not in this version)", low=100, high=3_600_000
+        5000, "time a transaction may be decided, or go on without progress", low=100, high=3_600_000
+    )
+    probe_interval_ms: int = setting(
+        1000, "time between two questions for the core's health", low=100, high=600_000
+    )
+    survey_interval_ms: int = setting(
+        1000, "time between two looks at disk, conduct and memory counters", low=100, high=600_000
+    )
+    disk_floor_mb: int = setting(16, "less room than this on the ledger's disk is full", low=0, high=1 << 20)
+    disk_slow_ms: int = setting(
+        2000, "our own small write slower than this is a stalled disk", low=50, high=600_000
+    )
+    safe_retry_ms: int = setting(
+        5000, "first try to leave reading only; doubles up to a minute", low=100, high=60_000
     )
     startup_timeout_ms: int = setting(20_000, "a core must be ready after this", low=100, high=3_600_000)
     probation_ms: int = setting(2000, "a core has proven itself after this", low=0, high=3_600_000)
@@ -122,12 +134,25 @@ class Policy:
     slow_retry_sec: int = setting(300, "a try this long after giving up; 0: never", low=0, high=86_400)
     spare: bool = setting(True, "keep a warm spare core (not in this version)")
     snapshot_budget_ms: int = setting(400, "time for the evidence before a kill", low=10, high=60_000)
-    memory_image: str = setting("never", "whether memory is written out", words=("never",))
+    memory_image: str = setting(
+        "never",
+        "whether a core's memory is written out before it is killed (needs gdb)",
+        words=("never", "on_request", "always"),
+    )
+    memory_image_budget_ms: int = setting(
+        5000, "time for a memory image; the kill waits so long", low=100, high=600_000
+    )
+    memory_image_mb_max: int = setting(1024, "a larger memory is not written out", low=1, high=1 << 20)
     enable_state_recovery: bool = setting(True, "start from checkpoints (not in this version)")
     checkpoint_interval_sec: int = setting(
         60, "time between checkpoints (not in this version)", low=1, high=86_400
     )
-    memory_limit_mb: int = setting(512, "memory a core may use (not in this version)", low=64, high=1 << 20)
+    memory_limit_mb: int = setting(
+        512,
+        "memory a core may use: above 80 % of it a census is taken and the watch is worried",
+        low=64,
+        high=1 << 20,
+    )
     trial_limit: int = setting(64, "suspects tried in one incident (not in this version)", low=0, high=10_000)
     max_convictions: int = setting(10, "convictions in 60 s (not in this version)", low=1, high=1000)
     drills: bool = setting(True, "whether `hardcore drill` may break the core")
@@ -229,6 +254,8 @@ def _contradictions(policy: Policy) -> list[Fault]:
         faults.append(Fault("confirm_hang_ms", "must not be less than confirm_deadlock_ms"))
     if policy.backoff_max_ms < policy.backoff_initial_ms:
         faults.append(Fault("backoff_max_ms", "must not be less than backoff_initial_ms"))
+    if policy.transaction_timeout_ms <= policy.health_check_timeout_ms:
+        faults.append(Fault("transaction_timeout_ms", "must be more than health_check_timeout_ms"))
     if policy.enable_leader_election:
         faults.append(Fault("enable_leader_election", "several hosts: not in this version"))
     if policy.mode != "act":
@@ -243,8 +270,12 @@ def _contradictory_words(diagnosis: Diagnosis, words: frozenset[Word]) -> list[F
     meant = {EFFECT[w][0] if w in EFFECT else w for w in words}
     if Word.NONE in words and len(words) > 1:
         faults.append(Fault(diagnosis, "NONE can't stand beside other words"))
-    if len(meant & {Word.REBOOT_PROCESS, Word.AWAIT_OPERATOR}) > 1:
-        faults.append(Fault(diagnosis, "restart it, or leave it down: only one of the two"))
+    if Word.REBOOT_PROCESS in meant and meant & {Word.AWAIT_OPERATOR, Word.SAFE_MODE_ENTER}:
+        faults.append(
+            Fault(diagnosis, "restart it, or leave it to wait or to read only: only one of the two")
+        )
+    if {Word.SHUTDOWN, Word.SAFE_MODE_ENTER} <= words:
+        faults.append(Fault(diagnosis, "stay down, or serve reads only: only one of the two"))
     if diagnosis in NEVER_REBOOT and Word.REBOOT_PROCESS in meant:
         faults.append(Fault(diagnosis, "a ledger that may be damaged is never restarted by itself"))
     return faults

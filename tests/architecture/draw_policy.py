@@ -28,7 +28,8 @@ This page is drawn from the declarations (`python -m tests.architecture.draw_pol
 _BETWEEN = """
 Between the numbers: `health_check_timeout_ms` is at least `health_check_interval_ms` × `failure_threshold`;
 `confirm_deadlock_ms` is more than `health_check_timeout_ms`; `confirm_hang_ms` is at least
-`confirm_deadlock_ms`; `backoff_max_ms` is at least `backoff_initial_ms`.
+`confirm_deadlock_ms`; `backoff_max_ms` is at least `backoff_initial_ms`; `transaction_timeout_ms` is more than
+`health_check_timeout_ms`.
 
 ## The gateway
 
@@ -42,9 +43,12 @@ _ACTIONS = """
 `"actions": {"FROZEN": ["SEND_ALERT", "SNAPSHOT", "REBOOT_PROCESS"]}`. The list is a set; the order of the
 steps is always the same: tell, evidence, kill, restart, proof. REBOOT_PROCESS restarts the core,
 AWAIT_OPERATOR leaves it down and waits for `hardcore resume`, SNAPSHOT takes the evidence, SEND_ALERT writes
-an alert into the guard's log (channels come later), NONE does nothing. A living core is ended only on a
-diagnosis whose list says REBOOT_PROCESS. STORE_CORRUPT can't be given REBOOT_PROCESS: a ledger that may be
-damaged is never put back to work by itself.
+an alert into the guard's log (channels come later), NONE does nothing. SAFE_MODE_ENTER has the core serve reads
+only: a living one is told to, and one that can't start is started so. For a disk's reasons a try to write again
+is made after `safe_retry_ms`, then at doubling pauses up to a minute; any other reason waits for `hardcore
+resume`. DEGRADE keeps the core, shows DEGRADED and tells an incident that lasts as long as its cause. A living
+core is ended only on a diagnosis whose list says REBOOT_PROCESS. STORE_CORRUPT can't be given REBOOT_PROCESS: a
+ledger that may be damaged is never put back to work by itself.
 
 | Diagnosis | By default |
 |---|---|

@@ -14,6 +14,7 @@ from hardcore.model.phases import (
     ha_state,
     stage,
 )
+from hardcore.model.verdicts import Diagnosis
 
 UP, DOWN = Wanted.UP, Wanted.DOWN
 FIRST, PLANNED, UNPLANNED = StartCause.FIRST, StartCause.PLANNED, StartCause.UNPLANNED
@@ -44,6 +45,20 @@ def test_a_first_start_is_starting_and_not_a_recovery() -> None:
     for phase in (Phase.STARTING, Phase.PROVING, Phase.BACKOFF):
         assert _state(phase, FIRST) is HAState.STARTING
         assert _state(phase, UNPLANNED) is HAState.RECOVERY
+
+
+@pytest.mark.parametrize("phase", sorted(SERVING))
+def test_a_core_that_serves_reads_only_is_safe_mode_and_a_damaged_ledger_needs_a_person(phase: Phase) -> None:
+    for cause, yellow in product(StartCause, (False, True)):
+        full = ha_state(phase, UP, cause, yellow=yellow, safe=Diagnosis.DISK_FULL)
+        assert full is HAState.SAFE_MODE
+        damaged = ha_state(phase, UP, cause, yellow=yellow, safe=Diagnosis.STORE_CORRUPT)
+        assert damaged is HAState.MANUAL_INTERVENTION
+
+
+def test_safe_mode_is_only_said_while_somebody_serves() -> None:
+    for phase in set(Phase) - SERVING:
+        assert ha_state(phase, UP, UNPLANNED, yellow=False, safe=Diagnosis.DISK_FULL) is _state(phase)
 
 
 def test_probation_after_a_death_is_recovery_and_else_operational() -> None:

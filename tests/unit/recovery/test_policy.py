@@ -124,6 +124,26 @@ def test_restarting_and_waiting_exclude_each_other() -> None:
     assert "only one of the two" in fault.reason
 
 
+def test_staying_down_and_reading_only_exclude_each_other() -> None:
+    (fault,) = _faults({"actions": {"DISK_FULL": ["SHUTDOWN", "SAFE_MODE_ENTER"]}})
+    assert "only one of the two" in fault.reason
+
+
+def test_waiting_for_the_operator_may_be_done_while_reads_are_served() -> None:
+    assert isinstance(_policy({"actions": {"DISK_FULL": ["AWAIT_OPERATOR", "SAFE_MODE_ENTER"]}}), Policy)
+
+
+def test_a_transaction_that_is_over_time_before_a_beat_is_late_is_refused() -> None:
+    (fault,) = _faults({"transaction_timeout_ms": 300})
+    assert fault.name == "transaction_timeout_ms"
+    assert isinstance(_policy({"transaction_timeout_ms": 301}), Policy)
+
+
+@pytest.mark.parametrize("word", ["never", "on_request", "always"])
+def test_a_memory_image_is_a_wish_of_the_policy(word: str) -> None:
+    assert _policy({"memory_image": word}).memory_image == word
+
+
 def test_the_words_are_a_set() -> None:
     twice = _policy({"actions": {"CRASHED": ["SNAPSHOT", "SEND_ALERT", "SNAPSHOT"]}})
     assert twice.words(Diagnosis.CRASHED) == {Word.SNAPSHOT, Word.SEND_ALERT}
@@ -230,10 +250,16 @@ def test_what_is_listed_replaces_the_default_whole() -> None:
 
 
 def test_a_word_that_can_not_be_carried_out_is_taken_in_its_nearest_sense_and_named() -> None:
-    policy = _policy({"actions": {"LEAK": ["PLANNED_SWITCH"], "DISK_FULL": ["SAFE_MODE_ENTER"]}})
+    policy = _policy({"actions": {"LEAK": ["PLANNED_SWITCH"], "DISK_FULL": ["SHUTDOWN"]}})
     assert policy.asks(Diagnosis.LEAK, Word.REBOOT_PROCESS)
     assert policy.asks(Diagnosis.DISK_FULL, Word.AWAIT_OPERATOR)
     assert [note.split(":")[0] for note in notes(policy)] == ["DISK_FULL", "LEAK"]
+
+
+def test_reading_only_is_a_word_that_is_meant_in_full() -> None:
+    policy = _policy({"actions": {"DB_LOCKED": ["SAFE_MODE_ENTER"]}})
+    assert policy.asks(Diagnosis.DB_LOCKED, Word.SAFE_MODE_ENTER)
+    assert notes(policy) == []
 
 
 def test_the_defaults_need_no_note() -> None:
