@@ -18,12 +18,13 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final, TypeVar
 
+import msgspec
 from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from core.guarded.recorder import FlightRecorder, Stage
 from core.hub import Hub
-from core.journal.answers import Answer, LookUp, Order
+from core.journal.answers import Answer, Done, LookUp, Order
 from core.journal.store import StoreError, is_interrupted, snapshot, store_error
 from core.journal.verify import GivenUp, Verdict, verify
 from core.journal.writer import Writer
@@ -34,6 +35,8 @@ from core.settings import Settings
 T = TypeVar("T")
 
 VERIFICATIONS_WAITING_MAX: Final = 16
+AUDITOR: Final = "auditor"  # its name on the recorder page
+AUDIT_SILENT_MS_MAX: Final = 30_000  # for a slice, or for the readings of the whole book behind the last one
 UNANSWERED: Final = 500  # noted of work that ended without an answer
 
 
@@ -43,6 +46,12 @@ class Held:
 
     slot: int
     status: int = UNANSWERED
+
+
+class _Claim(msgspec.Struct):
+    """What every answer of a booking says of its place in the book; 0: it booked nothing."""
+
+    seq: int = 0
 
 
 class NoSlot:
@@ -77,6 +86,7 @@ class Service:
         self._recorder = recorder
         self._threads = ThreadPoolExecutor(settings.readers, thread_name_prefix="reader")
         self._auditor = ThreadPoolExecutor(1, thread_name_prefix="auditor")
+        self._audits = recorder.component(AUDITOR, AUDIT_SILENT_MS_MAX)
         self._draining = False
         self._in_flight = 0
         self._all_answered = asyncio.Event()
@@ -118,9 +128,9 @@ class Service:
         """Note work on the recorder and return its slot. Each slot must be given to `finish`."""
         if self._draining:
             return Draining()
-        deadline_ns = time.monotonic_ns() + self.settings.command_deadline_ms * 1_000_000
+        limit_ns = self.settings.command_deadline_ms * 1_000_000
         slot = self._recorder.begin(
-            command_id or self.new_id(), key, kind, transaction_id, account_ids, payload, deadline_ns
+            command_id or self.new_id(), key, kind, transaction_id, account_ids, payload, limit_ns
         )
         if slot is None:
             return NoSlot()
@@ -148,7 +158,17 @@ class Service:
         account_ids = accounts_of(command)
         fingerprint = fingerprint_of(command)
         order = Order(command, key, fingerprint, digest, command_id, transaction_id, account_ids, slot)
-        return await self._writer.submit(order)
+        answer = await self._writer.submit(order)
+        self._tell_claim(answer)
+        return answer
+
+    def _tell_claim(self, answer: Answer) -> None:
+        """Tell the recorder what the answer claims to be committed, in its own words and not in the writer's.
+
+        A replayed answer claims what an earlier life may have committed, of which this page knows nothing.
+        """
+        if isinstance(answer, Done) and not answer.replayed:
+            self._recorder.answered(msgspec.json.decode(answer.body, type=_Claim).seq)
 
     async def look_up(self, key: str, digest: bytes | None, slot: int) -> Answer:
         """Return what became of a key (of one request under it), true at a moment after this call."""
@@ -198,8 +218,17 @@ class Service:
             return await self._replay(self._leaving.is_set)
 
     async def _replay(self, is_leaving: Callable[[], bool]) -> Verdict | StoreError | GivenUp:
-        prove = partial(verify, self._readers, self.settings.read_ms_max, is_leaving)
-        return await asyncio.get_running_loop().run_in_executor(self._auditor, prove)
+        def between_slices() -> bool:
+            self._audits.beat()
+            return is_leaving()
+
+        prove = partial(verify, self._readers, self.settings.read_ms_max, between_slices)
+        self._audits.works(True)
+        try:
+            return await asyncio.get_running_loop().run_in_executor(self._auditor, prove)
+        finally:
+            self._audits.done()
+            self._audits.works(False)
 
     def drain(self) -> None:
         """Take nothing new from now on."""

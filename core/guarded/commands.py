@@ -30,7 +30,7 @@ class Stage(IntEnum):
 
 # Where the single words of an entry stand, in words of 8 bytes from its start.
 _CRC = 1
-_STARTED, _DEADLINE, _LENGTH, _STAGE, _STAGE_SINCE, _THREAD, _ORDINAL = 2, 3, 4, 8, 9, 10, 11
+_STARTED, _LIMIT, _LENGTH, _STAGE, _STAGE_SINCE, _THREAD, _ORDINAL, _PROGRESS = 2, 3, 4, 8, 9, 10, 11, 12
 _FINISHED, _OUTCOME, _INDEX, _FINISHED_STARTED = 2, 3, 4, 5
 
 _TEXTS = Struct("40s32s32s40s240s512s")
@@ -63,14 +63,16 @@ class CommandTable:
         transaction_id: str,
         account_ids: Sequence[str],
         payload: bytes,
-        deadline_ns: int,
+        limit_ns: int,
     ) -> int | None:
         """Note a command as QUEUED and return its slot, or None when every slot is taken.
 
-        No slot, no execution: a caller that gets None refuses the command. `deadline_ns` is monotonic,
-        0 for none. `payload` is the request's body, never its headers. Loop thread only.
+        No slot, no execution: a caller that gets None refuses the command. `limit_ns` is how long it may be
+        DECIDING without progress, 0 for as long as it takes: a length and not a moment, because how long it
+        stands in the line before is nobody's fault. `payload` is the request's body, never its headers. Loop
+        thread only.
         """
-        assert deadline_ns >= 0, "a store that fails half way would leave the entry locked"
+        assert limit_ns >= 0, "a store that fails half way would leave the entry locked"
         if not self._free:
             return None
         slot = self._free.pop()
@@ -89,13 +91,14 @@ class CommandTable:
         lock = words[word]
         words[word] = lock + 1
         words[word + _STARTED] = now_ns
-        words[word + _DEADLINE] = deadline_ns
+        words[word + _LIMIT] = limit_ns
         words[word + _LENGTH] = len(payload)
         view[at + page.TEXTS_AT : at + page.SLOT_BYTES] = texts
         words[word + _CRC] = zlib.crc32(texts, zlib.crc32(view[at + 16 : at + 64]))
         words[word + _STAGE_SINCE] = now_ns
         words[word + _THREAD] = threading.get_native_id()
         words[word + _ORDINAL] = 0
+        words[word + _PROGRESS] = 0
         words[word + _STAGE] = Stage.QUEUED
         words[word] = lock + 2
         self._submitted += 1
@@ -113,8 +116,13 @@ class CommandTable:
         words[word + _STAGE] = stage
 
     def ordinal(self, slot: int, n: int) -> None:
-        """Say which item of a batch command is being decided, counted by the caller. Any thread."""
+        """Say which item of a batch command is being decided, counted by the caller: progress. Any thread."""
         self._words[((page.SLOTS_AT + slot * page.SLOT_BYTES) >> 3) + _ORDINAL] = n
+        self.progress(slot)
+
+    def progress(self, slot: int) -> None:
+        """Say that the command in `slot` gets on: its limit runs anew from now. Any thread."""
+        self._words[((page.SLOTS_AT + slot * page.SLOT_BYTES) >> 3) + _PROGRESS] = self._clock()
 
     def finish(self, slot: int, status: int) -> None:
         """Move the command to the finished ring with its HTTP status; free the slot. Loop thread only."""

@@ -7,8 +7,8 @@ on purpose: a shared module would let one wrong offset be wrong on both sides an
 from collections.abc import Iterable
 
 MAGIC = b"HCREC001"
-VERSION = 1
-FILE_BYTES = 364_544
+VERSION = 2
+FILE_BYTES = 368_640
 
 SLOTS = 256
 SLOT_BYTES = 1024
@@ -20,6 +20,14 @@ FINISHED_AT = 266_240
 EVENTS = 512
 EVENT_BYTES = 128
 EVENTS_AT = 299_008
+CENSUSES = 2
+CENSUS_BYTES = 2048
+CENSUS_AT = 364_544
+CENSUS_TYPES = 20
+CENSUS_TYPE_BYTES = 64
+COMPONENTS = 8
+COMPONENT_BYTES = 64
+COMPONENTS_AT = 1792
 
 # Header: what the maker wrote, and what this process adds.
 VERSION_AT = 8
@@ -42,8 +50,7 @@ IN_STORE_AT = 312
 IN_GC_AT = 320
 EPOCH_AT = 328
 STATE_AT = 336
-IMPORTER_NS_AT = 352
-IMPORTER_SINCE_AT = 360
+ANSWERED_AT = 352
 
 WITNESS_AT = 512
 WITNESS_BYTES = 128
@@ -60,6 +67,8 @@ ID_BYTES_MAX = 40
 KIND_BYTES_MAX = 32
 ACCOUNTS_BYTES_MAX = 240
 PAYLOAD_BYTES_MAX = 512
+COMPONENT_NAME_BYTES_MAX = 24
+TYPE_NAME_BYTES_MAX = 48
 
 
 def cut(text: str, bytes_max: int) -> bytes:

@@ -39,6 +39,7 @@ class Pulse:
         self._clock = clock
         self._loop_beats = 0
         self._thread_beats = 0
+        self._answered = 0
         self._own()
 
     def _own(self) -> None:
@@ -75,13 +76,11 @@ class Pulse:
         self._words[page.THREAD_NS_AT >> 3] = now_ns
         self._words[page.THREAD_COUNT_AT >> 3] = self._thread_beats
 
-    def beat_importer(self, now_ns: int) -> None:
-        """Say that the importer gets on with its work. Loop thread only."""
-        self._words[page.IMPORTER_NS_AT >> 3] = now_ns
-
-    def importer_works(self, on: bool) -> None:  # noqa: FBT001  there is nothing else to say
-        """Say that the importer has something to do, or nothing any more. Loop thread only."""
-        self._words[page.IMPORTER_SINCE_AT >> 3] = self._clock() if on else 0
+    def answered(self, seq: int) -> None:
+        """Say that an answer claims `seq` to be committed by this life; only the highest counts. Loop thread only."""
+        if seq > self._answered:
+            self._answered = seq
+            self._words[page.ANSWERED_AT >> 3] = seq
 
     def in_store(self, on: bool) -> None:  # noqa: FBT001  there is nothing else to say
         """Say that a transaction is open (from BEGIN to COMMIT) or no longer. Writer thread only."""

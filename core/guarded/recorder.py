@@ -21,6 +21,7 @@ from struct import Struct
 
 from core.guarded import page
 from core.guarded.commands import CommandTable, Stage
+from core.guarded.components import Components
 from core.guarded.pulse import LifeState, Pulse
 
 __all__ = ["FlightRecorder", "LifeState", "NoRecorder", "Recorder", "RecorderUnusable", "Stage"]
@@ -35,10 +36,11 @@ class RecorderUnusable:
 
 _EVENT_TEXTS = Struct("32s64s")
 _LAST_WORDS_TEXTS = Struct("40s960s")
+_TYPE = Struct("<48sQQ")
 
 
-class Recorder(CommandTable, Pulse):
-    """The recorder of this process: commands, pulse, witness, ring of events and last words on one page."""
+class Recorder(CommandTable, Components, Pulse):
+    """The recorder of this process: commands, components, pulse and all that is said once, on one page."""
 
     def __init__(self, memory: mmap.mmap, clock: Callable[[], int] = time.monotonic_ns) -> None:
         """Take the page over, on the thread of the event loop. `Recorder.open` maps one."""
@@ -47,9 +49,11 @@ class Recorder(CommandTable, Pulse):
         view = memoryview(memory)
         words = view.cast("Q")
         CommandTable.__init__(self, view, words, clock)
+        Components.__init__(self, view, words, clock)
         Pulse.__init__(self, words, clock)
         self._witnessed = 0
         self._events = 0
+        self._censuses = 0
         self._spoken = False
         self._closed = False
         self._ring_lock = threading.Lock()
@@ -118,6 +122,31 @@ class Recorder(CommandTable, Pulse):
                 return
             self._spoken = True
             self._store(page.WORDS_AT, page.WORDS_AT + page.WORDS_BYTES, (self._clock(),), texts)
+
+    def census(
+        self,
+        rss_bytes: int,
+        objects: int,
+        examined: int,
+        took_ns: int,
+        types: Sequence[tuple[str, int, int]],
+    ) -> None:
+        """Keep a census beside the one before it: `types` are name, count and bytes, the largest 20 of them.
+
+        `examined` of `objects` were looked at, and the numbers of `types` are scaled accordingly. Any thread.
+        """
+        largest = types[: page.CENSUS_TYPES]
+        texts = b"".join(
+            _TYPE.pack(page.cut(name, page.TYPE_NAME_BYTES_MAX), count, size_bytes)
+            for name, count, size_bytes in largest
+        ).ljust(page.CENSUS_TYPES * page.CENSUS_TYPE_BYTES, b"\0")
+        with self._ring_lock:
+            if self._closed:
+                return
+            at = page.CENSUS_AT + (self._censuses % page.CENSUSES) * page.CENSUS_BYTES
+            self._censuses += 1
+            numbers = (self._clock(), rss_bytes, objects, examined, took_ns, len(largest))
+            self._store(at, at + page.CENSUS_BYTES, numbers, texts)
 
     def _store(self, at: int, end: int, numbers: Sequence[int], texts: bytes) -> None:
         """Store one entry from `at` to `end` under its lock: lock, CRC, `numbers`, `texts`."""

@@ -52,6 +52,8 @@ AGAIN_AFTER_S: Final = 0.1
 END_AGAIN_AFTER_NS: Final = 1_000_000_000  # where the end of an import could not be written
 BEAT_S: Final = 0.25  # while a wave is at the writer, which may wait a second for somebody's lock
 
+COMPONENT: Final = "importer"  # its name on the recorder page
+SILENT_MS_MAX: Final = 10_000  # between two beats of work: keeping how far it is takes a slow disk some time
 KIND: Final = "import.row"
 BUSY: Final = 503
 
@@ -106,7 +108,7 @@ class Importer:
     def __init__(self, service: Service, recorder: FlightRecorder) -> None:
         """Prepare. How far each import is, is told to the hub now and then and at every end."""
         self._service = service
-        self._recorder = recorder
+        self._component = recorder.component(COMPONENT, SILENT_MS_MAX)
         self._jobs: deque[Job] = deque()
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -134,17 +136,16 @@ class Importer:
         while not self._service.draining:
             self._wake.clear()
             if self._jobs:
-                self._beat()
-                self._recorder.importer_works(True)
+                self._component.works(True)
                 await self._until_idle()
-                self._recorder.importer_works(False)
+                self._component.works(False)
             else:
                 await self._wake.wait()
 
     async def _until_idle(self) -> None:
         while self._jobs and not self._service.draining:
             if all(job.end_again_ns > time.monotonic_ns() for job in self._jobs):
-                self._beat()
+                self._component.beat()
                 await asyncio.sleep(AGAIN_AFTER_S)  # a disk that has room again tells nobody
                 continue
             await self._turn(self._jobs[0])
@@ -166,7 +167,7 @@ class Importer:
 
     async def _wave(self, job: Job) -> State | None:
         """Book the next rows; return the state in which the import ends, None while it goes on."""
-        self._beat()
+        self._component.beat()
         if not job.ahead and not await self._read_ahead(job):
             if job.progress.done != job.total:
                 raise RowsLostError
@@ -185,6 +186,7 @@ class Importer:
                 await asyncio.sleep(AGAIN_AFTER_S)
                 break
             job.progress = settle(job.progress, outcome)
+            self._component.done()
         await self._tell(job)
         return None
 
@@ -266,11 +268,8 @@ class Importer:
         """Wait for work that others do, and beat meanwhile: to wait is not to be stuck."""
         while not work.done():
             await asyncio.wait({work}, timeout=BEAT_S)
-            self._beat()
+            self._component.beat()
         return work.result()
-
-    def _beat(self) -> None:
-        self._recorder.beat_importer(time.monotonic_ns())
 
 
 def broken(folder: ImportFolder, manifest: Manifest, progress: Progress, fault: str) -> Job:

@@ -14,19 +14,24 @@ from struct import Struct
 
 from hardcore.model.recorder import (
     Beats,
+    Census,
     CommandNote,
+    ComponentBeat,
     LastWords,
     LifeState,
     Page,
     RingEvent,
     SlotStage,
     Threads,
+    TypeCount,
     Witness,
 )
 
 MAGIC = b"HCREC001"
-FILE_BYTES = 364_544
-HEAD_BYTES = 512  # header and beats: all that a tick of the watch reads
+VERSION = 2
+FILE_BYTES = 368_640
+HEAD_BYTES = 512  # header and beats
+LOOK_BYTES = 768  # and the witness behind them: all that a tick of the watch reads
 MADE_BYTES = 128  # the part of the header that its maker wrote and nobody may change
 PAYLOAD_BYTES_MAX = 512
 
@@ -47,18 +52,25 @@ FINISHED = Shape(266_240, 64, 512, (slice(16, 512),))
 EVENTS = Shape(299_008, 512, 128, (slice(16, 128),))
 WITNESSES = Shape(512, 2, 128, (slice(8, 64),), crc_at=64)
 LAST_WORDS = Shape(768, 1, 1024, (slice(16, 1024),))
-SHAPES = (SLOTS, FINISHED, EVENTS, WITNESSES, LAST_WORDS)
+CENSUSES = Shape(364_544, 2, 2048, (slice(16, 2048),))
+SHAPES = (SLOTS, FINISHED, EVENTS, WITNESSES, LAST_WORDS, CENSUSES)
+
+COMPONENTS_AT, COMPONENTS, COMPONENT_BYTES = 1792, 8, 64  # single words under no lock, so no Shape
+CENSUS_TYPES = 20
 
 _MADE = Struct("<8s8Q36s4x16s")
 _OWNER = Struct("<6Q")
-_BEATS = Struct("<11Q8x2Q")
+_BEATS = Struct("<11Q8xQ")
 _WORD = Struct("<Q")
-_SLOT_NUMBERS = Struct("<3Q24x4Q")  # started, deadline, payload length; stage, since, thread, ordinal
+_SLOT_NUMBERS = Struct("<3Q24x5Q")  # started, limit, payload length; stage, since, thread, ordinal, progress
 _FINISHED_NUMBERS = Struct("<4Q")  # finished, outcome, index, started
 _EVENT = Struct("<2Q32s64s")
 _WITNESS = Struct("<3Q32s")
 _LAST_WORDS = Struct("<Q40s960s")
 _TEXTS = Struct("<40s32s32s40s240s")
+_COMPONENT = Struct("<24s4Q")  # name; beat, has work since, limit, done
+_CENSUS = Struct("<6Q")  # at, resident, objects, examined, took, how many types
+_TYPE = Struct("<48s2Q")
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +87,7 @@ def new_page_head(nonce: str, boot_id: str) -> bytes:
     assert len(boot_id) <= 36, "the page has 36 bytes for it"
     head = _MADE.pack(
         MAGIC,
-        1,
+        VERSION,
         FILE_BYTES,
         SLOTS.count,
         SLOTS.size_bytes,
@@ -117,7 +129,7 @@ def beats(head: bytes) -> Beats | None:
     """Return the beat block, or None when it holds a life state that no core of this version writes."""
     words = _BEATS.unpack_from(head, 256)
     loop_ns, loop_count, thread_ns, thread_count, submitted, completed, completed_ns, *rest = words
-    in_store_since_ns, gc_since_ns, epoch, state, importer_ns, importer_since_ns = rest
+    in_store_since_ns, gc_since_ns, epoch, state, answered_seq = rest
     if state > LifeState.STOPPING:
         return None
     return Beats(
@@ -132,8 +144,7 @@ def beats(head: bytes) -> Beats | None:
         gc_since_ns=gc_since_ns,
         epoch=epoch,
         state=LifeState(state),
-        importer_ns=importer_ns,
-        importer_since_ns=importer_since_ns,
+        answered_seq=answered_seq,
     )
 
 
@@ -166,7 +177,7 @@ def whole(shape: Shape, entry: bytes) -> bool:
 
 def slot(entry: bytes, *, torn: bool) -> CommandNote:
     """Return the command in a slot."""
-    started, deadline, length, stage, since, thread, ordinal = _SLOT_NUMBERS.unpack_from(entry, 16)
+    started, limit, length, stage, since, thread, ordinal, progress = _SLOT_NUMBERS.unpack_from(entry, 16)
     command_id, key_hash, kind, transaction_id, accounts = _texts(entry)
     known = stage <= SlotStage.ANSWERING
     return CommandNote(
@@ -177,8 +188,9 @@ def slot(entry: bytes, *, torn: bool) -> CommandNote:
         transaction_id=transaction_id,
         account_ids=tuple(accounts.split()),
         started_ns=started,
-        deadline_ns=deadline,
+        limit_ns=limit,
         stage_ns=since,
+        progress_ns=progress,
         thread=thread,
         ordinal=ordinal,
         payload=entry[512 : 512 + min(length, PAYLOAD_BYTES_MAX)],
@@ -217,6 +229,32 @@ def witness(entry: bytes) -> Witness:
     return Witness(seq, epoch, digest.hex(), at_ns)
 
 
+def newest_witness(look: bytes) -> Witness | None:
+    """Return the last commit in the first `LOOK_BYTES` of a page, or None before the first.
+
+    Half a commit is no commit: of the two places one is whole whenever the other is being written.
+    """
+    places = [at for at in used_entries(WITNESSES, look) if whole(WITNESSES, entry_at(WITNESSES, look, at))]
+    found = (witness(entry_at(WITNESSES, look, at)) for at in places)
+    return max(found, key=lambda one: one.seq, default=None)
+
+
+def components(raw: bytes) -> tuple[ComponentBeat, ...]:
+    """Return what the components say of themselves, in the order in which they were made known."""
+    places = range(COMPONENTS_AT, COMPONENTS_AT + COMPONENTS * COMPONENT_BYTES, COMPONENT_BYTES)
+    found = (_COMPONENT.unpack_from(raw, at) for at in places)
+    return tuple(ComponentBeat(_text(name), *words) for name, *words in found if name.strip(b"\0"))
+
+
+def census(entry: bytes, *, torn: bool) -> Census:
+    """Return one census. A torn one may mix two of them, and says so."""
+    at_ns, rss_bytes, objects, examined, took_ns, types = _CENSUS.unpack_from(entry, 16)
+    places = range(64, 64 + min(types, CENSUS_TYPES) * _TYPE.size, _TYPE.size)
+    counted = (_TYPE.unpack_from(entry, at) for at in places)
+    largest = tuple(TypeCount(_text(name), count, size_bytes) for name, count, size_bytes in counted)
+    return Census(at_ns, rss_bytes, objects, examined, took_ns, largest, torn=torn)
+
+
 def decode(raw: bytes, unsettled: Collection[int] = ()) -> Page | None:
     """Return the whole page in `raw`, or None when it is not a page of this version.
 
@@ -230,8 +268,8 @@ def decode(raw: bytes, unsettled: Collection[int] = ()) -> Page | None:
     done = [finished(e, torn=t) for e, t in _used(FINISHED, raw, unsettled)]
     ring = [event(e, torn=t) for e, t in _used(EVENTS, raw, unsettled)]
     seen = _used(WITNESSES, raw, unsettled)
-    # Half a commit is no commit: of two places, one is always whole.
     witnesses = [witness(e) for e, t in seen if not t]
+    counted = [census(e, torn=t) for e, t in _used(CENSUSES, raw, unsettled)]
     words = [_last_words(e, torn=t) for e, t in _used(LAST_WORDS, raw, unsettled)]
     return Page(
         nonce=maker.nonce,
@@ -251,9 +289,12 @@ def decode(raw: bytes, unsettled: Collection[int] = ()) -> Page | None:
                 *(note.torn for _, note in done),
                 *(line.torn for line in ring),
                 *(line.torn for line in words),
+                *(one.torn for one in counted),
                 *(half for _, half in seen),
             ]
         ),
+        components=components(raw),
+        censuses=tuple(sorted(counted, key=lambda one: one.at_ns)),
     )
 
 
@@ -268,9 +309,14 @@ def used_entries(shape: Shape, raw: bytes | bytearray) -> list[int]:
     return [at for at in range(shape.at, last, shape.size_bytes) if _WORD.unpack_from(raw, at)[0]]
 
 
+def entry_at(shape: Shape, raw: bytes, at: int) -> bytes:
+    """Return the entry of this shape that begins at offset `at`."""
+    return raw[at : at + shape.size_bytes]
+
+
 def _used(shape: Shape, raw: bytes, unsettled: Collection[int]) -> list[tuple[bytes, bool]]:
     """Return (entry, torn) for all entries of this shape that were ever begun."""
-    entries = ((at, raw[at : at + shape.size_bytes]) for at in used_entries(shape, raw))
+    entries = ((at, entry_at(shape, raw, at)) for at in used_entries(shape, raw))
     return [(entry, at in unsettled or not whole(shape, entry)) for at, entry in entries]
 
 

@@ -93,10 +93,10 @@ class PageReader:
             parts += part
         return parts
 
-    def _head(self) -> bytes | None:
-        """Return header and beats if the file is still the whole page that was opened."""
-        head = self._pread(page.HEAD_BYTES, 0)
-        if len(head) != page.HEAD_BYTES or head[: page.MADE_BYTES] != self._made or not self._long_enough():
+    def _head(self, length: int = page.HEAD_BYTES) -> bytes | None:
+        """Return the first `length` bytes if the file is still the whole page that was opened."""
+        head = self._pread(length, 0)
+        if len(head) != length or head[: page.MADE_BYTES] != self._made or not self._long_enough():
             return None
         return head
 
@@ -107,6 +107,17 @@ class PageReader:
         """Return the beats, or None when the page is no evidence (any more)."""
         head = self._head()
         return None if head is None else page.beats(head)
+
+    def look(self) -> tuple[Beats, Witness | None] | None:
+        """Return the beats and the last commit, both of one moment; None when the page is no evidence (any more).
+
+        The witness is read after `answered_seq` and stored before it, so that an answer that claims more than
+        the witness shows is a claim that no commit stands behind.
+        """
+        head = self._head(page.LOOK_BYTES)
+        if head is None or (beats := page.beats(head)) is None:
+            return None
+        return beats, page.newest_witness(head)
 
     def threads(self) -> Threads:
         """Return the core's thread ids, 0 where not known."""
@@ -136,17 +147,8 @@ class PageReader:
 
     def witness(self) -> Witness | None:
         """Return the last commit alone, cheaper than a whole `read`; None as in `beats`, or before the first."""
-        if self._head() is None:
-            return None
-        shape, found = page.WITNESSES, []
-        for at in range(shape.at, shape.at + shape.count * shape.size_bytes, shape.size_bytes):
-            first = self._pread(shape.size_bytes, at)
-            if len(first) != shape.size_bytes:
-                continue
-            entry, torn = self._settled(shape, at, first)
-            if page.lock(entry) and not torn:
-                found.append(page.witness(entry))
-        return max(found, key=lambda one: one.seq, default=None)
+        head = self._head(page.LOOK_BYTES)
+        return None if head is None else page.newest_witness(head)
 
     def read(self) -> Page | PageUnusable:
         """Return everything on the page, oldest first where there is an order, or why it is no evidence."""

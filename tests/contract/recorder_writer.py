@@ -26,17 +26,21 @@ def payload(n: int) -> bytes:
 def run(path: Path) -> None:
     recorder = Recorder.open(path)
     assert isinstance(recorder, Recorder), recorder
+    component = recorder.component("writer", 100)
     open_slots: list[int] = []
     for n in count(1):
         slot = recorder.begin(f"c{n}", f"key {n}", f"k{n}", f"t{n}", account_ids(n), payload(n), n)
         assert slot is not None
         recorder.ordinal(slot, n)
         recorder.stage(slot, Stage(1 + n % 5))
+        component.done()
         open_slots.append(slot)
         if len(open_slots) == OPEN_MAX:
             # Not the oldest: slots are to be used again in another order than they were begun in.
             recorder.finish(open_slots.pop(n % OPEN_MAX), n % 600)
         recorder.witness(n, n + 1, sha256(str(n).encode()).digest())
+        recorder.answered(n)
+        recorder.census(n, n + 1, n, n, [(f"type{i}.{n}", n + i, n) for i in range(1 + n % 20)])
         recorder.event(f"e{n}", f"text {n}")
         recorder.beat_loop(n)
 

@@ -12,7 +12,16 @@ from core.guarded import page as core_page
 from core.guarded.recorder import FlightRecorder, LifeState, NoRecorder, Recorder, RecorderUnusable, Stage
 from hardcore.host import page as host_page
 from hardcore.host.recorder import PageReader, PageUnusable, make_page
-from hardcore.model.recorder import CommandNote, Page, SlotStage, Threads, Witness
+from hardcore.model.recorder import (
+    Census,
+    CommandNote,
+    ComponentBeat,
+    Page,
+    SlotStage,
+    Threads,
+    TypeCount,
+    Witness,
+)
 from hardcore.model.recorder import LifeState as LifeStateRead
 
 BOOT_ID = "11111111-2222-3333-4444-555555555555"
@@ -107,22 +116,22 @@ def test_every_beat_is_read_as_it_was_written(path: Path) -> None:
     recorder.set_epoch(7)
     recorder.set_state(LifeState.DRAINING)
     recorder.finish(begin(recorder), 201)
-    recorder.beat_importer(14)
-    recorder.importer_works(True)
+    recorder.answered(14)
+    recorder.answered(13)
     reader = PageReader(path, "nonce-1")
     beats = reader.beats()
     assert beats is not None
-    assert (beats.importer_ns, beats.importer_since_ns) == (14, 1400)
+    assert beats.answered_seq == 14
     assert (beats.loop_ns, beats.loop_count, beats.thread_ns, beats.thread_count) == (12, 2, 13, 1)
     assert (beats.submitted, beats.completed, beats.completed_ns) == (1, 1, 1300)
     assert (beats.in_store_since_ns, beats.gc_since_ns) == (1000, 1100)
     assert (beats.epoch, beats.state) == (7, LifeStateRead.DRAINING)
     recorder.in_store(False)
     recorder.gc(False)
-    recorder.importer_works(False)
     beats = reader.beats()
     assert beats is not None
-    assert (beats.in_store_since_ns, beats.gc_since_ns, beats.importer_since_ns) == (0, 0, 0)
+    assert (beats.in_store_since_ns, beats.gc_since_ns) == (0, 0)
+    assert reader.look() == (beats, None)
     reader.close()
     recorder.close()
 
@@ -142,8 +151,9 @@ def test_a_command_in_flight_is_read_with_all_that_is_known_of_it(path: Path) ->
         transaction_id="tx-5",
         account_ids=("assets:bank", "expenses:food"),
         started_ns=100,
-        deadline_ns=5,
+        limit_ns=5,
         stage_ns=200,
+        progress_ns=300,
         thread=threading.get_native_id(),
         ordinal=42,
         payload=b'{"n": 1}',
@@ -164,6 +174,80 @@ def test_the_thread_that_has_a_command_is_the_one_that_staged_it_last(path: Path
     writer.join()
     (note,) = read(path).in_flight
     assert (note.stage, note.thread) == (SlotStage.WRITING, writer.native_id)
+    recorder.close()
+
+
+def test_progress_is_told_without_an_ordinal_and_forgotten_with_the_command(path: Path) -> None:
+    now = iter(range(100, 1000, 100))
+    recorder = Recorder.open(path, clock=lambda: next(now))
+    assert isinstance(recorder, Recorder)
+    slot = begin(recorder)
+    recorder.progress(slot)
+    assert [(note.ordinal, note.progress_ns) for note in read(path).in_flight] == [(0, 200)]
+    recorder.finish(slot, 200)
+    assert begin(recorder) == slot
+    assert [note.progress_ns for note in read(path).in_flight] == [0]
+    recorder.close()
+
+
+def test_a_component_says_when_it_works_and_how_much_it_has_done(path: Path) -> None:
+    now = iter(range(100, 1000, 100))
+    recorder = Recorder.open(path, clock=lambda: next(now))
+    assert isinstance(recorder, Recorder)
+    importer, auditor = recorder.component("importer", 250), recorder.component("감사", 1)
+    assert read(path).components == (
+        ComponentBeat("importer", 0, 0, 250_000_000, 0),
+        ComponentBeat("감사", 0, 0, 1_000_000, 0),
+    )
+    importer.works(True)
+    auditor.works(True)
+    importer.done(7)
+    auditor.beat()
+    auditor.works(False)
+    assert read(path).components == (
+        ComponentBeat("importer", 300, 100, 250_000_000, 7),
+        ComponentBeat("감사", 500, 0, 1_000_000, 0),
+    )
+    recorder.close()
+
+
+def test_a_component_that_is_started_anew_keeps_its_place(path: Path) -> None:
+    recorder = opened(path)
+    for n in range(core_page.COMPONENTS):
+        recorder.component(f"part {n}", 1)
+        recorder.component("part 0", 1).done()
+    assert [(one.name, one.done) for one in read(path).components][:2] == [("part 0", 8), ("part 1", 0)]
+    with pytest.raises(AssertionError):
+        recorder.component("one more", 1)
+    recorder.close()
+
+
+def test_the_last_two_censuses_are_kept_the_older_first(path: Path) -> None:
+    now = iter(range(100, 1000, 100))
+    recorder = Recorder.open(path, clock=lambda: next(now))
+    assert isinstance(recorder, Recorder)
+    for n in range(3):
+        recorder.census(n, 10, 5, 77, [("dict", n, 64), ("core.라" + "x" * 60, 2, 1)])
+    kept = TypeCount(("core.라" + "x" * 60)[:46], 2, 1)
+    assert read(path).censuses == (
+        Census(200, 1, 10, 5, 77, (TypeCount("dict", 1, 64), kept)),
+        Census(300, 2, 10, 5, 77, (TypeCount("dict", 2, 64), kept)),
+    )
+    recorder.close()
+    recorder.census(9, 9, 9, 9, [])
+    assert len(read(path).censuses) == 2
+
+
+def test_a_census_keeps_the_first_twenty_types_and_nothing_of_a_longer_one_before(path: Path) -> None:
+    recorder = opened(path)
+    for many in (30, 1, 2):
+        recorder.census(0, 0, 0, 0, [(f"t{n}", n, n) for n in range(many)])
+    assert [len(one.types) for one in read(path).censuses] == [1, 2]
+    with path.open("r+b") as file:
+        file.seek(core_page.CENSUS_AT + 56)
+        file.write(b"\xff" * 8)
+    (torn,) = [one for one in read(path).censuses if one.torn]
+    assert len(torn.types) == core_page.CENSUS_TYPES
     recorder.close()
 
 
@@ -276,6 +360,9 @@ def test_the_last_commit_is_the_witness_and_a_torn_one_leaves_the_one_before(pat
     found = read(path).witness
     alone = PageReader(path)
     assert alone.witness() == found
+    look = alone.look()
+    assert look is not None
+    assert look[1] == found
     alone.close()
     assert found is not None
     assert found == Witness(3, 9, sha256(b"\3").hexdigest(), found.at_ns)
@@ -339,7 +426,7 @@ def test_a_core_takes_no_page_that_is_not_one(path: Path, spoiled: str) -> None:
         case "other magic":
             path.write_bytes(b"X" + content[1:])
         case _:
-            path.write_bytes(content[:8] + b"\2" + content[9:])
+            path.write_bytes(content[:8] + b"\1" + content[9:])
     before = path.read_bytes() if path.exists() else None
     assert isinstance(Recorder.open(path), RecorderUnusable)
     assert (path.read_bytes() if path.exists() else None) == before
@@ -349,6 +436,7 @@ def test_a_page_of_another_life_is_no_evidence(path: Path) -> None:
     reader = PageReader(path, "nonce-2")
     assert reader.read() == PageUnusable("The recorder page belongs to another life.")
     assert reader.beats() is None
+    assert reader.look() is None
     assert reader.in_flight() is None
     assert reader.identity() is None
     assert reader.threads() == Threads()

@@ -28,6 +28,9 @@ def used_page(tmp_path_factory: pytest.TempPathFactory) -> bytes:
         recorder.event("E", str(n))
         recorder.witness(n, 1, bytes(32))
     recorder.last_words("BYE", "text")
+    recorder.component("importer", 100).works(True)
+    for n in range(3):
+        recorder.census(n, 9, 9, 9, [("dict", n, 64), ("core.X", 1, 1)])
     recorder.close()
     return path.read_bytes()
 

@@ -15,7 +15,7 @@ import pytest
 
 from hardcore.host import page as host_page
 from hardcore.host.recorder import PageReader, PageUnusable, make_page
-from hardcore.model.recorder import CommandNote, Page, SlotStage
+from hardcore.model.recorder import Census, CommandNote, Page, SlotStage, TypeCount
 from tests.contract.recorder_writer import account_ids, payload
 
 ROOT = Path(__file__).parents[2]
@@ -59,22 +59,28 @@ def assert_one_command(note: CommandNote) -> None:
     assert note.account_ids == tuple(account_ids(n))
 
 
+def assert_one_census(census: Census) -> None:
+    n = census.rss_bytes
+    assert (census.objects, census.examined, census.took_ns) == (n + 1, n, n)
+    assert census.types == tuple(TypeCount(f"type{i}.{n}", n + i, n) for i in range(1 + n % 20))
+
+
 def assert_whole(page: Page) -> int:
     """Check everything that claims to be whole; return how many entries that were."""
     for note in page.in_flight:
         if not note.torn:
             assert_one_command(note)
-            assert (note.deadline_ns, note.payload) == (
-                number(note.command_id),
-                payload(note.deadline_ns)[:512],
-            )
-            assert note.ordinal in {0, note.deadline_ns}
-            assert note.stage in {SlotStage.QUEUED, 1 + note.deadline_ns % 5}
+            assert (note.limit_ns, note.payload) == (number(note.command_id), payload(note.limit_ns)[:512])
+            assert note.ordinal in {0, note.limit_ns}
+            assert note.stage in {SlotStage.QUEUED, 1 + note.limit_ns % 5}
     for note in page.finished:
         if not note.torn:
             assert_one_command(note)
     for event in page.events:
         assert event.torn or (event.code, event.text) == (f"e{event.index}", f"text {event.index}")
+    for census in page.censuses:
+        if not census.torn:
+            assert_one_census(census)
     if page.witness is not None:
         seq = page.witness.seq
         assert (page.witness.epoch, page.witness.hash) == (seq + 1, sha256(str(seq).encode()).hexdigest())
@@ -97,6 +103,10 @@ def test_nothing_inconsistent_is_accepted_from_a_writer_at_full_speed(tmp_path: 
         # Each beat is one word and only grows: half of an old one with half of a new one would jump.
         assert page.beats.loop_count >= beats_before
         assert page.beats.loop_ns <= page.beats.loop_count + 1
+        look = reader.look()
+        assert look is not None
+        assert look[1] is not None
+        assert look[1].seq >= look[0].answered_seq, "answered before it was witnessed"
         beats_before = page.beats.loop_count
     assert accepted > READS
     assert process.poll() is None

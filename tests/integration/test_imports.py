@@ -17,7 +17,7 @@ import pytest
 from msoffcrypto.format.ooxml import OOXMLFile  # type: ignore[import-untyped]  # it has no types
 
 from hardcore.host.recorder import PageReader
-from hardcore.model.recorder import Beats
+from hardcore.model.recorder import ComponentBeat, Page
 from tests.integration.house import ANSWER_S, BANK, Answer, House
 from tests.integration.lone_core import ready, started
 from tests.waiting import until
@@ -227,25 +227,27 @@ def test_an_upload_into_the_outage_is_held_and_answered(house: House, mark: str)
 
 
 def test_the_guard_sees_on_the_recorder_whether_the_importer_works(house: House, mark: str) -> None:
-    before = beats(house)
-    assert before.importer_since_ns == 0
+    before = importer(house)
+    assert before.since_ns == 0
     import_id = committed(house, uploaded(house, statement(600, mark)))
-    until(lambda: beats(house).importer_since_ns > 0, "the importer to say that it works")
+    until(lambda: importer(house).since_ns > 0, "the importer to say that it works")
     over(house, import_id)
-    until(lambda: beats(house).importer_since_ns == 0, "the importer to say that it has nothing to do")
-    assert beats(house).importer_ns > before.importer_ns
+    until(lambda: importer(house).since_ns == 0, "the importer to say that it has nothing to do")
+    after = importer(house)
+    assert after.beat_ns > before.beat_ns
+    assert after.done >= before.done + 600
 
 
-def beats(house: House) -> Beats:
-    """What the serving core says on its recorder page."""
+def importer(house: House) -> ComponentBeat:
+    """What the serving core says of its importer on its recorder page."""
     pid = house.status()["core"]["pid"]
     for path in house.folders.run.glob("recorder-*"):
         if path.suffix != ".stacks":
             reader = PageReader(path, path.name.removeprefix("recorder-"))
-            found, owner = reader.beats(), reader.identity()
+            page = reader.read()
             reader.close()
-            if found is not None and owner is not None and owner[0] == pid:
-                return found
+            if isinstance(page, Page) and page.pid == pid:
+                return next(one for one in page.components if one.name == "importer")
     raise AssertionError(f"no page of {pid}")
 
 

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 from uuid import UUID
 
+from core.guarded.recorder import NoRecorder
 from core.imports.desk import Desk
 from core.imports.folder import Imports
 from core.imports.importer import FAILED_INSIDE, Booked, Importer, Job, Outcome, Stopped
@@ -25,9 +26,8 @@ class Scripted(Importer):
 
     def __init__(self) -> None:
         hub: Any = SimpleNamespace(tell=lambda _: None)
-        recorder: Any = SimpleNamespace(beat_importer=lambda _: None)
         service: Any = SimpleNamespace(hub=hub, draining=False)
-        super().__init__(service, recorder)
+        super().__init__(service, NoRecorder())
         self.bad: set[int] = set()
         self.leaving: set[int] = set()
         self.booked: list[tuple[int, int]] = []
@@ -94,12 +94,11 @@ def test_nothing_is_swept_away_while_a_wish_is_being_kept(tmp_path: Path) -> Non
     imports.unfinished(IMPORT).keep_manifest(old)
     folder = imports.finish(IMPORT)
     service: Any = SimpleNamespace(settings=Settings())
-    recorder: Any = SimpleNamespace()
     assert old.made_ns < time.time_ns()
 
     async def keep() -> None:
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
-        desk = Desk(service, recorder, tmp_path)
+        desk = Desk(service, NoRecorder(), tmp_path)
         async with desk._changing:
             sweeping = asyncio.create_task(desk.clear_up())
             for _ in range(10):  # one thread: what the sweeping has asked for is done before this is
