@@ -18,8 +18,8 @@ from hardcore.model.phases import Wanted
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import CODEC, RECORDING_BYTES_MAX, VERSION, digest, orders_told, resume
 from hardcore.recovery.policy import Policy
+from hardcore.snapshot.writer import RECORDING
 
-FILE = "observations.jsonl"
 #: Of an order or a reason, so much is shown.
 SHOWN_MAX = 400
 
@@ -71,12 +71,12 @@ class _Chance:
 def replay_incident(folder: Path) -> Replayed | str:
     """Replay the recording in an incident's folder; a sentence where that can't be done."""
     try:
-        with (folder / FILE).open("rb") as file:
+        with (folder / RECORDING).open("rb") as file:
             data = file.read(RECORDING_BYTES_MAX + 1)
     except FileNotFoundError:
-        return f"This incident has no {FILE}: its guard ended before it was written."
+        return f"This incident has no {RECORDING}: its guard ended before it was written."
     except OSError as error:
-        return f"{FILE} can't be read: {error.strerror}."
+        return f"{RECORDING} can't be read: {error.strerror}."
     return replay(data)
 
 

@@ -36,6 +36,7 @@ from hardcore.model import observations as seen
 from hardcore.model.phases import LIVING
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
+from hardcore.recovery.flight import Tape
 from hardcore.recovery.reading import Reading
 from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, MalformedNotice, Notice, read_notice
 from hardcore.snapshot import writer
@@ -70,11 +71,12 @@ class Runtime:
         self.listen_fd, self.url, self.generation = setup.listen_fd, setup.url, setup.generation
         self.adopted = False  # this version ends what it finds and starts anew
         window_ns = self.policy.restart_window_sec * NS_PER_S
+        self.tape = Tape(new_id, random.random)
         self.manager = FailoverManager(
             self.policy,
             standing.wanted(folders),
-            new_id,
-            random.random,
+            self.tape.new_id,
+            self.tape.jitter,
             deaths.read_deaths(folders, window_ns),
         )
         self.executor = Executor(folders, setup.generation, self.feed, self.publish, self._still_ours)
@@ -134,10 +136,13 @@ class Runtime:
         if isinstance(fact, seen.RequestsSettled) and fact.incident != self.manager.reading().incident:
             self.executor.begin(self.executor.filing.add_late(fact))  # its story has been told
         try:
+            self.tape.hear(fact, self.manager)
             self.manager.receive(fact)
             if isinstance(fact, seen.CoreReady | seen.LedgerAudited):
                 self.door.proved(fact)
             self._obey()
+            if isinstance(fact, seen.EvidenceTaken) and (incident := self.manager.reading().incident):
+                self._keep_recording(incident)  # if this guard dies before the end, so much is known
         except Exception as error:  # noqa: BLE001  # half a step was made: whoever told us could not mend that
             _die(f"the fact {type(fact).__name__} could not be taken in", error)
 
@@ -153,11 +158,18 @@ class Runtime:
             )
         # The moment first: the gateway must hold before the hands begin.
         self._publish_reading()
-        for action in self.manager.take_actions():
+        given = self.manager.take_actions()
+        self.tape.ordered(given)
+        for action in given:
+            self.executor.carry_out(action)
             if isinstance(action, orders.CloseIncident):
                 self.door.last_incident = action.incident.id
-            self.executor.carry_out(action)
+                self._keep_recording(action.incident.id)
         self._set_timer()
+
+    def _keep_recording(self, incident: str) -> None:
+        recording = self.tape.cut()
+        self.executor.begin(self.executor.filing.add_recording(incident, recording.write))
 
     def _set_timer(self) -> None:
         if self._timer is not None:
@@ -179,7 +191,9 @@ class Runtime:
         self.executor.note("fault", where=message, error=f"{type(error).__name__}: {error}")
 
     def _ring(self) -> None:
-        self.manager.handle_deadline(clock.now_ns())
+        now_ns = clock.now_ns()
+        self.tape.hear(now_ns, self.manager)
+        self.manager.handle_deadline(now_ns)
         self._obey()
 
     async def _watch(self) -> None:

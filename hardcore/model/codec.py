@@ -92,6 +92,11 @@ class Codec:
         self._names = {cls: name for name, cls in self._classes.items()}
 
     @property
+    def classes(self) -> tuple[type, ...]:
+        """Return what this codec knows."""
+        return tuple(self._names)
+
+    @property
     def shape(self) -> str:
         """Return a fingerprint of every class and its fields: another one is another version's."""
         told = [

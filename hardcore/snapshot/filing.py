@@ -102,6 +102,12 @@ class Filing:
             if await self._persist(order.incident, writer.add_audit, folder, told):
                 await self._have_report(folder)
 
+    async def add_recording(self, incident_id: str, write: Callable[[], bytes]) -> None:
+        """Put the guard's own recording beside the facts, in place of what was there of it."""
+        folder = self._incidents / incident_id
+        async with self._alone(incident_id):
+            await self._persist(incident_id, writer.add_recording, folder, write)
+
     async def served_again(self, at_ns: int) -> None:
         """Tell the incidents in which recovery had stopped, an earlier guard's too, that a core serves again."""
         stopped, looked = list(self._stopped), self._looked

@@ -10,7 +10,7 @@ threads, so that a hanging collector can't keep the haul from the disk. Nothing 
 import asyncio
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, assert_never
@@ -32,6 +32,9 @@ LIVES_MAX = 16
 REQUESTS_MAX = 4096
 #: Incidents in which recovery had stopped that are told when a core serves again: the newest.
 STOPPED_MAX = 64
+
+#: What the guard heard and ordered; `hardcore replay` reads it.
+RECORDING = "observations.jsonl"
 
 Abandoned = bundle.Found
 
@@ -99,6 +102,11 @@ def add_audit(path: Path, audit: Mapping[str, Any]) -> bundle.BundleFailed | Non
     """Add to the facts of a closed incident what the proof of the whole ledger said."""
     facts = _read(path, bundle.FACTS)
     return facts if isinstance(facts, bundle.BundleFailed) else write_facts(path, {**facts, "audit": audit})
+
+
+def add_recording(path: Path, write: Callable[[], bytes]) -> bundle.BundleFailed | None:
+    """Add what the guard heard and ordered, as `write` tells it; nothing without a folder to put it in."""
+    return bundle.add_file(path, RECORDING, write()) if bundle.is_there(path) else None
 
 
 def find_stopped(incidents: Path) -> list[str]:
