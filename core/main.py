@@ -26,7 +26,7 @@ from core import departure
 from core.audit import audit_behind
 from core.departure import Departure, ExitCode
 from core.frames import tell_committed
-from core.guarded.control import ControlUnboundError, Standing
+from core.guarded.control import ControlUnboundError
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
@@ -36,6 +36,7 @@ from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.journal.writer import Writer
 from core.listening import LedgerServer, bind_loopback, bind_unix
+from core.obedience import Obedience
 from core.opening import OpenBook, Telling, open_book
 from core.service import Service
 from core.settings import Settings
@@ -131,7 +132,7 @@ class Life:
         self._recorder = instruments.recorder
         self._beacon = instruments.beacon
         self._ended: asyncio.Future[Departure | None] | None = None
-        self._service: Service | None = None
+        self._obedience = Obedience()
 
     async def run(self) -> Departure | None:
         """Live; return None if the end was asked for, else why there was no life."""
@@ -144,7 +145,7 @@ class Life:
                 self._environment,
                 self._recorder,
                 self._beacon,
-                standing=self._standing,
+                guarded=self._obedience,
                 on_term=lambda _: self._end(None),
             ):
                 return await self._live(loop)
@@ -216,9 +217,10 @@ class Life:
         readers = open_reading(
             self._data / LEDGER_FILE, self._settings.readers + 1, self._settings.write_busy_ms
         )
-        self._service = Service(writer, readers, self._recorder, self._settings, book.epoch)
-        writer.listen(functools.partial(tell_committed, self._service.hub))
-        return self._service
+        service = Service(writer, readers, self._recorder, self._settings, book.epoch)
+        writer.listen(functools.partial(tell_committed, service.hub))
+        self._obedience.serve(service, writer)
+        return service
 
     def _ready(self, book: OpenBook, bound: socket.socket) -> None:
         # What was loaded lives as long as the process: no collection need ever look at it.
@@ -257,11 +259,6 @@ class Life:
     def _end(self, left: Departure | None) -> None:
         if self._ended is not None and not self._ended.done():
             self._ended.set_result(left)
-
-    def _standing(self) -> Standing:
-        if self._service is None:
-            return Standing(0, 0)
-        return Standing(self._service.epoch, self._service.head_seq)
 
 
 def _faults(read: object) -> list[str]:

@@ -1,10 +1,9 @@
 """The core's own control socket: a door for its guard, one JSON line in, one JSON line out.
 
-The socket belongs to one life and has mode 0600 from its first moment. Orders carry the generation of the
-sentinel that gives them, and one that is older than another already seen is refused: a sentinel that woke
-up late must not break a core that a newer one looks after. Lines, connections and silence are bounded, so
-the door can't be used to hurt the core. Not chosen: HTTP beside the ledger's routes; then an order would
-queue behind the load that it is about.
+The socket belongs to one life and has mode 0600 from its first moment. What an order says is read by `orders`,
+what it does is the business of whoever is `Guarded`: here are only the door and its bounds. Lines, connections
+and silence are bounded, so the door can't be used to hurt the core. Not chosen: HTTP beside the ledger's
+routes; then an order would queue behind the load that it is about.
 """
 
 import asyncio
@@ -15,8 +14,19 @@ import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol, assert_never
 
-from core.guarded.drills import Drill, carry_out
+from core.guarded.orders import (
+    DrillOrder,
+    Order,
+    Refused,
+    SafeOrder,
+    StatusOrder,
+    TasksOrder,
+    generation_of,
+    read_order,
+)
+from core.guarded.tasks import suspended_tasks
 
 LINE_BYTES_MAX = 4096
 CONNECTIONS_MAX = 8
@@ -29,57 +39,27 @@ class ControlUnboundError(OSError):
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where the core stands: its epoch (0: none raised yet) and the last committed sequence."""
+    """Where the core stands: its epoch (0: none raised yet), the last committed sequence, why it only reads."""
 
     epoch: int
     seq: int
+    safe: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class StatusOrder:
-    """Asks where the core stands."""
+class Guarded(Protocol):
+    """What takes the orders. All on the loop's thread."""
 
+    def standing(self) -> Standing:
+        """Return where the core stands."""
+        ...
 
-@dataclass(frozen=True, slots=True)
-class DrillOrder:
-    """Asks the core to break itself."""
+    async def switch_safe(self, order: SafeOrder) -> str | None:
+        """Serve reads only, or everything again; return why that could not be done, None if it is done."""
+        ...
 
-    drill: Drill
-    generation: int
-
-
-@dataclass(frozen=True, slots=True)
-class Refused:
-    """An order that is not carried out, and why."""
-
-    error: str
-
-
-def read_order(line: bytes, lowest_generation: int) -> StatusOrder | DrillOrder | Refused:
-    """Return the order on one line; never raises. Orders below `lowest_generation` are refused."""
-    try:
-        said = json.loads(line)
-    except (ValueError, RecursionError):
-        return Refused("The line is not JSON.")
-    if not isinstance(said, dict):
-        return Refused("The line is not a JSON object.")
-    match said.get("verb"):
-        case "status":
-            return StatusOrder()
-        case "drill":
-            return _read_drill(said.get("fault"), said.get("generation"), lowest_generation)
-        case _:
-            return Refused("The verb must be status or drill.")
-
-
-def _read_drill(fault: object, generation: object, lowest: int) -> DrillOrder | Refused:
-    if not isinstance(fault, str) or fault not in set(Drill):
-        return Refused(f"The fault must be one of {', '.join(Drill)}.")
-    if not isinstance(generation, int) or isinstance(generation, bool) or generation < 0:
-        return Refused("The generation must be a whole number.")
-    if generation < lowest:
-        return Refused(f"Generation {generation} is over: {lowest} gives the orders.")
-    return DrillOrder(Drill(fault), generation)
+    def drill(self, order: DrillOrder) -> Callable[[], object] | str:
+        """Return what breaks the core once it is called, or why it can't be broken in this way now."""
+        ...
 
 
 def bind_private(path: Path) -> socket.socket:
@@ -104,17 +84,17 @@ class ControlServer:
     def __init__(
         self,
         path: Path,
-        standing: Callable[[], Standing],
+        guarded: Guarded,
         note: Callable[[str, str], None],
         silence_s: float = SILENCE_S_MAX,
     ) -> None:
-        """Serve on `path`. `standing` is asked for each status; `note` is told code and text of a drill.
+        """Serve on `path`. `guarded` takes the orders; `note` is told code and text of each that changes something.
 
         Who says nothing for `silence_s` is hung up on.
         """
         self._path = path
         self._silence_s = silence_s
-        self._standing = standing
+        self._guarded = guarded
         self._note = note
         self._generation = 0
         self._server: asyncio.Server | None = None
@@ -149,7 +129,9 @@ class ControlServer:
     async def _talk(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             while line := await asyncio.wait_for(self._line(reader), self._silence_s):
-                await self._answer(line, writer)
+                order = read_order(line, self._generation)
+                self._generation = max(self._generation, generation_of(order))
+                await self._answer(order, writer)
         except (TimeoutError, ConnectionError):
             pass  # Somebody who is silent or gone needs no answer.
         finally:
@@ -162,22 +144,41 @@ class ControlServer:
         except ValueError:
             return b""
 
-    async def _answer(self, line: bytes, writer: asyncio.StreamWriter) -> None:
-        match read_order(line, self._generation):
+    async def _answer(self, order: Order, writer: asyncio.StreamWriter) -> None:
+        match order:
             case StatusOrder():
-                now = self._standing()
-                await _say(writer, {"ok": True, "pid": os.getpid(), "epoch": now.epoch, "seq": now.seq})
-            case DrillOrder(drill, generation):
-                self._generation = generation
-                self._note("DRILL", drill.value)
-                with contextlib.suppress(ConnectionError):
-                    await _say(writer, {"ok": True})
-                    # Closed first: the answer has then left this process, whatever the drill does to it.
-                    writer.close()
-                    await writer.wait_closed()
-                carry_out(drill)
+                now = self._guarded.standing()
+                told = {"pid": os.getpid(), "epoch": now.epoch, "seq": now.seq, "safe": now.safe}
+                await _say(writer, {"ok": True, **told})
+            case TasksOrder():
+                tasks, count = suspended_tasks()
+                await _say(writer, {"ok": True, "tasks": tasks, "count": count})
+            case SafeOrder(on, reason):
+                self._note("SAFE", reason if on else f"no longer {reason}")
+                await _say(writer, _outcome(await self._guarded.switch_safe(order)))
+            case DrillOrder():
+                await self._drill(order, writer)
             case Refused(error):
-                await _say(writer, {"ok": False, "error": error})
+                await _say(writer, _outcome(error))
+            case _:
+                assert_never(order)
+
+    async def _drill(self, order: DrillOrder, writer: asyncio.StreamWriter) -> None:
+        begin = self._guarded.drill(order)
+        if isinstance(begin, str):
+            await _say(writer, _outcome(begin))
+            return
+        self._note("DRILL", order.drill.value)
+        with contextlib.suppress(ConnectionError):
+            await _say(writer, {"ok": True})
+            # Closed first: the answer has then left this process, whatever the drill does to it.
+            writer.close()
+            await writer.wait_closed()
+        begin()
+
+
+def _outcome(error: str | None) -> dict[str, object]:
+    return {"ok": True} if error is None else {"ok": False, "error": error}
 
 
 async def _say(writer: asyncio.StreamWriter, answer: dict[str, object]) -> None:

@@ -66,14 +66,14 @@ def story(error: BaseException) -> str:
     The place comes before the message, because the ring of events has room for 64 bytes only.
     """
     frames = [(frame.f_code, line) for frame, line in traceback.walk_tb(error.__traceback__)]
-    places = [f"{_short(code.co_filename)}:{line} {code.co_name}" for code, line in reversed(frames)]
+    places = [f"{short_path(code.co_filename)}:{line} {code.co_name}" for code, line in reversed(frames)]
     message = str(error)[:_MESSAGE_CHARACTERS_MAX]
     first, rest = (places[:1] or ["nowhere"])[0], places[1:_FRAMES_MAX]
     called = f" (called from {', '.join(rest)})" if rest else ""
     return f"{type(error).__name__} at {first}: {message}{called}"
 
 
-def _short(path: str) -> str:
+def short_path(path: str) -> str:
     """Return the last two parts of a file's path: enough to find it, nothing about the machine."""
     return "/".join(Path(path).parts[-2:])
 

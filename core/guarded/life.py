@@ -15,7 +15,7 @@ from pathlib import Path
 
 from core.guarded.beacon import Beacon
 from core.guarded.beats import BEAT_MS, LoopBeat, ThreadBeat, note_collections
-from core.guarded.control import ControlServer, Standing
+from core.guarded.control import ControlServer, Guarded
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.last_words import keep_last_words, keep_loop_errors
 from core.guarded.recorder import FlightRecorder, NoRecorder, Recorder, RecorderUnusable
@@ -62,13 +62,13 @@ async def guarded_life(
     recorder: FlightRecorder,
     beacon: Beacon,
     *,
-    standing: Callable[[], Standing],
+    guarded: Guarded,
     on_term: Callable[[int], None],
     beat_ms: int = BEAT_MS,
 ) -> AsyncIterator[None]:
     """Be seen and be reachable until the block ends.
 
-    `standing` is asked by the control socket. `on_term` is called once, on the loop, with the pid of the
+    `guarded` takes the orders of the control socket. `on_term` is called once, on the loop, with the pid of the
     first TERM's sender (0: unknown); that it came is already noted and told by then. Raises
     ControlUnboundError (an OSError) when the control socket can't be bound.
     """
@@ -84,7 +84,7 @@ async def guarded_life(
         ending.callback(thread_beat.stop)
         _Watchdog(loop, beacon, environment.watchdog_usec, ending).start()
         if environment.control is not None:
-            control = ControlServer(environment.control, standing, recorder.event)
+            control = ControlServer(environment.control, guarded, recorder.event)
             await control.open()
             ending.push_async_callback(control.close)
         _hear_term(loop, recorder, beacon, on_term, ending)

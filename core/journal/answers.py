@@ -5,6 +5,7 @@ the recorder speaks of it too. A refusal is kept as its parts, so that a replay 
 whoever asks again; a success is kept as the very bytes that were sent.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, assert_never
 
@@ -45,7 +46,21 @@ class LookUp:
     digest: bytes | None = None
 
 
-Work = Order | LookUp
+@dataclass(frozen=True, slots=True)
+class Exercise:
+    """A drill in a command's place: `run` happens where a command would be decided, and nothing is booked.
+
+    None: it does nothing itself, and meets what every command would meet.
+    """
+
+    slot: int
+    transaction_id: str
+    account_id: str
+    run: Callable[[], object] | None
+    key: None = None
+
+
+Work = Order | LookUp | Exercise
 
 
 @dataclass(frozen=True, slots=True)

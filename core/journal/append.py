@@ -16,8 +16,11 @@ from sqlalchemy.exc import DBAPIError
 from core.guarded.recorder import FlightRecorder, Stage
 from core.journal import schema
 from core.journal.answers import (
+    OK,
     Answer,
     DecisionFailed,
+    Done,
+    Exercise,
     LookUp,
     Order,
     OutcomeUnknown,
@@ -97,6 +100,8 @@ class Journal:
     def write(self, works: Sequence[Work]) -> BatchOutcome:
         """Carry out a batch in one transaction and return its answers, to be given only after this returns."""
         assert not self._broken, "a journal whose COMMIT failed never writes again"
+        # Plain strings in this frame, so that a stack dump of a wait for the store names who waits.
+        transaction_id, account_id = _named(works)  # noqa: RUF059  for stack dumps
         self._recorder.in_store(on=True)
         try:
             self._connection.exec_driver_sql("BEGIN IMMEDIATE").close()
@@ -156,6 +161,8 @@ class Journal:
         self._recorder.stage(work.slot, Stage.DECIDING)
         if isinstance(work, LookUp):
             return batch.look_up(work)
+        if isinstance(work, Exercise):
+            return self._exercise(work)
         # Plain strings in this frame, so that a stack dump of a hang names the command.
         transaction_id, account_id = work.transaction_id, " ".join(work.account_ids[:NAMED_IN_FRAME_MAX])
         try:
@@ -172,14 +179,17 @@ class Journal:
             batch.refuse(work, decision)
         return decision
 
+    def _exercise(self, work: Exercise) -> Answer:
+        transaction_id, account_id = work.transaction_id, work.account_id  # noqa: F841  for stack dumps
+        if work.run is not None:
+            work.run()
+        self._recorder.stage(work.slot, Stage.QUEUED)  # as any other: DECIDING names the next one now
+        return Done(OK, b"{}")
+
     def _store(self, batch: Batch, works: Sequence[Work]) -> None:
         for work in works:
             self._recorder.stage(work.slot, Stage.WRITING)
-        orders = [work for work in works if isinstance(work, Order)][:NAMED_IN_FRAME_MAX]
-        transaction_id = " ".join(order.transaction_id for order in orders)  # noqa: F841  for stack dumps
-        account_id = " ".join(  # noqa: F841  for stack dumps
-            dict.fromkeys(name for order in orders for name in order.account_ids)
-        )
+        transaction_id, account_id = _named(works)  # noqa: RUF059  for stack dumps
         connection, book = self._connection, batch.book
         for statement, rows in (
             (_EVENTS, batch.events),
@@ -204,6 +214,13 @@ class Journal:
             )
             assert moved.rowcount == 1, "the epoch changed under an exclusive lock"
         connection.exec_driver_sql("COMMIT").close()
+
+
+def _named(works: Sequence[Work]) -> tuple[str, str]:
+    """Return the transactions and accounts of the first orders of a batch, each as one text."""
+    orders = [work for work in works if isinstance(work, Order)][:NAMED_IN_FRAME_MAX]
+    accounts = dict.fromkeys(name for order in orders for name in order.account_ids)
+    return " ".join(order.transaction_id for order in orders), " ".join(accounts)
 
 
 def _account_row(account: Account) -> dict[str, Any]:

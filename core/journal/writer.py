@@ -81,6 +81,10 @@ class Writer:
             self._changed.notify()
         return future
 
+    def pretend_full(self, until_ns: int) -> None:
+        """Have the journal answer as a full disk would until `until_ns`, monotonic: a drill."""
+        self._journal.pretend_full(until_ns)
+
     async def stop(self) -> None:
         """Write what waits, close the store and end the thread."""
         with self._changed:

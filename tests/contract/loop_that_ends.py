@@ -8,10 +8,10 @@ import sys
 import threading
 from pathlib import Path
 
-from core.guarded.control import Standing
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
+from tests.unit.core_guarded.guest import Bare
 
 
 async def _live() -> None:
@@ -19,8 +19,7 @@ async def _live() -> None:
     instruments = take_instruments(environment)
     assert not isinstance(instruments, RecorderUnusable), instruments
     recorder, beacon = instruments.recorder, instruments.beacon
-    standing, on_term = (lambda: Standing(0, 0)), (lambda _: None)
-    async with guarded_life(environment, recorder, beacon, standing=standing, on_term=on_term):
+    async with guarded_life(environment, recorder, beacon, guarded=Bare(), on_term=lambda _: None):
         recorder.set_state(LifeState.READY)
         threading.Thread(target=threading.Event().wait, name="nobody stops it").start()
         await asyncio.to_thread(sys.stdin.readline)

@@ -14,8 +14,10 @@ from collections.abc import Callable
 import uvloop
 
 from core.guarded.control import Standing
+from core.guarded.drills import AT_ONCE
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
+from core.guarded.orders import DrillOrder, SafeOrder
 
 
 def say(text: str) -> None:
@@ -31,6 +33,19 @@ def fail_in_main() -> None:
     raise ValueError("no more core")
 
 
+class Bare:
+    """Takes orders for a core that has neither book nor writer."""
+
+    def standing(self) -> Standing:
+        return Standing(epoch=7, seq=12)
+
+    async def switch_safe(self, order: SafeOrder) -> str | None:
+        return None if order.on else "It takes no write yet."
+
+    def drill(self, order: DrillOrder) -> Callable[[], object] | str:
+        return AT_ONCE.get(order.drill, "There is no writer.")
+
+
 async def serve(environment: GuardedEnvironment, instruments: Instruments, mode: str) -> None:
     loop = asyncio.get_running_loop()
     term = loop.create_future()
@@ -38,7 +53,7 @@ async def serve(environment: GuardedEnvironment, instruments: Instruments, mode:
         environment,
         instruments.recorder,
         instruments.beacon,
-        standing=lambda: Standing(epoch=7, seq=12),
+        guarded=Bare(),
         on_term=term.set_result,
     ):
         say("up")

@@ -10,65 +10,15 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from core.guarded.control import (
     CONNECTIONS_MAX,
     LINE_BYTES_MAX,
     ControlServer,
     ControlUnboundError,
-    DrillOrder,
-    Refused,
-    Standing,
-    StatusOrder,
     bind_private,
-    read_order,
 )
-from core.guarded.drills import Drill
-
-
-def drill(fault: object = "crash", generation: object = 4) -> bytes:
-    return json.dumps({"verb": "drill", "fault": fault, "generation": generation}).encode()
-
-
-def test_orders_are_read() -> None:
-    assert read_order(b'{"verb": "status"}', 9) == StatusOrder()
-    for fault in Drill:
-        assert read_order(drill(fault.value), 4) == DrillOrder(fault, 4)
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        b"",
-        b"status",
-        b"[]",
-        b'"status"',
-        b"{}",
-        b'{"verb": "shutdown"}',
-        b'{"verb": ["status"]}',
-        b"[" * 3000,
-        b"\xff",
-        drill("melt"),
-        drill(None),
-        drill(["crash"]),
-        drill(generation=None),
-        drill(generation="4"),
-        drill(generation=True),
-        drill(generation=-1),
-        drill(generation=3),
-    ],
-)
-def test_what_is_no_order_is_refused_with_a_sentence(line: bytes) -> None:
-    refused = read_order(line, 4)
-    assert isinstance(refused, Refused)
-    assert refused.error.endswith(".")
-
-
-@given(st.binary(max_size=200))
-def test_no_line_can_raise(line: bytes) -> None:
-    assert isinstance(read_order(line, 0), StatusOrder | Refused | DrillOrder)
+from tests.unit.core_guarded.guest import Bare
 
 
 def test_the_socket_is_private_from_its_first_moment(tmp_path: Path) -> None:
@@ -84,7 +34,7 @@ def test_the_socket_is_private_from_its_first_moment(tmp_path: Path) -> None:
 
 def test_a_taken_path_is_told_apart_from_every_other_fault(tmp_path: Path) -> None:
     (tmp_path / "control").touch()
-    server = ControlServer(tmp_path / "control", lambda: Standing(7, 12), lambda _code, _text: None)
+    server = ControlServer(tmp_path / "control", Bare(), lambda _code, _text: None)
     with pytest.raises(ControlUnboundError, match="in use"):
         asyncio.run(server.open())
 
@@ -93,7 +43,7 @@ def served(path: Path, talk: Callable[[Path], Awaitable[None]], silence_s: float
     """Run `talk` against a server on `path`; afterwards the socket is gone."""
 
     async def run() -> None:
-        server = ControlServer(path, lambda: Standing(7, 12), lambda _code, _text: None, silence_s)
+        server = ControlServer(path, Bare(), lambda _code, _text: None, silence_s)
         await server.open()
         try:
             async with asyncio.timeout(30):
@@ -119,7 +69,7 @@ async def say(path: Path, *lines: bytes) -> list[bytes]:
 def test_each_line_gets_one_answer(tmp_path: Path) -> None:
     async def talk(path: Path) -> None:
         status, refused, again = await say(path, b'{"verb": "status"}', b"nonsense", b'{"verb": "status"}')
-        assert json.loads(status) == {"ok": True, "pid": os.getpid(), "epoch": 7, "seq": 12}
+        assert json.loads(status) == {"ok": True, "pid": os.getpid(), "epoch": 7, "seq": 12, "safe": None}
         assert json.loads(refused) == {"ok": False, "error": "The line is not JSON."}
         assert status == again
 
@@ -175,3 +125,50 @@ def test_an_open_connection_does_not_keep_the_core_from_leaving(tmp_path: Path) 
 
         served(tmp_path / "control", talk)
         assert line.recv(1) == b""
+
+
+def safe(generation: int, *, on: bool = True) -> bytes:
+    order = {"verb": "safe", "on": on, "reason": "DISK_FULL", "generation": generation}
+    return json.dumps(order).encode()
+
+
+def test_an_order_that_can_not_be_carried_out_is_answered_with_the_reason(tmp_path: Path) -> None:
+    async def talk(path: Path) -> None:
+        drill = b'{"verb": "drill", "fault": "slow-tx", "generation": 4}'
+        told = [json.loads(line) for line in await say(path, safe(4), safe(4, on=False), drill)]
+        assert [answer["ok"] for answer in told] == [True, False, False]
+        assert told[1]["error"] == "It takes no write yet."
+        assert told[2]["error"] == "There is no writer."
+
+    served(tmp_path / "control", talk)
+
+
+def test_every_order_that_changes_something_is_refused_to_an_older_generation(tmp_path: Path) -> None:
+    async def talk(path: Path) -> None:
+        told = [
+            json.loads(line) for line in await say(path, safe(5), safe(4), b'{"verb": "status"}', safe(6))
+        ]
+        assert [answer["ok"] for answer in told] == [True, False, True, True]
+        assert told[1]["error"] == "Generation 4 is over: 5 gives the orders."
+
+    served(tmp_path / "control", talk)
+
+
+def test_the_tasks_of_the_loop_are_told_with_the_place_where_they_wait(tmp_path: Path) -> None:
+    async def wait(transaction_id: str) -> None:  # noqa: ARG001  told from its frame
+        await asyncio.get_running_loop().create_future()
+
+    async def talk(path: Path) -> None:
+        waiting = asyncio.create_task(wait("tx-1"), name="cmd:tx-1")
+        await asyncio.sleep(0)
+        (line,) = await say(path, b'{"verb": "tasks"}')
+        waiting.cancel()
+        told = json.loads(line)
+        assert told["ok"]
+        assert told["count"] == len(told["tasks"])
+        first = told["tasks"][0]
+        assert (first["name"], first["transaction_id"], first["account_id"]) == ("cmd:tx-1", "tx-1", "")
+        assert first["waits_at"].startswith("core_guarded/test_control.py:")
+        assert first["waits_at"].endswith(" wait")
+
+    served(tmp_path / "control", talk)

@@ -1,0 +1,132 @@
+"""What a guard may order its core to do, read from one JSON line. Pure.
+
+Whatever changes something carries the generation of the sentinel that gives the order, and one that is older
+than another already seen is refused: a sentinel that woke up late must not break a core that a newer one looks
+after. Questions need none. A line that is no order is a value with a sentence, never an exception.
+"""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, TypeGuard, assert_never
+
+from core.guarded.drills import Drill
+
+DISK_FULL_S: Final = 3
+DISK_FULL_S_MAX: Final = 60
+_GENERATION_MAX: Final = 2**63 - 1
+_REASON: Final = re.compile(r"[A-Z_]{1,40}")
+
+
+@dataclass(frozen=True, slots=True)
+class StatusOrder:
+    """Asks where the core stands."""
+
+
+@dataclass(frozen=True, slots=True)
+class TasksOrder:
+    """Asks what waits on the event loop."""
+
+
+@dataclass(frozen=True, slots=True)
+class SafeOrder:
+    """Has the core serve reads only because of a diagnosis (`reason`), or everything again."""
+
+    on: bool
+    reason: str
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
+class DrillOrder:
+    """Has the core break itself.
+
+    `armed`: the guard has bounded this process's memory, so it may be used up. `seconds`: how long `diskfull` lasts.
+    """
+
+    drill: Drill
+    generation: int
+    armed: bool = False
+    seconds: int = DISK_FULL_S
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """An order that is not carried out, and why."""
+
+    error: str
+
+
+Order = StatusOrder | TasksOrder | SafeOrder | DrillOrder | Refused
+
+
+def read_order(line: bytes, lowest_generation: int) -> Order:
+    """Return the order on one line; never raises. Orders below `lowest_generation` are refused."""
+    try:
+        said = json.loads(line)
+    except (ValueError, RecursionError):
+        return Refused("The line is not JSON.")
+    if not isinstance(said, dict):
+        return Refused("The line is not a JSON object.")
+    match said.get("verb"):
+        case "status":
+            return StatusOrder()
+        case "tasks":
+            return TasksOrder()
+        case "safe":
+            return _read_safe(said, lowest_generation)
+        case "drill":
+            return _read_drill(said, lowest_generation)
+        case _:
+            return Refused("The verb must be status, tasks, safe or drill.")
+
+
+def generation_of(order: Order) -> int:
+    """Return the generation that gave this order, 0 for what needs none."""
+    match order:
+        case SafeOrder() | DrillOrder():
+            return order.generation
+        case StatusOrder() | TasksOrder() | Refused():
+            return 0
+        case _:
+            assert_never(order)
+
+
+def _read_safe(said: Mapping[str, Any], lowest: int) -> SafeOrder | Refused:
+    on, reason = said.get("on"), said.get("reason")
+    if not isinstance(on, bool):
+        return Refused("To be safe is on or not: on must be true or false.")
+    if not isinstance(reason, str) or _REASON.fullmatch(reason) is None:
+        return Refused("The reason must be a diagnosis in capitals.")
+    generation = _generation(said, lowest)
+    return generation if isinstance(generation, Refused) else SafeOrder(on, reason, generation)
+
+
+def _read_drill(said: Mapping[str, Any], lowest: int) -> DrillOrder | Refused:
+    fault, armed, seconds = said.get("fault"), said.get("armed", False), said.get("seconds", DISK_FULL_S)
+    if not isinstance(fault, str) or fault not in set(Drill):
+        return Refused(f"The fault must be one of {', '.join(Drill)}.")
+    if not isinstance(armed, bool):
+        return Refused("Armed must be true or false.")
+    if not _is_whole(seconds) or not 1 <= seconds <= DISK_FULL_S_MAX:
+        return Refused(f"The seconds must be a whole number from 1 to {DISK_FULL_S_MAX}.")
+    generation = _generation(said, lowest)
+    if isinstance(generation, Refused):
+        return generation
+    if fault == Drill.OOM and not armed:
+        return Refused("Memory is used up only where the guard has bounded it: the order must be armed.")
+    return DrillOrder(Drill(fault), generation, armed, seconds)
+
+
+def _generation(said: Mapping[str, Any], lowest: int) -> int | Refused:
+    generation = said.get("generation")
+    if not _is_whole(generation) or not 0 <= generation <= _GENERATION_MAX:
+        return Refused("The generation must be a whole number.")
+    if generation < lowest:
+        return Refused(f"Generation {generation} is over: {lowest} gives the orders.")
+    return generation
+
+
+def _is_whole(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool)

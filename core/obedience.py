@@ -1,0 +1,79 @@
+"""What this core does when its guard gives it an order: where it stands, reads only, drills.
+
+The control socket is open before the book is, so an order may come too early, and then it is refused with a
+sentence. A drill that is a command's fault becomes a command: it takes a slot, stands in the writer's line and
+is noted like any other, so that whoever watches sees what a real one would show; no event comes of it.
+"""
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from time import monotonic_ns
+from typing import Final
+
+from core.guarded.control import Standing
+from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
+from core.guarded.orders import DrillOrder, SafeOrder
+from core.journal.answers import Done, Exercise
+from core.journal.writer import Writer
+from core.service import Draining, NoSlot, Service
+
+KIND: Final = "drill"
+ACCOUNT: Final = "system:drill"
+NOT_DONE: Final = 503
+NOT_OPEN: Final = "The core has not opened its book yet."
+
+
+class Obedience:
+    """Takes the orders of the control socket. All methods on the loop's thread."""
+
+    def __init__(self) -> None:
+        """Take orders from now on; most are refused until there is a book."""
+        self._service: Service | None = None
+        self._writer: Writer | None = None
+        self._exercises: set[asyncio.Task[None]] = set()
+
+    def serve(self, service: Service, writer: Writer) -> None:
+        """Take orders for this service from now on."""
+        self._service, self._writer = service, writer
+
+    def standing(self) -> Standing:
+        """Return where the core stands."""
+        if self._service is None:
+            return Standing(0, 0)
+        return Standing(self._service.epoch, self._service.head_seq)
+
+    async def switch_safe(self, order: SafeOrder) -> str | None:  # noqa: ARG002
+        """Serve reads only, or everything again."""
+        return NOT_OPEN
+
+    def drill(self, order: DrillOrder) -> Callable[[], object] | str:
+        """Return what breaks the core once it is called, or why it can't be broken in this way now."""
+        if order.drill in AT_ONCE:
+            return AT_ONCE[order.drill]
+        if self._service is None or self._writer is None:
+            return NOT_OPEN
+        command_id = self._service.new_id()
+        slot = self._service.begin(
+            KIND, b"", command_id=command_id, transaction_id=command_id, account_ids=(ACCOUNT,)
+        )
+        if isinstance(slot, NoSlot):
+            return "Every slot is taken: there is none for the drill."
+        if isinstance(slot, Draining):
+            return "The core is leaving."
+        work = Exercise(slot, command_id, ACCOUNT, BY_COMMAND[order.drill])
+        return partial(self._begin, order, work, self._service, self._writer)
+
+    def _begin(self, order: DrillOrder, work: Exercise, service: Service, writer: Writer) -> None:
+        if order.drill is Drill.DISKFULL:
+            writer.pretend_full(monotonic_ns() + order.seconds * 1_000_000_000)
+        task = asyncio.get_running_loop().create_task(_exercise(work, service, writer), name=KIND)
+        self._exercises.add(task)
+        task.add_done_callback(self._exercises.discard)
+
+
+async def _exercise(work: Exercise, service: Service, writer: Writer) -> None:
+    """Stand in the writer's line with a drill, and give its slot back should it ever end."""
+    transaction_id, account_id = work.transaction_id, work.account_id  # noqa: F841  for whoever asks for tasks
+    answer = await writer.submit(work)
+    service.finish(work.slot, answer.status if isinstance(answer, Done) else NOT_DONE)
