@@ -8,12 +8,19 @@ import datetime as dt
 import time
 from pathlib import Path
 
+from hardcore.model.observations import Clocks
+
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
 def now_ns() -> int:
     """Return the monotonic time that every process of this machine shares."""
     return time.monotonic_ns()
+
+
+def others() -> Clocks:
+    """Return what the two clocks say that are no basis for a decision: one counts sleep, one is set by people."""
+    return Clocks(time.clock_gettime_ns(time.CLOCK_BOOTTIME), time.time_ns())
 
 
 def wall(at_ns: int) -> str:

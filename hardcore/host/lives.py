@@ -16,17 +16,19 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hardcore.host import clock, files, processes
+from hardcore.host import clock, files, processes, vitals
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle, Identity
 from hardcore.host.recorder import PageReader, make_page
 from hardcore.model.observations import ProcessSample, Sampled
-from hardcore.model.recorder import Page, Threads, Witness
+from hardcore.model.recorder import Beats, CommandNote, Page, SlotStage, Threads, Witness
 
 #: Files of so many dead lives are kept in the run folder, for whoever still reads them.
 DEAD_LIVES_KEPT = 2
 #: Commands in flight are read only while some wait this long after the last one was completed.
 LOOK_CLOSER_NS = 200_000_000
+#: They are read every so often while any wait, whatever is completed beside them.
+IN_FLIGHT_EVERY_TICKS = 5
 #: The thread samples cost three reads each: only a beat this old is worth them.
 STALE_NS = 80_000_000
 FDS_EVERY_TICKS = 10
@@ -38,6 +40,10 @@ _PASSED_ON = ("PATH", "HOME", "LANG", "LC_ALL", "TZ", "TMPDIR")
 
 #: Passed from `hardcore up --demo` to each sentinel of that launcher: pages of this address may break the core.
 DEMO_SWITCH = "HARDCORE_DEMO"
+
+
+def _is_slow(note: CommandNote, now_ns: int) -> bool:
+    return note.stage is SlotStage.DECIDING and now_ns - max(note.stage_ns, note.progress_ns) > LOOK_CLOSER_NS
 
 
 def clean_environment() -> dict[str, str]:
@@ -59,28 +65,54 @@ class Life:
     fds: int | None = None  # from the last time they were counted
     _ticks: int = 0
     _threads: Threads = field(default_factory=Threads)
+    _one_is_slow: bool = False
 
     def look(self) -> Sampled:
         """Return what can be seen of the core now."""
-        now_ns = clock.now_ns()
-        beats = self.reader.beats() if self.reader else None
-        in_flight = None
-        if beats is not None and self.reader is not None:
-            if not self._threads.writer:
-                self._threads = self.reader.threads()
-            if beats.waiting and now_ns - beats.completed_ns > LOOK_CLOSER_NS:
-                in_flight = self.reader.in_flight()
-        closer = beats is not None and (now_ns - beats.loop_ns > STALE_NS or in_flight is not None)
+        now_ns, others = clock.now_ns(), clock.others()
+        seen = self.reader.look() if self.reader else None
+        beats, witness = (None, None) if seen is None else seen
+        in_flight = self._in_flight(beats, now_ns)
         self._ticks += 1
         if self.handle is not None:
-            self.sample = self.handle.sample(
-                self._threads.loop if closer else 0,
-                self._threads.writer if closer else 0,
-                fds=self._ticks % FDS_EVERY_TICKS == 1,
-            )
+            self.sample = self.handle.sample(self._wanted(beats, in_flight, now_ns))
             if self.sample is not None and self.sample.fds is not None:
                 self.fds = self.sample.fds
-        return Sampled(clock.now_ns(), self.number, beats, self._threads, self.sample, in_flight)
+        return Sampled(
+            clock.now_ns(), self.number, beats, self._threads, self.sample, in_flight, witness, others
+        )
+
+    def _in_flight(self, beats: Beats | None, now_ns: int) -> tuple[CommandNote, ...] | None:
+        """Return the commands in flight if they are worth their reading: some wait, and not for the first time.
+
+        Others may be completed all the while a single one hangs, so now and then they are read anyhow, and at
+        every tick as long as one of them is being decided for long.
+        """
+        if beats is None or self.reader is None or not beats.waiting:
+            self._one_is_slow = False
+            return None
+        due = self._one_is_slow or self._ticks % IN_FLIGHT_EVERY_TICKS == 0
+        if not due and now_ns - beats.completed_ns <= LOOK_CLOSER_NS:
+            return None
+        notes = self.reader.in_flight()
+        self._one_is_slow = any(_is_slow(note, now_ns) for note in notes or ())
+        return notes
+
+    def _wanted(
+        self, beats: Beats | None, in_flight: tuple[CommandNote, ...] | None, now_ns: int
+    ) -> vitals.Wanted:
+        fds = self._ticks % FDS_EVERY_TICKS == 1
+        if beats is None or self.reader is None:
+            return vitals.Wanted(fds=fds)
+        if not (self._threads.writer and self._threads.beat):  # those that run last are told last
+            self._threads = self.reader.threads()
+        if in_flight is None and now_ns - min(beats.loop_ns, beats.thread_ns) <= STALE_NS:
+            return vitals.Wanted(fds=fds)
+        deciding = [
+            note.thread for note in in_flight or () if note.stage is SlotStage.DECIDING and note.thread
+        ]
+        who = self._threads
+        return vitals.Wanted(who.loop, who.writer, who.beat, tuple(dict.fromkeys(deciding)), fds)
 
     def page(self) -> Page | None:
         """Return the whole recorder page, or None if it is no evidence."""

@@ -13,26 +13,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import psutil
-
-from hardcore.model.observations import Exit, ProcessSample, ThreadSample
-
-_LETTERS = {
-    psutil.STATUS_RUNNING: "R",
-    psutil.STATUS_SLEEPING: "S",
-    psutil.STATUS_DISK_SLEEP: "D",
-    psutil.STATUS_STOPPED: "T",
-    psutil.STATUS_TRACING_STOP: "t",
-    psutil.STATUS_ZOMBIE: "Z",
-    psutil.STATUS_DEAD: "X",
-    psutil.STATUS_IDLE: "I",
-}
-
-#: System calls by number, for kernels that don't show the function a thread waits in.
-_CALLS = {
-    "x86_64": {"202": "futex", "230": "clock_nanosleep", "35": "nanosleep", "232": "epoll_wait"},
-    "aarch64": {"98": "futex", "115": "clock_nanosleep", "101": "nanosleep", "22": "epoll_pwait"},
-}.get(os.uname().machine, {})
+from hardcore.host.vitals import Wanted, process_sample, stat_fields
+from hardcore.model.observations import Exit, ProcessSample
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,15 +25,10 @@ class Identity:
     start: int
 
 
-def _stat_fields(pid: int) -> list[str]:
-    text = Path(f"/proc/{pid}/stat").read_text("utf-8", "replace")
-    return text[text.rindex(")") + 2 :].split()
-
-
 def start_of(pid: int) -> int | None:
     """Return the start time of the process that has this pid now, or None if there is none."""
     try:
-        return int(_stat_fields(pid)[19])
+        return int(stat_fields(pid)[19])
     except (OSError, ValueError, IndexError):
         return None
 
@@ -63,7 +40,6 @@ class Handle:
         self.identity = identity
         self.pidfd = pidfd
         self._child = child
-        self._process: psutil.Process | None = None
 
     @property
     def pid(self) -> int:
@@ -107,56 +83,17 @@ class Handle:
 
     def _zombie(self) -> bool:
         try:
-            return _stat_fields(self.pid)[0] in {"Z", "X"}
+            return stat_fields(self.pid)[0] in {"Z", "X"}
         except (OSError, IndexError):
             return True
 
-    def sample(self, loop_tid: int, writer_tid: int, *, fds: bool = False) -> ProcessSample | None:
-        """Return what the kernel says of it now; thread ids of 0 are not looked at. None: it is gone."""
-        try:
-            if self._process is None:
-                self._process = psutil.Process(self.pid)
-            process = self._process
-            with process.oneshot():
-                times = process.cpu_times()
-                return ProcessSample(
-                    state=_LETTERS.get(process.status(), "?"),
-                    cpu_ns=int((times.user + times.system) * 1e9),
-                    rss_bytes=process.memory_info().rss,
-                    threads=process.num_threads(),
-                    fds=process.num_fds() if fds else None,
-                    loop=thread_sample(self.pid, loop_tid) if loop_tid else None,
-                    writer=thread_sample(self.pid, writer_tid) if writer_tid else None,
-                )
-        except (psutil.Error, OSError):
-            return None
+    def sample(self, wanted: Wanted) -> ProcessSample | None:
+        """Return what the kernel says of it now; None: it is gone."""
+        return process_sample(self.pid, self.identity.start, wanted)
 
     def close(self) -> None:
         """Give the descriptor back."""
         os.close(self.pidfd)
-
-
-def thread_sample(pid: int, tid: int) -> ThreadSample:
-    """Return one thread's state, its processor time to the nanosecond, and what it waits in."""
-    base = f"/proc/{pid}/task/{tid}"
-    try:
-        text = Path(f"{base}/stat").read_text("utf-8", "replace")
-        state = text[text.rindex(")") + 2]
-        cpu_ns = int(Path(f"{base}/schedstat").read_text().split()[0])
-    except (OSError, ValueError, IndexError):
-        return ThreadSample("", 0, "")
-    return ThreadSample(state, cpu_ns, _waits_in(base))
-
-
-def _waits_in(base: str) -> str:
-    try:
-        where = Path(f"{base}/wchan").read_text().strip()
-        if where and where != "0":
-            return where
-        number = Path(f"{base}/syscall").read_text().split()[0]
-    except (OSError, IndexError):
-        return ""
-    return _CALLS.get(number, f"call {number}" if number != "running" else "")
 
 
 def _session_members(session: int) -> list[int]:
@@ -166,7 +103,7 @@ def _session_members(session: int) -> list[int]:
 
 def _session_of(pid: int) -> int:
     try:
-        return int(_stat_fields(pid)[3])
+        return int(stat_fields(pid)[3])
     except (OSError, ValueError, IndexError):
         return 0
 

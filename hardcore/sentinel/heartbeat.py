@@ -9,6 +9,8 @@ socket may write anything, so every length and number is bounded and nothing rai
 import re
 from dataclasses import dataclass
 
+from hardcore.model.observations import StoreFault
+
 #: Longer datagrams are not read to their end, and half a message is none.
 NOTICE_BYTES_MAX = 4096
 LINES_MAX = 64
@@ -17,7 +19,7 @@ SENTENCE_CHARACTERS_MAX = 400
 _NUMBER_MAX = 2**63 - 1
 _NUMBER = re.compile(r"[0-9]{1,19}")
 _HASH = re.compile(r"[0-9a-f]{64}")
-_PROOFS = ("witness", "chain")
+_PROOFS = ("witness", "chain", "none")
 _NUMBERS = {
     "X_EPOCH": "epoch",
     "X_SEQ": "seq",
@@ -32,17 +34,18 @@ _FLAGS = {
     "STOPPING": ("1", "stopping"),
     "X_FENCE": ("BLOCKED", "fence_blocked"),
 }
-_OURS = frozenset({*_NUMBERS, *_FLAGS, "X_HASH", "X_PROOF", "X_UNSOUND", "STATUS"})
+_OURS = frozenset({*_NUMBERS, *_FLAGS, "X_HASH", "X_PROOF", "X_STORE", "X_UNSOUND", "STATUS"})
 
 
 @dataclass(frozen=True, slots=True)
 class Notice:
     """What one datagram says. None: it says nothing about that.
 
-    A notice with `ready` has `epoch`, `seq`, `hash` (64 hex digits), `proof` (`witness` or `chain`) and
-    `tail` (events checked) all set for a ledger, or none of `seq`, `hash`, `proof`, `tail` for another
-    kind of guest. `extend_usec`: microseconds. `term_pid`: sender of a TERM, 0 when unknown. `verified_seq`:
-    the whole ledger is proven up to there; `unsound`: a sentence that says why it is not.
+    A notice with `ready` has `epoch`, `seq`, `hash` (64 hex digits), `proof` (`witness`, `chain`, or
+    `none` of one that serves reads only) and `tail` (events checked) all set for a ledger, or none of `seq`,
+    `hash`, `proof`, `tail` for another kind of guest. `extend_usec`: microseconds. `term_pid`: sender of a TERM,
+    0 when unknown. `store`: what it says of its store. `verified_seq`: the whole ledger is proven up to there;
+    `unsound`: a sentence that says why it is not.
     """
 
     ready: bool = False
@@ -56,6 +59,7 @@ class Notice:
     extend_usec: int | None = None
     fence_blocked: bool = False
     term_pid: int | None = None
+    store: StoreFault | None = None
     verified_seq: int | None = None
     unsound: str | None = None
     status: str | None = None
@@ -108,6 +112,9 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
     given = sum(part is not None for part in (digest, proof, numbers["seq"], numbers["tail"]))
     if given not in {0, 4} or (given and (numbers["epoch"] is None or not flags["ready"])):
         return MalformedNotice("a part of a proof")
+    store = said.get("X_STORE")
+    if store is not None and store not in set(StoreFault):
+        return MalformedNotice("X_STORE is not a state of a store")
     unsound = _words(said.get("X_UNSOUND"), SENTENCE_CHARACTERS_MAX)
     if unsound == "" or (unsound is not None and numbers["verified_seq"] is not None):
         return MalformedNotice("X_UNSOUND says nothing, or the opposite of X_VERIFIED")
@@ -123,6 +130,7 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
         extend_usec=numbers["extend_usec"],
         fence_blocked=flags["fence_blocked"],
         term_pid=numbers["term_pid"],
+        store=None if store is None else StoreFault(store),
         verified_seq=numbers["verified_seq"],
         unsound=unsound,
         status=_words(said.get("STATUS"), STATUS_CHARACTERS_MAX),

@@ -15,6 +15,7 @@ import pytest
 
 from hardcore.host import processes
 from hardcore.host.processes import Handle, Identity
+from hardcore.host.vitals import Wanted
 from tests.waiting import until
 
 SLEEPER = [sys.executable, "-c", "import time; print('up', flush=True); time.sleep(600)"]
@@ -222,7 +223,7 @@ def test_a_stopped_process_is_seen_as_stopped(spawn: Spawn, tmp_path: Path) -> N
     said(tmp_path)
 
     def state() -> str:
-        sample = ours.sample(0, 0)
+        sample = ours.sample(Wanted())
         return sample.state if sample else ""
 
     until(lambda: state() == "S", "it to sleep")
@@ -234,12 +235,8 @@ def test_a_stopped_process_is_seen_as_stopped(spawn: Spawn, tmp_path: Path) -> N
 
 def test_a_process_that_is_gone_has_no_sample(spawn: Spawn) -> None:
     ours = spawn(SLEEPER)
-    assert ours.sample(0, 0, fds=True) is not None
+    assert ours.sample(Wanted(fds=True)) is not None
     ours.signal(signal.SIGKILL)
     gone(ours)
     ours.reap()
-    assert ours.sample(0, 0) is None
-
-
-def test_a_thread_that_is_not_there_has_an_empty_state() -> None:
-    assert processes.thread_sample(os.getpid(), 1).state == ""
+    assert ours.sample(Wanted()) is None
