@@ -4,7 +4,6 @@ Each takes what it can until its deadline, puts it into the `Haul`, and says in 
 have and why. None of them raises for what it finds on the other side; the writer catches our own bugs.
 """
 
-import json
 import os
 import signal
 import stat
@@ -21,7 +20,9 @@ from hardcore.host.recorder import PageReader, PageUnusable
 from hardcore.model.observations import ProcessSample
 from hardcore.model.recorder import CommandNote, Page
 from hardcore.snapshot import threads
-from hardcore.snapshot.masking import mask_line, mask_payload
+from hardcore.snapshot.blanking import blanked
+from hardcore.snapshot.form import as_bytes
+from hardcore.snapshot.masking import mask_line, mask_payload, readable_payload
 from hardcore.snapshot.subject import Haul, Subject
 
 LOG_BYTES_MAX = 64 << 10
@@ -36,11 +37,6 @@ _STATUS_FIELDS = frozenset(
 )
 
 
-def as_bytes(value: object) -> bytes:
-    """Return a value as the bytes of a JSON file."""
-    return json.dumps(value, ensure_ascii=False, indent=1).encode("utf-8", "backslashreplace")
-
-
 def collect_recorder(subject: Subject, haul: Haul) -> None:
     """Copy the page as it stands and keep it decoded beside: the best witness of what was going on."""
     reader = PageReader(subject.recorder, subject.nonce)
@@ -50,10 +46,10 @@ def collect_recorder(subject: Subject, haul: Haul) -> None:
         reader.close()
     if isinstance(page, PageUnusable):
         haul.missing["recorder.json"] = page.reason
-    if raw:
-        haul.files["recorder.bin"] = raw
+    if told := blanked(raw):
+        haul.files["recorder.bin"] = told
     else:
-        haul.missing["recorder.bin"] = haul.missing.get("recorder.json", "The recorder page was empty.")
+        haul.missing["recorder.bin"] = haul.missing.get("recorder.json", "The recorder page was not whole.")
     if isinstance(page, PageUnusable):
         return
     haul.page = page
@@ -81,28 +77,25 @@ def _command_as_json(note: CommandNote, now_ns: int) -> dict[str, Any]:
     return {
         **asdict(note),
         "stage": note.stage.name,
-        "payload": mask_payload(note.payload.decode("utf-8", "replace")),
+        "payload": readable_payload(mask_payload(note.payload)),
         "age_ms": max(0, now_ns - note.started_ns) // 1_000_000 if note.started_ns else None,
     }
 
 
 def collect_process(subject: Subject, haul: Haul, seen: list[threads.ThreadFacts]) -> None:
-    """Ask psutil and /proc about the stopped process: `process.json` and `memory.json`."""
+    """Ask psutil and /proc about the process: `process.json`."""
     try:
         process = psutil.Process(subject.pid)
         with process.oneshot():
             facts = _process_facts(subject, process)
-            memory = _memory_facts(subject.pid, process)
     except (psutil.Error, OSError) as error:
         haul.missing["process.json"] = f"the kernel would not tell: {type(error).__name__}"
-        haul.missing["memory.json"] = haul.missing["process.json"]
         return
     if not _is_ours(subject):
         # The number may belong to a stranger by now: his facts are no evidence.
-        haul.missing["process.json"] = haul.missing["memory.json"] = "the process was gone"
+        haul.missing["process.json"] = "the process was gone"
         return
     haul.files["process.json"] = as_bytes({**facts, "threads": threads.as_json(seen)})
-    haul.files["memory.json"] = as_bytes(memory)
 
 
 def _process_facts(subject: Subject, process: psutil.Process) -> dict[str, Any]:
@@ -120,20 +113,6 @@ def _process_facts(subject: Subject, process: psutil.Process) -> dict[str, Any]:
         "io": _pairs(_proc(subject.pid, "io")),
         "limits": _proc(subject.pid, "limits").splitlines()[1:],
         "files": _open_files(subject),
-    }
-
-
-def _memory_facts(pid: int, process: psutil.Process) -> dict[str, Any]:
-    memory, host = process.memory_info(), psutil.virtual_memory()
-    return {
-        "rss_bytes": memory.rss,
-        "vms_bytes": memory.vms,
-        "shared_bytes": memory.shared,
-        "host_available_bytes": host.available,
-        "host_total_bytes": host.total,
-        "kernel": {
-            name: text for name, text in _pairs(_proc(pid, "status")).items() if name.startswith("Vm")
-        },
     }
 
 

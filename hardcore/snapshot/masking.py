@@ -1,15 +1,17 @@
-"""What evidence may show of a value: secrets are masked before anything reaches the disk.
+"""What evidence may show of a value: three sieves, before anything reaches the disk.
 
-Three sieves, from coarse to fine. A local variable with a secret's name, or in a function with one, is
-masked whatever it holds. A text that *mentions* such a name is masked as a whole: a debugger's rendering of
-a nested value is cut, unescaped and can't be parsed safely, and evidence that is lost is cheaper than a
-password that is kept. What passes both loses the parts that look like a secret by their shape. The names of
-the ledger's own ids pass the second sieve, never the third.
+First an allow-list: a value is shown only where its name says that it is an id, an amount or a number with a
+unit, and only if it has that form; of free text only plain words, numbers, ids and places in code. Then a
+list of names: whatever is said to be a secret goes, with all that follows it. Then patterns: what looks like
+a secret by its shape. To hide only what has a secret's name was the rule before and was not kept: a password
+typed into a description has no name. What no sieve can tell is one plain word of prose from another.
 """
 
 import re
 
 MASK = "<masked>"
+#: Stands for each hidden byte of a payload, so that what is shown keeps its place and its length.
+HIDDEN = b"*"
 
 _SECRET_NAME = re.compile(
     r"pass(?:word|wd|phrase|code)|\bpwd\b|_pwd|pwd_|secret|token|cookie|authori[sz]ation|bearer|credential"
@@ -18,22 +20,30 @@ _SECRET_NAME = re.compile(
     re.IGNORECASE,
 )
 
-#: Locals whose value is an id, a time or an amount by the ledger's own convention.
-_OPEN_NAMES = frozenset(
-    {
-        "account_id",
-        "account_ids",
-        "amount",
-        "command_id",
-        "currency",
-        "epoch",
-        "kind",
-        "ordinal",
-        "seq",
-        "stage",
-        "transaction_id",
-    }
-)
+_ID = r"[\w:.-]{1,120}"
+_NUMBER = r"-?\d[\d.,]{0,30}"
+_WORD = r"[A-Za-z_]{1,40}"
+_MOMENT = r"\d{4}-\d\d-\d\d(?:T[\d:.+-]{5,24}Z?)?"
+
+#: The names whose values may be shown, each with the form that the value must have.
+_SHOWN: dict[str, str] = {
+    **dict.fromkeys(
+        ("account", "account_id", "account_ids", "command_id", "entry", "entry_id", "id", "import_id"), _ID
+    ),
+    **dict.fromkeys(("key_hash", "lock_name", "reverses", "transaction", "transaction_id"), _ID),
+    **dict.fromkeys(
+        ("amount", "epoch", "expected_seq", "generation", "held_by", "ordinal", "seq"), rf"{_NUMBER}|"
+    ),
+    **dict.fromkeys(("currency", "kind", "stage", "type"), _WORD + r"(?:\.[A-Za-z_]{1,40})*"),
+    "date": _MOMENT,
+}
+#: A name with a unit holds a number.
+_WITH_UNIT = re.compile(r"\w+_(?:ns|ms|s|bytes|count|max|min)")
+_FORMS = {name: re.compile(form) for name, form in _SHOWN.items()}
+_ANY_NUMBER = re.compile(_NUMBER)
+_NOTHING = frozenset({"None", "True", "False", "null", "true", "false"})
+#: An object that a debugger can't look into: its type and its address, which is how a lock is told from another.
+_OBJECT = re.compile(r"<[\w. ]{1,80} at 0x[0-9a-f]+>")
 
 _SHAPES = re.compile(
     r"eyJ[\w-]{8,}\.[\w-]+(?:\.[\w-]*)?"  # a signed web token
@@ -46,32 +56,103 @@ _SHAPES = re.compile(
 #: of an id made of hexadecimal groups are no candidates.
 _CARD = re.compile(r"(?<![\w.-])(?:(?:\d{4}[ -]){3}\d{1,4}|\d{15,16})(?![\w-])")
 #: A secret in a line of text: its name, then what is said to be its value, to the end of the line.
-_ASSIGNED = re.compile(rf"((?:{_SECRET_NAME.pattern})[\w-]*[\"']?\s*[:=]).*", re.IGNORECASE)
+_ASSIGNED = re.compile(rf"({_SECRET_NAME.pattern})[\w-]*[\"']?\s*[:=].*", re.IGNORECASE)
 _CARRIED = re.compile(r"\b(Bearer|Basic)\s+\S+", re.IGNORECASE)
+
+#: What may be shown of a line of text, piece by piece; what stands between blanks and is none of it is hidden.
+_PIECE = re.compile(
+    r"[(\[]*(?:"
+    r"[^\W\d_]{1,24}(?:'[a-z]{1,2})?"  # a word of prose
+    r"|[\w.]{0,60}(?:Error|Exception|Warning|Interrupt|Exit)"  # a kind of exception, which is a name of code
+    r"|[-+#]?\d[\d.,:]{0,29}(?:[a-z]{1,3}|%)?"  # a number, a time of day
+    r"|\d{4}-\d\d-\d\d(?:T[\d:.+]{5,20}Z?)?"
+    r"|[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}"  # an id of ours
+    r"|(?:[\w.-]+/){0,3}\w{1,60}\.py:\d+"  # a place in code
+    r")[)\].,:;]*|[-–—=…·]{1,3}"
+)
+_IN_CODE = re.compile(r'\s*File "(?:[^"]*/)?([^"/]+)", line (\d+)(?:, in ([\w<>.]{1,80}))?')
+#: A function behind its place, as the stories of exceptions tell it.
+_STORY = re.compile(r"\w\.py:\d+ ([\w<>]{1,80})(?=[:,)])")
+_MASKS = re.compile(rf"{MASK}(?:\s+{MASK})+")
+
+_PAIR = re.compile(
+    rb'"('
+    + b"|".join(name.encode() for name in _SHOWN)
+    + rb')"\s*:\s*(?:"((?:[^"\\\x00-\x1f])*)"|(-?[\d.]{1,31}))'
+)
 
 
 def mask_local(function: str, name: str, shown: str) -> str:
     """Return how the value `shown` of the local variable `name` of `function` may appear in evidence."""
-    if name in _OPEN_NAMES:
-        return mask_shapes(shown)
-    if any(_SECRET_NAME.search(text) for text in (function, name, shown)):
+    if _OBJECT.fullmatch(shown) or shown in _NOTHING:
+        return shown
+    if not all(_has_form(name, part) for part in parts(shown) if part != "..."):
         return MASK
-    return mask_shapes(shown)
+    return MASK if _SECRET_NAME.search(function) else _masked_text(shown)
+
+
+def parts(shown: str) -> list[str]:
+    """Return the texts in a debugger's rendering of a text, of a number, or of a list of texts."""
+    if shown[:1] in {"[", "("}:
+        inner = shown[1:-1].strip()
+        return [part.strip().strip("\"'") for part in inner.split(",") if part.strip()] if inner else []
+    return [shown[1:-1] if len(shown) > 1 and shown[0] == shown[-1] and shown[0] in "\"'" else shown]
 
 
 def mask_line(line: str) -> str:
-    """Return one line of a log without what follows a secret's name."""
-    return mask_shapes(_CARRIED.sub(rf"\1 {MASK}", _ASSIGNED.sub(rf"\1 {MASK}", line)))
+    """Return what may be shown of one line of a log, of an exception's story, or of any text like them."""
+    if (place := _IN_CODE.fullmatch(line)) is not None:
+        return f'  File "{place[1]}", line {place[2]}' + (f", in {place[3]}" if place[3] else "")
+    functions = set(_STORY.findall(line))
+    secret = _ASSIGNED.search(line)
+    open_part = line[: secret.start()] if secret else line
+    pieces = [
+        piece if not piece or _PIECE.fullmatch(piece) or piece.rstrip(":,)") in functions else MASK
+        for piece in open_part.split(" ")
+    ]
+    told = " ".join(pieces) + (f"{secret[1]}: {MASK}" if secret else "")
+    return _MASKS.sub(MASK, mask_shapes(_CARRIED.sub(rf"\1 {MASK}", told)))
 
 
-def mask_payload(text: str) -> str:
-    """Return a request's body as it may appear in evidence: whole, or not at all if it names a secret."""
-    return MASK if _SECRET_NAME.search(text) else mask_shapes(text)
+def mask_payload(payload: bytes) -> bytes:
+    """Return a request's body as it may appear in evidence: as long as it was, with `*` for what is hidden.
+
+    Shown are the fields of the allow-list and their values, where they have the form of one. The body may be cut
+    anywhere and need not be JSON: then nothing of it is shown.
+    """
+    told = bytearray(HIDDEN * len(payload))
+    for pair in _PAIR.finditer(payload):
+        name = pair[1].decode()
+        value = (pair[2] if pair[2] is not None else pair[3]).decode("utf-8", "replace")
+        if _has_form(name, value) and _masked_text(value) == value:
+            told[pair.start() : pair.end()] = pair[0]
+    return bytes(told)
+
+
+def readable_payload(masked: bytes) -> str:
+    """Return a masked body as text for people: each stretch of what is hidden becomes one word."""
+    return re.sub(r"\*+", MASK, masked.decode("utf-8", "replace"))
 
 
 def mask_shapes(text: str) -> str:
     """Return `text` without the parts that look like a secret by their shape."""
     return _CARD.sub(_mask_card, _SHAPES.sub(MASK, text))
+
+
+def is_id(text: str) -> bool:
+    """Tell whether `text` has the form of an id and looks like no secret."""
+    return re.fullmatch(_ID, text) is not None and _masked_text(text) == text
+
+
+def _has_form(name: str, value: str) -> bool:
+    form = _FORMS.get(name)
+    if form is None and _WITH_UNIT.fullmatch(name):
+        form = _ANY_NUMBER
+    return form is not None and form.fullmatch(value) is not None
+
+
+def _masked_text(text: str) -> str:
+    return mask_shapes(_CARRIED.sub(rf"\1 {MASK}", _ASSIGNED.sub(rf"\1: {MASK}", text)))
 
 
 def _mask_card(match: re.Match[str]) -> str:

@@ -1,4 +1,4 @@
-"""Which evidence is taken, in which order, and until when: two tables and the arithmetic between them.
+"""Which evidence is taken, in which order, and until when: three tables and the arithmetic between them.
 
 Every piece has a share of the budget, and its deadline is the sum of the shares up to its own: a piece that
 is done early leaves its time to the later ones, one that hangs takes nothing from them. What a stop would
@@ -12,34 +12,48 @@ from enum import StrEnum
 
 
 class Piece(StrEnum):
-    """One thing to be collected."""
+    """One thing to be collected, or a deed between two of them."""
 
     THREADS = "threads"  # where each thread sleeps; after the stop all of them read "do_signal_stop"
-    TRACEBACK = "traceback"  # the process prints its own stacks; a stopped one can't
+    ASK = "ask"  # the process is told to print its own stacks; a stopped one can't
+    TASKS = "tasks"  # what is suspended on its loop, asked while the loop lives
+    TRACEBACK = "traceback"  # what it printed meanwhile
     STOP = "stop"  # from here on nothing changes under the hands of the others
+    DEBUGGER = "debugger"  # begins to read the stacks, and goes on beside the cheap pieces
     RECORDER = "recorder"
     PROCESS = "process"
     SAMPLE = "sample"  # the watch's last look at a process that is gone
     LOG = "log"
+    LOCKS = "locks"  # who holds what in the data folder
+    MEMORY = "memory"
     STACKS = "stacks"
     LAST_TRACEBACK = "last-traceback"  # what a dying process printed of its stacks
 
 
 #: Per cent of the budget for each piece, in order. What is left to 100 belongs to the disk.
 LIVING: Mapping[Piece, int] = {
-    Piece.THREADS: 6,
-    Piece.TRACEBACK: 6,
+    Piece.THREADS: 5,
+    Piece.ASK: 1,
+    Piece.TASKS: 9,
+    Piece.TRACEBACK: 4,
     Piece.STOP: 25,
-    Piece.RECORDER: 5,
-    Piece.PROCESS: 8,
-    Piece.LOG: 5,
-    Piece.STACKS: 25,
+    Piece.DEBUGGER: 3,
+    Piece.RECORDER: 4,
+    Piece.PROCESS: 5,
+    Piece.LOG: 3,
+    Piece.LOCKS: 3,
+    Piece.MEMORY: 7,
+    Piece.STACKS: 13,
 }
+#: A core that goes on serving is only looked at.
+LOOKED_AT: Mapping[Piece, int] = {piece: share for piece, share in LIVING.items() if piece is not Piece.STOP}
 DEAD: Mapping[Piece, int] = {
     Piece.RECORDER: 30,
     Piece.SAMPLE: 5,
     Piece.LAST_TRACEBACK: 15,
     Piece.LOG: 20,
+    Piece.LOCKS: 5,
+    Piece.MEMORY: 5,
 }
 
 #: Later than the last piece's deadline, so that a collector may still say that its time was over.
@@ -57,11 +71,11 @@ class Step:
     until_ns: int
 
 
-def plan(*, living: bool, start_ns: int, budget_ms: int) -> tuple[Step, ...]:
-    """Return the steps for a living or a dead core, in order. `budget_ms` counts from `start_ns`."""
+def plan(shares: Mapping[Piece, int], *, start_ns: int, budget_ms: int) -> tuple[Step, ...]:
+    """Return the steps for one of the tables above, in order. `budget_ms` counts from `start_ns`."""
     assert budget_ms > 0, budget_ms
     steps, percent = [], 0
-    for piece, share_percent in (LIVING if living else DEAD).items():
+    for piece, share_percent in shares.items():
         percent += share_percent
         steps.append(Step(piece, start_ns + budget_ms * 10_000 * percent))
     return tuple(steps)

@@ -23,6 +23,9 @@ class Subject:
     incident: str
     incidents: Path
     data: Path
+    control: Path | None = None  # the core's own control socket, to ask for its suspended tasks
+    first_stacks: bytes = b""  # the suspicion's look at the stacks, in the form of `stacks.json`
+    observations: bytes = b""  # the facts that led here, in the form of `observations.jsonl`
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +33,21 @@ class Tools:
     """What is at hand on this host. `py_spy` None: not installed, the core's own traceback must do."""
 
     py_spy: Path | None
+    gcore: Path | None = None
 
 
 @dataclass(slots=True)
 class Haul:
     """What has been collected so far; filled on a thread, and readable from another at any moment.
 
-    `missing` says why something can't be had, `pending` what nobody has come to, or to the end of, yet.
+    `missing` says why something can't be had, `pending` what nobody has come to, or to the end of,
+    yet; `costs_us` what each piece took, in microseconds.
     """
 
     files: dict[str, bytes] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
     pending: dict[str, str] = field(default_factory=dict)
+    costs_us: dict[str, int] = field(default_factory=dict)
     steps: list[tuple[str, int]] = field(default_factory=list)
     page: Page | None = None
 
@@ -59,6 +65,7 @@ class Evidence:
     page: Page | None
     steps: tuple[tuple[str, int], ...]
     duration_ms: int
+    costs_us: Mapping[str, int] = field(default_factory=dict)  # what each piece took
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,10 @@
 """Takes the evidence of one life and puts it on disk, inside its budget: the shell around the collectors.
 
-The collectors run one after another on a thread of the caller's pool and fill a `Haul`; the loop only waits,
-and when the budget is over it stores what the haul holds at that moment, even if a collector hangs in the
-kernel. py-spy is a plain child of that thread: an asyncio child would need the loop's child watcher and wake
-the deciding loop a dozen times, for an answer that nobody else waits for. The pool needs at least two
-threads, so that a hanging collector can't keep the haul from the disk. Nothing here kills the subject.
+The collectors run on a thread of the caller's pool (`gathering`) and fill a `Haul`; the loop only waits, and
+when the budget is over it stores what the haul holds at that moment, even if a collector hangs in the kernel.
+To wait for the collectors themselves was not chosen: the kill would wait for whatever they wait for. The pool
+needs at least two threads, so that a hanging collector can't keep the haul from the disk. Nothing here kills
+the subject.
 """
 
 import asyncio
@@ -13,12 +13,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import Any, assert_never
+from typing import Any
 
 from hardcore.model.observations import ProcessSample
-from hardcore.snapshot import collectors, recipe, stacks, threads
+from hardcore.snapshot import recipe
 from hardcore.snapshot.facts import abandoned
-from hardcore.snapshot.recipe import Piece, Step
+from hardcore.snapshot.form import as_bytes
+from hardcore.snapshot.gathering import Gathering, abandon, gather, prepare
+from hardcore.snapshot.recipe import Piece
 from hardcore.snapshot.subject import Evidence, EvidenceFailed, Haul, Subject, Tools
 from postmortem import bundle
 
@@ -40,21 +42,19 @@ Abandoned = bundle.Found
 
 
 async def take_live(
-    subject: Subject, budget_ms: int, pool: Executor, tools: Tools
+    subject: Subject, budget_ms: int, pool: Executor, tools: Tools, *, stop: bool = True
 ) -> Evidence | EvidenceFailed:
-    """Stop the living process and take its evidence; it stays stopped.
+    """Stop the living process and take its evidence; it stays stopped. `stop` False: it is only looked at.
 
     Returns after `budget_ms` + STORE_GRACE_MS at the latest. A bundle whose writing takes longer is still
     finished on its thread; the answer says so in `missing`.
     """
-    start_ns = time.monotonic_ns()
-    haul = Haul()
-    steps = recipe.plan(living=True, start_ns=start_ns, budget_ms=budget_ms)
-    cut_ns = recipe.cut_ns(start_ns, budget_ms)
-    await _collect(pool, steps, cut_ns, subject, haul, tools, None)
-    haul.steps.append(("dumped", time.monotonic_ns()))
+    shares = recipe.LIVING if stop else recipe.LOOKED_AT
+    work = Gathering(subject, tools, Haul())
+    start_ns = await _collect(pool, shares, budget_ms, work)
+    work.haul.steps.append(("dumped", time.monotonic_ns()))
     until_ns = recipe.end_ns(start_ns, budget_ms + STORE_GRACE_MS)
-    return await _store(pool, subject, haul, start_ns, until_ns)
+    return await _store(pool, subject, work.haul, start_ns, until_ns)
 
 
 async def take_dead(
@@ -64,13 +64,10 @@ async def take_dead(
 
     Returns after `budget_ms` + DEAD_STORE_MS at the latest.
     """
-    start_ns = time.monotonic_ns()
-    haul = Haul()
-    steps = recipe.plan(living=False, start_ns=start_ns, budget_ms=budget_ms)
-    cut_ns = recipe.cut_ns(start_ns, budget_ms)
-    await _collect(pool, steps, cut_ns, subject, haul, Tools(None), sample)
+    work = Gathering(subject, Tools(None), Haul(), sample, living=False)
+    start_ns = await _collect(pool, recipe.DEAD, budget_ms, work)
     until_ns = recipe.end_ns(start_ns, budget_ms + DEAD_STORE_MS)
-    return await _store(pool, subject, haul, start_ns, until_ns)
+    return await _store(pool, subject, work.haul, start_ns, until_ns)
 
 
 def write_facts(path: Path, facts: Mapping[str, Any]) -> bundle.BundleFailed | None:
@@ -78,7 +75,7 @@ def write_facts(path: Path, facts: Mapping[str, Any]) -> bundle.BundleFailed | N
 
     Blocks on the disk: to be called on a thread. None: written and synced.
     """
-    data = collectors.as_bytes(facts)
+    data = as_bytes(facts)
     if not bundle.is_there(path):
         made = bundle.write_bundle(path.parent, path.name, {bundle.FACTS: data}, {})
         if not isinstance(made, bundle.BundleFailed):
@@ -171,66 +168,17 @@ def _read(path: Path, name: str) -> Mapping[str, Any] | bundle.BundleFailed:
     return raw if isinstance(raw, dict) else bundle.BundleFailed(f"{name} is no object")
 
 
-async def _collect(
-    pool: Executor,
-    steps: Sequence[Step],
-    cut_ns: int,
-    subject: Subject,
-    haul: Haul,
-    tools: Tools,
-    sample: ProcessSample | None,
-) -> None:
-    # Every piece is pending until it was had: what the end of the budget cuts off is named by itself.
-    haul.pending.update({str(step.piece): "the budget was over" for step in steps})
+async def _collect(pool: Executor, shares: Mapping[Piece, int], budget_ms: int, work: Gathering) -> int:
+    """Have the evidence gathered until the cut; return when it was begun, in monotonic nanoseconds."""
+    start_ns = time.monotonic_ns()
+    steps = recipe.plan(shares, start_ns=start_ns, budget_ms=budget_ms)
+    prepare(steps, work)
     loop = asyncio.get_running_loop()
-    work = loop.run_in_executor(pool, _collect_all, steps, subject, haul, tools, sample)
-    await asyncio.wait({work}, timeout=_left_s(cut_ns))
-
-
-def _collect_all(
-    steps: Sequence[Step], subject: Subject, haul: Haul, tools: Tools, sample: ProcessSample | None
-) -> None:
-    seen: list[threads.ThreadFacts] = []
-    for step in steps:
-        if time.monotonic_ns() > steps[-1].until_ns:
-            return
-        haul.pending[step.piece] = "it was still being collected when the budget was over"
-        try:
-            _collect_one(step, subject, haul, tools, sample, seen)
-        except Exception as error:  # noqa: BLE001  a bug in one collector must not cost the others' evidence
-            haul.missing[step.piece] = f"a fault in the collector: {type(error).__name__}: {error}"
-        del haul.pending[step.piece]
-
-
-def _collect_one(
-    step: Step,
-    subject: Subject,
-    haul: Haul,
-    tools: Tools,
-    sample: ProcessSample | None,
-    seen: list[threads.ThreadFacts],
-) -> None:
-    match step.piece:
-        case Piece.THREADS:
-            threads.collect_threads(subject, haul, seen, step.until_ns)
-        case Piece.TRACEBACK:
-            stacks.ask_for_traceback(subject, haul, step.until_ns)
-        case Piece.STOP:
-            threads.stop(subject, haul, step.until_ns)
-        case Piece.RECORDER:
-            collectors.collect_recorder(subject, haul)
-        case Piece.PROCESS:
-            collectors.collect_process(subject, haul, seen)
-        case Piece.SAMPLE:
-            collectors.collect_sample(subject, haul, sample)
-        case Piece.LOG:
-            collectors.collect_log(subject, haul, step.until_ns)
-        case Piece.STACKS:
-            stacks.collect_stacks(subject, haul, tools, step.until_ns)
-        case Piece.LAST_TRACEBACK:
-            stacks.keep_last_traceback(subject, haul)
-        case _:
-            assert_never(step.piece)
+    done = loop.run_in_executor(pool, gather, steps, work)
+    await asyncio.wait({done}, timeout=_left_s(recipe.cut_ns(start_ns, budget_ms)))
+    if not done.done():
+        abandon(work)
+    return start_ns
 
 
 async def _store(
@@ -248,7 +196,8 @@ async def _store(
     written = work.result()
     if isinstance(written, bundle.BundleFailed):
         return EvidenceFailed(written.reason, page, steps, duration_ms)
-    return Evidence(written, not missing, missing, page, steps, duration_ms)
+    costs_us = dict(haul.costs_us)
+    return Evidence(written, not missing, missing, page, steps, duration_ms, costs_us)
 
 
 def _write(

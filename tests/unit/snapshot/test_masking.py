@@ -1,8 +1,10 @@
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hardcore.model.recorder import Beats, LastWords, Page, RingEvent, Threads
 from hardcore.snapshot.collectors import page_as_json
-from hardcore.snapshot.masking import MASK, mask_line, mask_local, mask_payload, mask_shapes
+from hardcore.snapshot.masking import MASK, mask_line, mask_local, mask_payload, mask_shapes, readable_payload
 
 CANARY = "canary-7f3a"
 
@@ -22,7 +24,7 @@ def test_a_secret_name_hides_its_value_wherever_the_name_stands(name: str) -> No
     assert CANARY not in mask_local("f", "cut", f'{{"x": {{"{name}": "{CANARY}...')
     assert CANARY not in mask_line(f"POST /x {name}={CANARY}")
     assert CANARY not in mask_line(f'{{"{name}": "{CANARY}", "other": 1}}')
-    assert CANARY not in mask_payload(f'{{"{name}": "{CANARY}"}}')
+    assert CANARY not in mask_payload(f'{{"{name}": "{CANARY}"}}'.encode()).decode()
 
 
 def test_the_locals_of_a_function_with_a_secret_name_are_hidden() -> None:
@@ -53,12 +55,87 @@ def test_what_looks_like_a_secret_is_hidden_without_a_name(text: str) -> None:
         "2518728192772",
         "-12000",
         "2026-11-21",
-        "http://127.0.0.1:3000/api",
+        "자산:현금",
     ],
 )
 def test_ids_amounts_and_times_stay_readable(text: str) -> None:
-    assert mask_local("post", "transaction_id", text) == text
+    assert mask_local("post", "transaction_id", f'"{text}"') == f'"{text}"'
     assert mask_shapes(text) == text
+
+
+@pytest.mark.parametrize("name", ["description", "x", "body", "headers", "memo", "environ"])
+def test_a_value_whose_name_is_not_on_the_list_is_hidden(name: str) -> None:
+    assert mask_local("post", name, f'"{CANARY}"') == MASK
+    assert mask_local("post", name, "4711") == MASK
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [("transaction_id", '"two words"'), ("amount", f'"{CANARY}"'), ("account_ids", '["a", {"b": 1}]')],
+)
+def test_a_name_on_the_list_does_not_open_the_door_for_any_value(name: str, shown: str) -> None:
+    assert mask_local("post", name, shown) == MASK
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("account_ids", '["assets:kb", "expenses:food"]'),
+        ("held_by", '"4711"'),
+        ("held_by", '""'),
+        ("until_ns", "2518728192772"),
+        ("lock", "<_thread.lock at 0x7f2d63ddb680>"),
+        ("found", "None"),
+    ],
+)
+def test_lists_of_ids_numbers_with_a_unit_and_addresses_are_shown(name: str, shown: str) -> None:
+    assert mask_local("post", name, shown) == shown
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "2026-11-22 07:20:10,123 INFO core Serving the ledger, epoch 12.",
+        "잔액 확인",
+        "OSError at core/x.py:12 decide: [Errno 28] No space left (called from a/b.py:1 run, c/d.py:3 <module>)",
+        "sqlite3.OperationalError: database is locked",
+        "0193c5b2-7b1e-7000-8000-000000000001 at 2026-11-21T14:08:15.000Z took 12.5ms",
+    ],
+)
+def test_a_line_keeps_its_words_numbers_ids_and_places(line: str) -> None:
+    assert mask_line(line) == line
+
+
+@pytest.mark.parametrize(
+    "line", [f"got {CANARY} here", f"KeyError: '{CANARY}'", f"/home/me/{CANARY}", f'{{"memo":"{CANARY}"}}']
+)
+def test_what_is_none_of_these_is_hidden_in_a_line(line: str) -> None:
+    assert CANARY not in mask_line(line)
+
+
+def test_a_frame_in_a_log_names_its_file_without_the_folders_of_the_machine() -> None:
+    assert mask_line('  File "/home/me/core/main.py", line 3, in run') == '  File "main.py", line 3, in run'
+
+
+def test_a_body_keeps_its_length_and_shows_only_fields_of_the_list() -> None:
+    body = (
+        f'{{"description": "{CANARY}", "amount": "-4500", "account": "자산:현금", "date": "{CANARY}'.encode()
+    )
+    masked = mask_payload(body)
+    assert len(masked) == len(body)
+    assert readable_payload(masked) == f'{MASK}"amount": "-4500"{MASK}"account": "자산:현금"{MASK}'
+
+
+@pytest.mark.parametrize("body", [b"amount=-4500&memo=x", b"\x00\xff\xfe", b"", b'"amount": {"x": 1}'])
+def test_a_body_that_is_not_understood_is_hidden_as_a_whole(body: bytes) -> None:
+    assert set(mask_payload(body)) <= {ord("*")}
+
+
+@given(st.text(), st.text(), st.text())
+def test_no_text_is_too_strange_to_be_masked(function: str, name: str, shown: str) -> None:
+    mask_local(function, name, shown)
+    mask_line(shown)
+    assert len(mask_payload(shown.encode("utf-8", "replace"))) == len(shown.encode("utf-8", "replace"))
 
 
 def test_a_carried_credential_is_hidden_in_a_line() -> None:

@@ -1,29 +1,43 @@
 import itertools
+from collections.abc import Mapping
 
 import pytest
 
 from hardcore.snapshot import recipe
-from hardcore.snapshot.recipe import DEAD, LIVING, Piece
+from hardcore.snapshot.recipe import DEAD, LIVING, LOOKED_AT, Piece
 
 MS = 1_000_000
 
 
-@pytest.mark.parametrize("living", [True, False])
-def test_the_disk_is_left_a_share_of_every_budget(living: bool) -> None:
-    steps = recipe.plan(living=living, start_ns=0, budget_ms=400)
-    assert steps[-1].until_ns < recipe.end_ns(0, 400)
+@pytest.mark.parametrize("shares", [LIVING, LOOKED_AT, DEAD])
+def test_the_disk_is_left_a_share_of_every_budget(shares: Mapping[Piece, int]) -> None:
+    steps = recipe.plan(shares, start_ns=0, budget_ms=400)
+    assert steps[-1].until_ns < recipe.cut_ns(0, 400) < recipe.end_ns(0, 400)
     assert all(before.until_ns < after.until_ns for before, after in itertools.pairwise(steps))
 
 
 def test_what_a_stop_would_destroy_is_taken_before_it() -> None:
     order = list(LIVING)
-    assert order.index(Piece.THREADS) < order.index(Piece.STOP)
-    assert order.index(Piece.TRACEBACK) < order.index(Piece.STOP)
-    assert all(order.index(Piece.STOP) < order.index(piece) for piece in (Piece.RECORDER, Piece.STACKS))
+    before = {Piece.THREADS, Piece.ASK, Piece.TASKS, Piece.TRACEBACK}
+    assert set(order[: order.index(Piece.STOP)]) == before
+
+
+def test_where_the_threads_sleep_is_read_before_a_signal_wakes_one() -> None:
+    assert next(iter(LIVING)) is Piece.THREADS
+
+
+def test_the_cheap_pieces_are_taken_while_the_debugger_reads() -> None:
+    order = list(LIVING)
+    cheap = set(order[order.index(Piece.DEBUGGER) + 1 : order.index(Piece.STACKS)])
+    assert {Piece.RECORDER, Piece.PROCESS, Piece.LOG, Piece.LOCKS, Piece.MEMORY} == cheap
+
+
+def test_a_core_that_serves_on_is_looked_at_in_the_same_way_and_not_stopped() -> None:
+    assert [piece for piece in LIVING if piece not in LOOKED_AT] == [Piece.STOP]
 
 
 def test_a_dead_core_is_neither_stopped_nor_asked() -> None:
-    assert not {Piece.STOP, Piece.TRACEBACK, Piece.STACKS, Piece.THREADS} & set(DEAD)
+    assert not {Piece.STOP, Piece.ASK, Piece.TASKS, Piece.DEBUGGER, Piece.THREADS} & set(DEAD)
     assert next(iter(DEAD)) is Piece.RECORDER
 
 
@@ -32,5 +46,5 @@ def test_every_piece_has_its_place() -> None:
 
 
 def test_a_budget_counts_from_its_start() -> None:
-    early, late = (recipe.plan(living=True, start_ns=at, budget_ms=100) for at in (0, 7 * MS))
+    early, late = (recipe.plan(LIVING, start_ns=at, budget_ms=100) for at in (0, 7 * MS))
     assert [step.until_ns + 7 * MS for step in early] == [step.until_ns for step in late]
