@@ -15,6 +15,7 @@ import os
 import signal
 import socket
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -30,6 +31,7 @@ from core.guarded.control import ControlUnboundError
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
+from core.holding import SECONDS_MAX, hold_lock
 from core.imports.desk import Desk
 from core.journal.store import LEDGER_FILE, StoreError, open_reading
 from core.journal.verify import GivenUp
@@ -75,6 +77,8 @@ def serve(data: Path, port: int) -> None:
         # The guard's terminal and process group are not ours to obey; it sends TERM when it means us.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    if environment.limit_ms is not None:
+        settings = replace(settings, command_deadline_ms=environment.limit_ms)
     life = Life(data.absolute(), port, environment, settings, instruments)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         left = runner.run(life.run())
@@ -111,6 +115,18 @@ def verify(data: Path, *, as_json: bool) -> None:
     if verdict.ok:
         return
     sys.exit(ExitCode.STORE_CORRUPT if as_json else _say(departure.corrupt(verdict.reason or "")))
+
+
+@cli.command("hold-lock")
+@click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
+@click.option("--seconds", type=click.IntRange(1, SECONDS_MAX), default=10, show_default=True)
+def hold_ledger(data: Path, seconds: int) -> NoReturn:
+    """Hold the ledger's write lock for a while, changing nothing: a drill's other half."""
+    settings = Settings.read(os.environ)
+    if isinstance(settings, list):
+        sys.exit(_say(departure.config_invalid(" ".join(settings))))
+    left = hold_lock(data, seconds, settings.fence_busy_ms, functools.partial(print, flush=True))
+    os._exit(ExitCode.ASKED if left is None else _say(left))
 
 
 class Life:
@@ -237,9 +253,22 @@ class Life:
         self._recorder.set_state(LifeState.DRAINING)
         self._beacon.stopping()
         service.drain()
-        if not await service.all_answered(self._settings.drain_ms):
-            self._recorder.event("DRAIN_INCOMPLETE", f"{service.in_flight} requests are not answered")
+        answered = await service.all_answered(self._settings.drain_ms)
         self._recorder.set_state(LifeState.STOPPING)
+        if answered:
+            await self._close(service, server, book, desk)
+            return
+        self._recorder.event("DRAIN_INCOMPLETE", f"{service.in_flight} requests are not answered")
+        try:
+            # One that is stuck may be stuck for ever, in the store or in a thread that can't be joined. What it
+            # has not committed is not done; the store is as whole as after any death.
+            async with asyncio.timeout(self._settings.close_ms / 1000):
+                await self._close(service, server, book, desk)
+        except TimeoutError:
+            self._recorder.event("CLOSE_INCOMPLETE", "left with work that does not end")
+            os._exit(ExitCode.ASKED)
+
+    async def _close(self, service: Service, server: LedgerServer, book: OpenBook, desk: Desk) -> None:
         await desk.stop()
         await server.stop()
         await service.close()

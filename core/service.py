@@ -30,6 +30,7 @@ from core.journal.verify import GivenUp, Verdict, verify
 from core.journal.writer import Writer
 from core.ledger.commands import Command, accounts_of, fingerprint_of, transaction_of
 from core.ledger.ids import ENTROPY_BYTES, uuid7
+from core.limits import limit_ms
 from core.settings import Settings
 
 T = TypeVar("T")
@@ -37,6 +38,7 @@ T = TypeVar("T")
 VERIFICATIONS_WAITING_MAX: Final = 16
 AUDITOR: Final = "auditor"  # its name on the recorder page
 AUDIT_SILENT_MS_MAX: Final = 30_000  # for a slice, or for the readings of the whole book behind the last one
+NAMED_IN_FRAME_MAX: Final = 8  # ids kept in a frame's locals
 UNANSWERED: Final = 500  # noted of work that ended without an answer
 
 
@@ -128,7 +130,7 @@ class Service:
         """Note work on the recorder and return its slot. Each slot must be given to `finish`."""
         if self._draining:
             return Draining()
-        limit_ns = self.settings.command_deadline_ms * 1_000_000
+        limit_ns = limit_ms(kind, self.settings) * 1_000_000
         slot = self._recorder.begin(
             command_id or self.new_id(), key, kind, transaction_id, account_ids, payload, limit_ns
         )
@@ -156,6 +158,8 @@ class Service:
         # Plain strings in this frame, for whoever reads a dump of a stuck request.
         transaction_id = transaction_of(command)
         account_ids = accounts_of(command)
+        account_id = " ".join(account_ids[:NAMED_IN_FRAME_MAX])  # noqa: F841  for whoever asks for tasks
+        _name_task(transaction_id or command_id)
         fingerprint = fingerprint_of(command)
         order = Order(command, key, fingerprint, digest, command_id, transaction_id, account_ids, slot)
         answer = await self._writer.submit(order)
@@ -174,18 +178,34 @@ class Service:
         """Return what became of a key (of one request under it), true at a moment after this call."""
         return await self._writer.submit(LookUp(key, slot, digest))
 
-    async def read(self, slot: int, question: Callable[[Connection], T]) -> T | ReadTooLong | StoreError:
-        """Ask the book on a reader's thread, at one moment and in bounded time."""
+    async def read(
+        self,
+        slot: int,
+        question: Callable[[Connection], T],
+        *,
+        transaction_id: str = "",
+        account_id: str = "",
+    ) -> T | ReadTooLong | StoreError:
+        """Ask the book on a reader's thread, at one moment and in bounded time.
 
-        def ask() -> T | ReadTooLong | StoreError:
-            self._recorder.stage(slot, Stage.DECIDING)
-            try:
-                with snapshot(self._readers, self.settings.read_ms_max) as connection:
-                    return question(connection)
-            except DBAPIError as error:
-                return ReadTooLong() if is_interrupted(error) else store_error(error)
-
+        `transaction_id` and `account_id` name in a stack dump what is asked about.
+        """
+        ask = partial(self._ask, slot, question, transaction_id, account_id)
         return await asyncio.get_running_loop().run_in_executor(self._threads, ask)
+
+    def _ask(
+        self,
+        slot: int,
+        question: Callable[[Connection], T],
+        transaction_id: str,  # noqa: ARG002  for stack dumps
+        account_id: str,  # noqa: ARG002  for stack dumps
+    ) -> T | ReadTooLong | StoreError:
+        self._recorder.stage(slot, Stage.DECIDING)
+        try:
+            with snapshot(self._readers, self.settings.read_ms_max) as connection:
+                return question(connection)
+        except DBAPIError as error:
+            return ReadTooLong() if is_interrupted(error) else store_error(error)
 
     async def verify(self) -> Verdict | StoreError | NoSlot | Draining:
         """Prove the whole book as it stands after this call.
@@ -251,6 +271,13 @@ class Service:
         # The writer's connection is the last to close: it empties the log, so that a ledger at rest is one file.
         self._readers.dispose()
         await self._writer.stop()
+
+
+def _name_task(command: str) -> None:
+    """Give the task of a request the name of its command: a list of tasks is then read without their frames."""
+    task = asyncio.current_task()
+    if task is not None:
+        task.set_name(f"cmd:{command}")
 
 
 @contextmanager

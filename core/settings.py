@@ -36,7 +36,7 @@ class Settings:
     # else's lock is answered "not done" before a guard could take the wait for a hang.
     write_busy_ms: int = _setting(1_000, 1, 60_000, "wait for the store's lock before a batch")
     command_deadline_ms: int = _setting(
-        5_000, 10, 600_000, "time a command may take, as the recorder notes it"
+        5_000, 10, 600_000, "time a write may be decided, where no guard says it"
     )
     read_ms_max: int = _setting(900, 10, 10_000, "longest statement of a read")
     readers: int = _setting(2, 1, 16, "connections and threads that read")
@@ -54,6 +54,12 @@ class Settings:
         10,
         600_000,
         "time to finish what is queued when asked to stop; well below the guard's stop_timeout_ms",
+    )
+    close_ms: int = _setting(
+        1_000,
+        10,
+        600_000,
+        "time to close after a drain that was not complete; with drain_ms below the guard's",
     )
     last_answers_ms: int = _setting(300, 1, 10_000, "time to give the last answers after a failed commit")
     # Imports: what is kept of the files that people gave.

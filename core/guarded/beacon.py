@@ -8,8 +8,9 @@ which would stay bound to a sentinel that is gone.
 """
 
 import socket
-import threading
 from collections import deque
+
+from core.guarded.locks import NamedLock
 
 #: More facts than one life has: the epoch, READY, the proof, a blocked fence, some TERMs, STOPPING.
 KEPT_MAX = 32
@@ -24,7 +25,7 @@ class Beacon:
         """Without an address every word is a no-op: nobody listens."""
         self._address = address
         self._kept: deque[bytes] = deque()
-        self._lock = threading.Lock()
+        self._lock = NamedLock("beacon")
         self._socket: socket.socket | None = None
         if address is not None:
             self._address = "\0" + address[1:] if address.startswith("@") else address

@@ -11,7 +11,6 @@ without a guard: the same one on private memory can't go out of step.
 
 import mmap
 import os
-import threading
 import time
 import zlib
 from collections.abc import Callable, Sequence
@@ -22,6 +21,7 @@ from struct import Struct
 from core.guarded import page
 from core.guarded.commands import CommandTable, Stage
 from core.guarded.components import Components
+from core.guarded.locks import NamedLock
 from core.guarded.pulse import LifeState, Pulse
 
 __all__ = ["FlightRecorder", "LifeState", "NoRecorder", "Recorder", "RecorderUnusable", "Stage"]
@@ -56,7 +56,7 @@ class Recorder(CommandTable, Components, Pulse):
         self._censuses = 0
         self._spoken = False
         self._closed = False
-        self._ring_lock = threading.Lock()
+        self._ring_lock = NamedLock("recorder.ring")
 
     @classmethod
     def open(cls, path: Path, clock: Callable[[], int] = time.monotonic_ns) -> "Recorder | RecorderUnusable":

