@@ -31,6 +31,9 @@ DRILLS = (
     *("oom", "dblock", "diskfull", "gc"),
 )
 
+#: Drills that make a healthy core look ill: nothing may come of them.
+PEACEFUL = frozenset({"gc"})
+
 
 @dataclass(frozen=True, slots=True)
 class Request:
