@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hardcore.host import clock, files, processes, vitals
+from hardcore.host import clock, files, memory, processes, vitals
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle, Identity
 from hardcore.host.recorder import PageReader, make_page
@@ -63,6 +63,8 @@ class Life:
     handle: Handle | None = None
     sample: ProcessSample | None = None
     fds: int | None = None  # from the last time they were counted
+    oom: memory.OomCounter | None = None
+    confined: memory.Confined | None = None
     _ticks: int = 0
     _threads: Threads = field(default_factory=Threads)
     _one_is_slow: bool = False
@@ -119,8 +121,26 @@ class Life:
         page = self.reader.read() if self.reader else None
         return page if isinstance(page, Page) else None
 
+    def oom_kills(self) -> int | None:
+        """Return how often the kernel has killed for want of memory since this life began; None: nobody can tell."""
+        return None if self.oom is None else self.oom.risen()
+
+    def confine(self) -> str:
+        """Give the core a memory group of its own; return why that can't be done, empty when it is."""
+        assert self.handle is not None, "only a process can be confined"
+        if self.confined is not None:
+            return ""
+        made = memory.confine(self.handle.pid)
+        if isinstance(made, str):
+            return made
+        self.confined = made
+        self.oom = memory.oom_counter(self.handle.pid)
+        return ""
+
     def let_go(self) -> None:
-        """Give back the descriptors of a life that is over."""
+        """Give back the descriptors of a life that is over, and the memory group it had to itself."""
+        if self.confined is not None and memory.dissolve(self.confined):
+            self.confined = None
         if self.reader is not None:
             self.reader.close()
         if self.handle is not None:
@@ -151,8 +171,27 @@ def conceive(folders: Folders, number: int) -> Life:
     return Life(number, nonce, folders, PageReader(path, nonce))
 
 
-def start(life: Life, expected_epoch: int | None, witness: Witness | None, watchdog_usec: int) -> Handle:
-    """Start the core of this life. Raises OSError when no process can be made."""
+@dataclass(frozen=True, slots=True)
+class CoreLimits:
+    """What a core is told of the policy: how long a command may be decided, and how much memory is its own."""
+
+    command_ms: int
+    memory_bytes: int
+
+
+def start(
+    life: Life,
+    expected_epoch: int | None,
+    witness: Witness | None,
+    watchdog_usec: int,
+    *,
+    limits: CoreLimits | None = None,
+    safe: str | None = None,
+) -> Handle:
+    """Start the core of this life, serving reads only if there is a `safe` reason to.
+
+    Raises OSError when no process can be made.
+    """
     folders = life.folders
     environment = {
         **clean_environment(),
@@ -166,8 +205,14 @@ def start(life: Life, expected_epoch: int | None, witness: Witness | None, watch
     }
     if witness is not None:
         environment["HARDCORE_WITNESS"] = f"{witness.seq}:{witness.epoch}:{witness.hash}"
+    if limits is not None:
+        environment["HARDCORE_LIMIT_MS"] = str(limits.command_ms)
+        environment["HARDCORE_MEMORY_BYTES"] = str(limits.memory_bytes)
+    if safe is not None:
+        environment["HARDCORE_SAFE"] = safe
     argv = [sys.executable, "-I", "-m", "core", "serve", "--data", str(folders.data)]
     life.handle = processes.spawn(argv, environment, folders.logs / "core.log", folders.data)
+    life.oom = memory.oom_counter(life.handle.pid)
     return life.handle
 
 

@@ -1,0 +1,113 @@
+"""The data folder's file system: how much room, whether it may be written, and what our own small write takes.
+
+The core's word that its disk fails is one kind of evidence, our own write with its fsync on the same file system
+is the other. It is a new file each time, because writing over a block that is there succeeds on a full disk. All
+of it runs as an errand: a dead network disk stops whoever asks it anything, and that it hangs is the finding.
+"""
+
+import errno
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardcore.host.errand import Errand
+from hardcore.model.observations import DiskFacts
+
+PROBE_NAME = ".disk-probe"
+PROBE_BYTES = 4096
+#: A disk that is well is written to this often at most: each time costs it an fsync.
+WRITE_EVERY_NS = 5_000_000_000
+#: A write slower than this is looked at again at the next survey.
+SLOW_NS = 500_000_000
+#: A survey waits so long for the answer; after that it tells for how long it is pending.
+PATIENCE_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """One look. `write_ns` None: nothing was written this time."""
+
+    at_ns: int
+    free_bytes: int
+    read_only: bool
+    write_ns: int | None
+    fault: str
+
+
+class DiskWatch:
+    """Looks at the file system of `data`, writing in `folder` below it. Used from one thread."""
+
+    def __init__(self, data: Path, folder: Path) -> None:
+        self._data = data
+        self._probe = folder / PROBE_NAME
+        self._errand = Errand("disk", self._look)
+        self._wrote_ns: int | None = None
+        self._write = False
+        self._facts = DiskFacts(free_bytes=0, read_only=False, write_ns=None)
+
+    def look(self, now_ns: int, *, now: bool = False) -> DiskFacts | None:
+        """Return what is known of the disk. `now`: write to it though it was well a moment ago.
+
+        None: nothing is known yet, because its first answer has not come.
+        """
+        if self._errand.back(0):
+            self._write = now or self._is_due(now_ns)
+            self._errand.send(now_ns)
+        self._errand.back(PATIENCE_S)
+        if self._errand.last is not None:
+            self._facts = self._taken(self._errand.last)
+        pending_ns = self._errand.pending_ns(time.monotonic_ns())
+        if pending_ns:
+            facts = self._facts
+            return DiskFacts(facts.free_bytes, facts.read_only, None, pending_ns, facts.fault)
+        return self._facts if self._errand.last is not None else None
+
+    def _is_due(self, now_ns: int) -> bool:
+        facts = self._facts
+        well = not facts.fault and not facts.read_only and (facts.write_ns or 0) < SLOW_NS
+        return not well or self._wrote_ns is None or now_ns - self._wrote_ns >= WRITE_EVERY_NS
+
+    def _taken(self, look: _Look) -> DiskFacts:
+        """Return the newest facts: what the last write said stands until the next one."""
+        if look.write_ns is None:
+            fault = look.fault or self._facts.fault
+            return DiskFacts(look.free_bytes, look.read_only, self._facts.write_ns, fault=fault)
+        self._wrote_ns = look.at_ns
+        return DiskFacts(look.free_bytes, look.read_only, look.write_ns, fault=look.fault)
+
+    def _look(self) -> _Look:
+        at_ns = time.monotonic_ns()
+        try:
+            about = os.statvfs(self._data)
+        except OSError as error:
+            return _Look(at_ns, 0, read_only=False, write_ns=0, fault=_named(error))
+        # What is kept back for the superuser is room for us if we are it.
+        blocks = about.f_bfree if os.geteuid() == 0 else about.f_bavail
+        free_bytes, read_only = blocks * about.f_frsize, bool(about.f_flag & os.ST_RDONLY)
+        if not self._write:
+            return _Look(at_ns, free_bytes, read_only, None, "")
+        began_ns = time.monotonic_ns()
+        fault = write_once(self._probe)
+        return _Look(at_ns, free_bytes, read_only, time.monotonic_ns() - began_ns, fault)
+
+
+def write_once(path: Path) -> str:
+    """Write a small new file, have it on the disk, and remove it; return the error's name, empty if all went well."""
+    try:
+        path.unlink(missing_ok=True)  # a writer that died in the middle has left it
+        fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        try:
+            if os.write(fd, bytes(PROBE_BYTES)) < PROBE_BYTES:
+                return "ENOSPC"
+            os.fsync(fd)
+        finally:
+            path.unlink(missing_ok=True)
+            os.close(fd)
+    except OSError as error:
+        return _named(error)
+    return ""
+
+
+def _named(error: OSError) -> str:
+    return errno.errorcode.get(error.errno or 0, "EIO")
