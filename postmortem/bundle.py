@@ -8,20 +8,17 @@ later, and a person with nothing but a shell must be able to read it. What goes 
 value `BundleFailed`; only a name that no reader could trust is a bug of ours and an assertion.
 """
 
-import errno
-import fcntl
-import hashlib
 import json
 import os
 import re
 import shutil
 import stat
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from pathlib import Path
+
+from postmortem import placing
 
 VERSION = 1
 MANIFEST = "manifest.json"
@@ -33,12 +30,16 @@ FILES_MAX = 128
 MANIFEST_BYTES_MAX = 256 << 10
 #: Folders looked at when a place is listed.
 FOLDERS_MAX = 20_000
-#: How long a writer waits for another one of the same bundle.
-LOCK_WAIT_MS = 2_000
 #: What is kept of incidents: the newest ones, in number and in bytes; and how many go at one time.
 INCIDENTS_MAX = 200
 INCIDENTS_BYTES_MAX = 512 << 20
 REMOVED_AT_ONCE_MAX = 64
+
+#: By this name a memory image is missing.
+IMAGE = "image"
+#: What is kept of memory images: so many of one incident, and their bytes in all, besides those of the stories.
+IMAGES_MAX = 4
+IMAGES_BYTES_MAX = 2 << 30
 
 FACTS = "incident.json"
 _HAS_ONE = "this incident has a bundle already"
@@ -46,6 +47,7 @@ _HAS_ONE = "this incident has a bundle already"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,95}")
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _PARTIAL = re.compile(rf"\.({_ID.pattern})\.partial")
+_IMAGE = re.compile(r"core\.[1-9][0-9]?")
 _GONE = re.compile(rf"\.{_ID.pattern}\.gone")
 
 
@@ -68,7 +70,8 @@ class Entry:
 class Manifest:
     """The contents of a bundle. `complete`: nothing more of its evidence is to come.
 
-    `missing` maps what should be there to the reason why it is not.
+    `missing` maps what should be there to the reason why it is not. `images` are memory images with their sizes
+    in bytes; they are too large for a digest while somebody waits, and for any reader of the other files.
     """
 
     incident: str
@@ -76,6 +79,7 @@ class Manifest:
     complete: bool
     files: Mapping[str, Entry] = field(default_factory=dict)
     missing: Mapping[str, str] = field(default_factory=dict)
+    images: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +112,7 @@ def write_bundle(
             return BundleFailed(_HAS_ONE)
         with suppress(FileExistsError):
             temporary.mkdir(mode=0o700)
-        with _writing(temporary) as held:
+        with placing.writing(temporary) as held:
             # Waited for another writer: the folder may be called by its real name by now, or be gone.
             if is_there(final):
                 # Overtaken between the look and the mkdir: this draft is our own empty one, and would be
@@ -120,17 +124,17 @@ def write_bundle(
             if not held():
                 return BundleFailed("another writer had the evidence in hand")
             try:
-                _empty(temporary)  # of a writer that died: this one says it anew
-                manifest = _put_all(temporary, Manifest(incident_id, _now(), complete), files, missing)
+                placing.empty(temporary)  # of a writer that died: this one says it anew
+                manifest = _put_all(temporary, Manifest(incident_id, placing.now(), complete), files, missing)
                 _write_manifest(temporary, manifest)
-                _sync_folder(temporary)
+                placing.sync_folder(temporary)
                 temporary.rename(final)
             except OSError:
                 shutil.rmtree(temporary, ignore_errors=True)
                 raise
-            _sync_folder(parent)
+            placing.sync_folder(parent)
     except OSError as error:
-        return BundleFailed(_why(error, "the evidence could not be written"))
+        return BundleFailed(placing.why(error, "the evidence could not be written"))
     return final
 
 
@@ -143,11 +147,11 @@ def add_files(
     more than a neat folder.
     """
     try:
-        with _writing(path):
+        with placing.writing(path):
             before = read_manifest(path)
             if isinstance(before, BundleFailed):
                 reason = f"begun anew, files from before are not listed: {before.reason}"
-                before = Manifest(path.name, _now(), complete=False, missing={MANIFEST: reason})
+                before = Manifest(path.name, placing.now(), complete=False, missing={MANIFEST: reason})
                 complete = False
             after = _put_all(
                 path,
@@ -155,17 +159,37 @@ def add_files(
                 files,
                 missing,
             )
-            _sync_folder(path)
+            placing.sync_folder(path)
             _write_manifest(path, after)
-            _sync_folder(path)
+            placing.sync_folder(path)
     except OSError as error:
-        return BundleFailed(_why(error, "a file could not be added to the bundle"))
+        return BundleFailed(placing.why(error, "a file could not be added to the bundle"))
     return None
 
 
 def add_file(path: Path, name: str, data: bytes) -> BundleFailed | None:
     """Add or replace one file of a bundle; its evidence stays as complete as it was."""
     return add_files(path, {name: data}, {})
+
+
+def add_image(path: Path, written: Path) -> str | BundleFailed:
+    """Take a memory image that was written into the bundle's folder into the bundle; return its name there."""
+    try:
+        with placing.writing(path):
+            before = read_manifest(path)
+            if isinstance(before, BundleFailed):
+                return before
+            names = (f"core.{number}" for number in range(1, IMAGES_MAX + 1))
+            name = next((name for name in names if name not in before.images), None)
+            if name is None:
+                return BundleFailed(f"this incident has {IMAGES_MAX} memory images already")
+            size_bytes = written.stat().st_size
+            written.rename(path / name)
+            _write_manifest(path, replace(before, images={**before.images, name: size_bytes}))
+            placing.sync_folder(path)
+    except OSError as error:
+        return BundleFailed(placing.why(error, "the memory image could not be kept"))
+    return name
 
 
 def read_manifest(path: Path) -> Manifest | BundleFailed:
@@ -189,6 +213,7 @@ def read_manifest(path: Path) -> Manifest | BundleFailed:
         complete=raw.get("complete") is True,
         files=entries,
         missing={str(name): str(reason) for name, reason in missing.items()},
+        images=_read_images(raw.get("images")),
     )
 
 
@@ -200,13 +225,13 @@ def read_file(path: Path, name: str, bytes_max: int = FILE_BYTES_MAX) -> bytes |
         # NONBLOCK: a pipe laid into the folder must not stop whoever reads it.
         handle = os.open(path / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except (OSError, ValueError) as error:
-        return BundleFailed(f"{name} is not readable: {_words(error)}")
+        return BundleFailed(f"{name} is not readable: {placing.words(error)}")
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             return BundleFailed(f"{name} is not a plain file")
-        data = _read_up_to(handle, bytes_max + 1)
+        data = placing.read_up_to(handle, bytes_max + 1)
     except OSError as error:
-        return BundleFailed(f"{name} is not readable: {_words(error)}")
+        return BundleFailed(f"{name} is not readable: {placing.words(error)}")
     finally:
         os.close(handle)
     if len(data) > bytes_max:
@@ -226,13 +251,16 @@ def verify_bundle(path: Path) -> list[str]:
             faults.append(data.reason)
         elif len(data) != entry.size_bytes:
             faults.append(f"{name} has {len(data)} bytes, its manifest says {entry.size_bytes}")
-        elif _digest(data) != entry.sha256:
+        elif placing.digest(data) != entry.sha256:
             faults.append(f"{name} is not what its manifest says")
+    faults += [
+        fault for name, size in sorted(manifest.images.items()) if (fault := _image_fault(path, name, size))
+    ]
     try:
         present = {item.name for item in os.scandir(path)}
     except OSError as error:
-        return [*faults, f"its folder is not readable: {_words(error)}"]
-    unknown = sorted(present - set(manifest.files) - {MANIFEST})
+        return [*faults, f"its folder is not readable: {placing.words(error)}"]
+    unknown = sorted(present - set(manifest.files) - set(manifest.images) - {MANIFEST})
     return faults + [f"{name!r} is not in its manifest" for name in unknown[:FILES_MAX]]
 
 
@@ -272,7 +300,7 @@ def complete_partial(found: Found) -> Path | BundleFailed | None:
     """
     final = found.path.with_name(found.id)
     try:
-        with _writing(found.path) as held:
+        with placing.writing(found.path) as held:
             if not held():
                 return None
             names = [] if is_there(final) else sorted(item.name for item in os.scandir(found.path))
@@ -284,28 +312,34 @@ def complete_partial(found: Found) -> Path | BundleFailed | None:
                 shutil.rmtree(found.path)
                 return None
             missing = {MANIFEST: "begun anew: the guard ended while it wrote the evidence"}
-            manifest = Manifest(found.id, _now(), complete=False, missing=missing)
+            manifest = Manifest(found.id, placing.now(), complete=False, missing=missing)
             _write_manifest(found.path, _put_all(found.path, manifest, kept, {}))
             for name in names:
                 if name.endswith(".partial"):
                     (found.path / name).unlink(missing_ok=True)
-            _sync_folder(found.path)
+            placing.sync_folder(found.path)
             found.path.rename(final)
-            _sync_folder(final.parent)
+            placing.sync_folder(final.parent)
     except OSError as error:
-        return BundleFailed(_why(error, "the half-written evidence could not be completed"))
+        return BundleFailed(placing.why(error, "the half-written evidence could not be completed"))
     return final
 
 
 def prune(
-    parent: Path, keep: str, count_max: int = INCIDENTS_MAX, bytes_max: int = INCIDENTS_BYTES_MAX
+    parent: Path,
+    keep: str,
+    count_max: int = INCIDENTS_MAX,
+    bytes_max: int = INCIDENTS_BYTES_MAX,
+    images_bytes_max: int = IMAGES_BYTES_MAX,
 ) -> list[str]:
     """Remove the oldest closed incidents above the maxima, the incident `keep` never; return their ids.
 
-    An incident without facts is open, so it stays. What a writer holds stays until the next time.
+    An incident without facts is open, so it stays. What a writer holds stays until the next time. Memory images
+    are counted by themselves and go first, the oldest too: an image never drives a story out.
     """
     _remove_gone(parent)
     found = [one for one in find_bundles(parent) if not one.partial]
+    _prune_images([one.path for one in reversed(found) if one.id != keep], parent / keep, images_bytes_max)
     sizes = {one.id: _size_bytes(one.path) for one in found}
     count, size_bytes = len(found), sum(sizes.values())
     removed: list[str] = []
@@ -318,11 +352,47 @@ def prune(
     return removed
 
 
+def _prune_images(oldest_first: list[Path], kept: Path, bytes_max: int) -> None:
+    images = {path: _images_in(path) for path in (*oldest_first, kept)}
+    size_bytes = sum(sum(sizes.values()) for sizes in images.values())
+    for path in oldest_first:
+        if size_bytes <= bytes_max:
+            return
+        if images[path] and _remove_images(path, images[path]):
+            size_bytes -= sum(images[path].values())
+
+
+def _images_in(path: Path) -> dict[str, int]:
+    with suppress(OSError), os.scandir(path) as items:
+        looked_at = [item for _, item in zip(range(FOLDERS_MAX), items, strict=False)]
+        return {
+            item.name: item.stat(follow_symlinks=False).st_size
+            for item in looked_at
+            if _IMAGE.fullmatch(item.name)
+        }
+    return {}
+
+
+def _remove_images(path: Path, names: Collection[str]) -> bool:
+    """Remove the memory images of one incident; its manifest says where they went, also if that fails."""
+    try:
+        with placing.writing(path, wait_ms=0):
+            for name in names:
+                (path / name).unlink()
+            before = read_manifest(path)
+            if isinstance(before, Manifest):
+                told = dict.fromkeys(names, "removed to make room for newer ones")
+                _write_manifest(path, replace(before, images={}, missing={**before.missing, **told}))
+    except OSError:
+        return False
+    return True
+
+
 def _remove(path: Path) -> bool:
     """Remove a bundle; its name goes first, so that a death in the middle leaves no half incident."""
     gone = path.with_name(f".{path.name}.gone")
     try:
-        with _writing(path, wait_ms=0):
+        with placing.writing(path, wait_ms=0):
             path.rename(gone)
             shutil.rmtree(gone)
     except OSError:
@@ -341,24 +411,9 @@ def _size_bytes(path: Path) -> int:
     total = 0
     with suppress(OSError), os.scandir(path) as items:
         for _, item in zip(range(FOLDERS_MAX), items, strict=False):
-            total += item.stat(follow_symlinks=False).st_size
+            if not _IMAGE.fullmatch(item.name):
+                total += item.stat(follow_symlinks=False).st_size
     return total
-
-
-def _empty(folder: Path) -> None:
-    for item in list(os.scandir(folder)):
-        if item.is_dir(follow_symlinks=False):
-            shutil.rmtree(item.path)
-        else:
-            Path(item.path).unlink()
-
-
-def _read_up_to(handle: int, bytes_max: int) -> bytes:
-    parts, left_bytes = [], bytes_max
-    while left_bytes and (part := os.read(handle, left_bytes)):
-        parts.append(part)
-        left_bytes -= len(part)
-    return b"".join(parts)
 
 
 def _read_entries(raw: object) -> dict[str, Entry] | None:
@@ -373,6 +428,23 @@ def _read_entries(raw: object) -> dict[str, Entry] | None:
             return None
         entries[name] = Entry(digest, size)
     return entries
+
+
+def _read_images(raw: object) -> dict[str, int]:
+    sizes = raw if isinstance(raw, dict) else {}
+    return {name: size for name, size in sizes.items() if _IMAGE.fullmatch(name) and isinstance(size, int)}
+
+
+def _image_fault(path: Path, name: str, size_bytes: int) -> str | None:
+    try:
+        found_bytes = (path / name).lstat().st_size
+    except OSError as error:
+        return f"{name} is not readable: {placing.words(error)}"
+    return (
+        None
+        if found_bytes == size_bytes
+        else f"{name} has {found_bytes} bytes, its manifest says {size_bytes}"
+    )
 
 
 def _put_all(
@@ -391,8 +463,8 @@ def _put_all(
         elif name not in entries and len(entries) >= FILES_MAX:
             absent[name] = f"the bundle has {FILES_MAX} files already"
         else:
-            _replace(folder, name, data)
-            entries[name] = Entry(_digest(data), len(data))
+            placing.replace(folder, name, data)
+            entries[name] = Entry(placing.digest(data), len(data))
             absent.pop(name, None)
     return replace(manifest, files=entries, missing=absent)
 
@@ -408,80 +480,7 @@ def _write_manifest(folder: Path, manifest: Manifest) -> None:
             for name, entry in sorted(manifest.files.items())
         },
         "missing": dict(sorted(manifest.missing.items())),
+        "images": dict(sorted(manifest.images.items())),
     }
     data = json.dumps(raw, ensure_ascii=False, indent=1).encode("utf-8", "backslashreplace")
-    _replace(folder, MANIFEST, data)
-
-
-def _replace(folder: Path, name: str, data: bytes) -> None:
-    """Put a file in its place as a whole: a reader sees the old one or the new one."""
-    temporary = folder / f".{name}.{os.getpid()}.partial"
-    try:
-        handle = os.open(
-            temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600
-        )
-        with os.fdopen(handle, "wb", buffering=0) as file:
-            view = memoryview(data)
-            while view:
-                view = view[file.write(view) :]
-            os.fsync(file.fileno())
-        temporary.rename(folder / name)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
-
-
-@contextmanager
-def _writing(path: Path, wait_ms: int = LOCK_WAIT_MS) -> Iterator[Callable[[], bool]]:
-    """Hold the bundle alone: the guard adds evidence while the report of the same incident is made.
-
-    What is given tells whether the folder that is held is still the one at `path`.
-    """
-    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
-
-    def held() -> bool:
-        try:
-            return os.path.samestat(os.fstat(handle), path.lstat())
-        except OSError:
-            return False
-
-    try:
-        deadline_ns = time.monotonic_ns() + wait_ms * 1_000_000
-        while True:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic_ns() > deadline_ns:
-                    raise OSError(errno.EBUSY, "another writer holds it") from None
-                time.sleep(0.005)
-        yield held
-    finally:
-        os.close(handle)
-
-
-def _sync_folder(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-
-
-def _words(error: OSError | ValueError) -> str:
-    """Say an error in the system's own words, without the path: a bundle may be shown to others."""
-    return (error.strerror if isinstance(error, OSError) else None) or "unusable name"
-
-
-def _why(error: OSError, what: str) -> str:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return f"{what}: no room on the disk ({_words(error)})"
-    return f"{what}: {_words(error)}"
+    placing.replace(folder, MANIFEST, data)

@@ -10,11 +10,15 @@ import select
 import signal
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 ERROR_TEXT_MAX = 200
 KILL_WAIT_S = 0.5
+#: How often what a program makes is looked at while it works.
+LOOK_EVERY_MS = 50
+#: What such a program makes belongs to its owner alone.
+_UMASK = 0o077
 
 Child = subprocess.Popen[bytes]
 
@@ -28,19 +32,26 @@ def start(argv: Sequence[str]) -> Child | str:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env={"PATH": os.defpath, "LC_ALL": "C.UTF-8"},
+            umask=_UMASK,
             start_new_session=True,  # a fork of it must not outlive it, and no terminal may stop it
         )
     except OSError as error:
         return f"could not be started: {error.strerror}"
 
 
-def finish(child: Child, until_ns: int, bytes_max: int) -> bytes | str:
+def _nothing_wrong() -> str | None:
+    return None
+
+
+def finish(
+    child: Child, until_ns: int, bytes_max: int, look: Callable[[], str | None] = _nothing_wrong
+) -> bytes | str:
     """Read a program to its end, until `until_ns` at most; return its output, or why there is none.
 
-    The program and its whole group are gone when this returns.
+    `look` is asked meanwhile and says why it must be ended, or None. The program and its whole group are gone when this returns.
     """
     try:
-        output = _read_both(child, until_ns, bytes_max)
+        output = _read_both(child, until_ns, bytes_max, look)
     finally:
         end(child)
     if isinstance(output, str):
@@ -71,7 +82,9 @@ def end(child: Child) -> None:
         child.wait(KILL_WAIT_S)
 
 
-def _read_both(child: Child, until_ns: int, bytes_max: int) -> tuple[bytes, bytes] | str:
+def _read_both(
+    child: Child, until_ns: int, bytes_max: int, look: Callable[[], str | None]
+) -> tuple[bytes, bytes] | str:
     """Read both pipes to their ends and take the exit status."""
     assert child.stdout is not None
     assert child.stderr is not None
@@ -85,7 +98,9 @@ def _read_both(child: Child, until_ns: int, bytes_max: int) -> tuple[bytes, byte
         wait_ms = (until_ns - time.monotonic_ns()) // 1_000_000
         if wait_ms <= 0:
             return "it took too long"
-        for handle, _ in poller.poll(wait_ms):
+        if (why := look()) is not None:
+            return why
+        for handle, _ in poller.poll(min(wait_ms, LOOK_EVERY_MS)):
             part = os.read(handle, 1 << 16)
             texts[handle] += part
             if not part:

@@ -12,6 +12,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from hardcore.snapshot import recipe
 from hardcore.snapshot.facts import abandoned
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.gathering import Gathering, abandon, gather, prepare
+from hardcore.snapshot.image import ImageLimits, write_image
 from hardcore.snapshot.recipe import Piece
 from hardcore.snapshot.subject import Evidence, EvidenceFailed, Haul, Subject, Tools
 from postmortem import bundle
@@ -42,11 +44,18 @@ Abandoned = bundle.Found
 
 
 async def take_live(
-    subject: Subject, budget_ms: int, pool: Executor, tools: Tools, *, stop: bool = True
+    subject: Subject,
+    budget_ms: int,
+    pool: Executor,
+    tools: Tools,
+    *,
+    stop: bool = True,
+    image: ImageLimits | None = None,
 ) -> Evidence | EvidenceFailed:
     """Stop the living process and take its evidence; it stays stopped. `stop` False: it is only looked at.
 
-    Returns after `budget_ms` + STORE_GRACE_MS at the latest. A bundle whose writing takes longer is still
+    `image`: write its memory out too, of a stopped process only. Returns after `budget_ms` + STORE_GRACE_MS at
+    the latest, with an image after its budget and another STORE_GRACE_MS on top. A bundle whose writing takes longer is still
     finished on its thread; the answer says so in `missing`.
     """
     shares = recipe.LIVING if stop else recipe.LOOKED_AT
@@ -54,7 +63,12 @@ async def take_live(
     start_ns = await _collect(pool, shares, budget_ms, work)
     work.haul.steps.append(("dumped", time.monotonic_ns()))
     until_ns = recipe.end_ns(start_ns, budget_ms + STORE_GRACE_MS)
-    return await _store(pool, subject, work.haul, start_ns, until_ns)
+    taken = await _store(pool, subject, work.haul, start_ns, until_ns)
+    if image is None or isinstance(taken, EvidenceFailed):
+        return taken
+    if not stop:
+        return await _without_image(pool, taken, "a core that goes on serving is not stopped for it")
+    return await _with_image(pool, subject, tools, taken, image)
 
 
 async def take_dead(
@@ -198,6 +212,41 @@ async def _store(
         return EvidenceFailed(written.reason, page, steps, duration_ms)
     costs_us = dict(haul.costs_us)
     return Evidence(written, not missing, missing, page, steps, duration_ms, costs_us)
+
+
+async def _with_image(
+    pool: Executor, subject: Subject, tools: Tools, taken: Evidence, limits: ImageLimits
+) -> Evidence:
+    """Add a memory image to evidence that is on disk; what hinders it is named in `missing`."""
+    work = asyncio.get_running_loop().run_in_executor(pool, _image, subject, tools, taken.path, limits)
+    start_ns = time.monotonic_ns()
+    await asyncio.wait({work}, timeout=_left_s(recipe.end_ns(start_ns, limits.budget_ms + STORE_GRACE_MS)))
+    why = work.result() if work.done() else "the disk had not taken it in time"
+    image_us = (time.monotonic_ns() - start_ns) // 1_000
+    taken = replace(
+        taken,
+        duration_ms=taken.duration_ms + image_us // 1_000,
+        costs_us={**taken.costs_us, bundle.IMAGE: image_us},
+    )
+    return taken if why is None else await _without_image(pool, taken, why)
+
+
+async def _without_image(pool: Executor, taken: Evidence, why: str) -> Evidence:
+    missing = {bundle.IMAGE: why}
+    work = asyncio.get_running_loop().run_in_executor(pool, bundle.add_files, taken.path, {}, missing)
+    await asyncio.wait({work}, timeout=STORE_GRACE_MS / 1_000)
+    return replace(taken, complete=False, missing={**taken.missing, **missing})
+
+
+def _image(subject: Subject, tools: Tools, folder: Path, limits: ImageLimits) -> str | None:
+    written = write_image(subject, tools, folder, limits)
+    if isinstance(written, str):
+        return written
+    kept = bundle.add_image(folder, written)
+    if isinstance(kept, str):
+        return None
+    written.unlink(missing_ok=True)
+    return kept.reason
 
 
 def _write(

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hardcore.snapshot import writer
-from postmortem import bundle
+from postmortem import bundle, placing
 from postmortem.bundle import BundleFailed, Manifest
 
 ID = "0199a000-0000-7000-8000-00000000000a"
@@ -220,7 +220,7 @@ def test_a_bundle_that_somebody_writes_is_not_taken_from_under_his_hands(tmp_pat
     temporary = tmp_path / f".{ID}.partial"
     temporary.mkdir()
     (temporary / "stacks.txt").write_bytes(b"written by the other one")
-    with bundle._writing(temporary):  # another writer at work, on a slow disk
+    with placing.writing(temporary):  # another writer at work, on a slow disk
         refused = bundle.write_bundle(tmp_path, ID, FILES, {})
         assert isinstance(refused, BundleFailed)
         assert "another writer" in refused.reason
@@ -326,7 +326,7 @@ def test_what_is_kept_of_incidents_has_a_maximum_of_bytes(tmp_path: Path) -> Non
 
 def test_an_incident_in_somebodys_hands_is_not_removed(tmp_path: Path) -> None:
     names = [closed(tmp_path, number) for number in range(3)]
-    with bundle._writing(tmp_path / names[0]):
+    with placing.writing(tmp_path / names[0]):
         assert bundle.prune(tmp_path, keep=names[2], count_max=2) == [names[1]]
     assert (tmp_path / names[0] / bundle.FACTS).exists()
 
