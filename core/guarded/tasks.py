@@ -10,7 +10,7 @@ Not chosen: `Task.get_stack`, which knows the outermost frame only.
 import asyncio
 import json
 from collections.abc import Iterable
-from types import CodeType, FrameType
+from types import CoroutineType, FrameType, GeneratorType
 from typing import Any, Final
 
 from core.guarded.last_words import short_path
@@ -47,7 +47,7 @@ def note_of(task: "asyncio.Task[Any]") -> TaskNote:
         "account_id": "",
     }
     for frame in _frames(task.get_coro()):
-        code: CodeType = frame.f_code
+        code = frame.f_code
         note["waits_at"] = f"{short_path(code.co_filename)}:{frame.f_lineno} {code.co_name}"
         for name in ("transaction_id", "account_id"):
             value = frame.f_locals.get(name)
@@ -58,17 +58,19 @@ def note_of(task: "asyncio.Task[Any]") -> TaskNote:
 
 
 def _frames(awaited: object) -> Iterable[FrameType]:
-    """Give the frames along what is awaited, from the outside in: of coroutines and generators of any kind."""
+    """Give the frames along what is awaited, from the outside in.
+
+    Of coroutines and generators; an async generator in between hides what it waits for.
+    """
     for _ in range(DEPTH_MAX):
-        for prefix, inner in (("cr", "cr_await"), ("gi", "gi_yieldfrom"), ("ag", "ag_await")):
-            if hasattr(awaited, inner):
-                frame = getattr(awaited, f"{prefix}_frame")
-                if frame is not None:  # it has ended, or was not begun
-                    yield frame
-                awaited = getattr(awaited, inner)
-                break
+        if isinstance(awaited, CoroutineType):
+            frame, awaited = awaited.cr_frame, awaited.cr_await
+        elif isinstance(awaited, GeneratorType):
+            frame, awaited = awaited.gi_frame, awaited.gi_yieldfrom
         else:
             return
+        if frame is not None:  # none: it has ended meanwhile
+            yield frame
 
 
 def _fitting(notes: Iterable[TaskNote]) -> Iterable[TaskNote]:
