@@ -44,6 +44,7 @@ class ProcessSample:
     """The core as the kernel sees it at one tick.
 
     `beat` is the thread of the thread beat; `deciding` are the threads of the commands in flight, by their ids.
+    `busy`: how many threads besides the loop's and the beat's run, are ready to, or wait for a disk; None: not counted.
     """
 
     state: str
@@ -55,6 +56,7 @@ class ProcessSample:
     writer: ThreadSample | None = None
     beat: ThreadSample | None = None
     deciding: tuple[tuple[int, ThreadSample], ...] = ()
+    busy: int | None = None
 
 
 class Verb(StrEnum):

@@ -1,26 +1,88 @@
 """Weighs what the witnesses say.
 
 Two different kinds of evidence must agree before a living process is called lost: what the core wrote about
-itself (beats, queue) and what the kernel says of it (stopped, asleep without processor time). One kind alone
+itself (beats, queue, stages) and what others say of it (the kernel, the stacks, our own disk). One kind alone
 is yellow. Both must have lasted: a core that was busy for long and then slept for a moment is not blocked.
 So a busy core, a long garbage collection, a core that the machine does not schedule and a guard that was
 itself asleep all stay alive.
+
+The diagnoses are asked in the order of `TABLE`, and the first that speaks is right: what explains a silence from
+outside the core comes before what blames it, what is named by two looks at the stacks before what is inferred,
+and what ends nobody (a full disk) behind what a full disk does not explain.
 """
 
-from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import assert_never
 
-from hardcore.model.observations import Probed, Sampled, StacksSampled, StoreLooked, StoreTold, Surveyed
-from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade, Testimony, Verdict
+from hardcore.model.observations import (
+    Probed,
+    ProcessSample,
+    Sampled,
+    StacksSampled,
+    StoreLooked,
+    StoreTold,
+    Surveyed,
+)
+from hardcore.model.recorder import Beats, SlotStage
+from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Testimony, Verdict
+from hardcore.sentinel.diagnoses import (
+    db_locked,
+    deadlock,
+    disk_full,
+    disk_read_only,
+    disk_stalled,
+    frozen,
+    gil_held,
+    loop_blocked,
+    no_progress,
+    slept,
+    spinning,
+    starved,
+    transaction_timeout,
+)
+from hardcore.sentinel.look import Look
 from hardcore.sentinel.patience import Patience
+from hardcore.sentinel.wishes import Wishes
+from hardcore.sentinel.witnesses import (
+    answers,
+    clocks,
+    collection,
+    conduct,
+    disk,
+    memory,
+    own_stall,
+    probe,
+    process_state,
+    processor,
+    progress,
+    resources,
+    stacks,
+    store,
+    transactions,
+)
 from hardcore.sentinel.witnesses import beats as beat_witness
-from hardcore.sentinel.witnesses import process_state, progress
-from hardcore.sentinel.witnesses.own_stall import OwnStall
-from hardcore.sentinel.witnesses.process_state import ProcessFacts, Sleep
+
+__all__ = ["Bench", "Patience"]
 
 _NS_PER_MS = 1_000_000
 
-__all__ = ["Bench", "Patience"]
+#: Who is asked, in this order; the first that speaks is right.
+TABLE: tuple[tuple[Diagnosis, Callable[[Look, Patience], Verdict | None]], ...] = (
+    (Diagnosis.FROZEN, frozen.judge),
+    (Diagnosis.DISK_STALLED, disk_stalled.judge),
+    (Diagnosis.DEADLOCK, deadlock.judge),
+    (Diagnosis.GIL_HELD, gil_held.judge),
+    (Diagnosis.SPINNING, spinning.judge),
+    (Diagnosis.LOOP_BLOCKED, loop_blocked.judge),
+    (Diagnosis.DB_LOCKED, db_locked.judge),
+    (Diagnosis.DISK_READ_ONLY, disk_read_only.judge),
+    (Diagnosis.DISK_FULL, disk_full.judge),
+    (Diagnosis.TRANSACTION_TIMEOUT, transaction_timeout.judge),
+    (Diagnosis.NO_PROGRESS, no_progress.judge),
+    (Diagnosis.SLEPT, slept.judge),
+    (Diagnosis.STARVED, starved.judge),
+)
 
 
 @dataclass(slots=True)
@@ -31,17 +93,27 @@ class Bench:
     """
 
     patience: Patience
-    _own_stall: OwnStall = field(init=False)
+    _own_stall: own_stall.OwnStall = field(init=False)
+    _disk: disk.Disk = field(init=False)
     _lone_thread: beat_witness.LoneThread = field(default_factory=beat_witness.LoneThread)
     _process: process_state.ProcessState = field(default_factory=process_state.ProcessState)
+    _processor: processor.Processor = field(default_factory=processor.Processor)
+    _collection: collection.Collection = field(default_factory=collection.Collection)
     _progress: progress.Progress = field(default_factory=progress.Progress)
-    _heard: deque[StacksSampled | Probed | StoreLooked | StoreTold | Surveyed] = field(
-        default_factory=lambda: deque(maxlen=4)
-    )
+    _transactions: transactions.Transactions = field(default_factory=transactions.Transactions)
+    _answers: answers.Answers = field(default_factory=answers.Answers)
+    _probe: probe.Probe = field(default_factory=probe.Probe)
+    _clocks: clocks.ClockWatch = field(default_factory=clocks.ClockWatch)
+    _memory: memory.MemoryKills = field(default_factory=memory.MemoryKills)
+    _conduct: conduct.ConductWatch = field(default_factory=conduct.ConductWatch)
+    _store: store.Store = field(default_factory=store.Store)
+    _stacks: stacks.Stacks = field(default_factory=stacks.Stacks)
+    _wishes: Wishes = field(default_factory=Wishes)
     _said: Verdict = GREEN
 
     def __post_init__(self) -> None:
-        self._own_stall = OwnStall(self.patience.interval_ms * _NS_PER_MS)
+        self._own_stall = own_stall.OwnStall(self.patience.interval_ms * _NS_PER_MS)
+        self._disk = disk.Disk(self.patience.disk_floor_bytes, self.patience.disk_slow_ms)
 
     @property
     def late_ticks(self) -> int:
@@ -49,94 +121,127 @@ class Bench:
         return self._own_stall.late_ticks
 
     def hear(self, fact: StacksSampled | Probed | StoreLooked | StoreTold | Surveyed) -> None:
-        """Take in what somebody else found out; the next tick is judged with it."""
-        self._heard.append(fact)
+        """Take in what somebody else found out about this life; the next tick is judged with it."""
+        match fact:
+            case StacksSampled():
+                self._stacks.hear(fact)
+            case Probed():
+                self._probe.hear(fact)
+                self._answers.hear(fact)
+            case StoreLooked() | StoreTold():
+                self._store.hear(fact)
+            case Surveyed():
+                self._disk.hear(fact)
+                self._conduct.hear(fact)
+                self._memory.hear(fact)
+            case _:
+                assert_never(fact)
 
     def judge(self, tick: Sampled) -> Verdict:
         """Return the verdict on this tick's facts; what was said last stands if we overslept this one."""
         overslept = self._own_stall.look(tick.at_ns)
+        clocks_found = self._clocks.look(tick.clocks, tick.at_ns)
+        if clocks_found.slept_ns:
+            self._own_stall.forgive(tick.at_ns)
         if tick.beats is None or tick.process is None or not tick.beats.loop_ns:
             return GREEN  # no page or no process to look at: its end is told by the pidfd, not by silence
-        alone = self._lone_thread.look(tick.beats)
-        facts = self._process.look(tick.process, tick.at_ns, self._own_stall.forgiven_ns)
-        found = beat_witness.ages(tick.beats, tick.at_ns, self._own_stall.forgiven_ns)
-        stuck = self._progress.look(tick.beats, tick.in_flight, tick.at_ns, self._own_stall.forgiven_ns)
-        said = (
-            beat_witness.testify(found, self.patience.late_ms),
-            process_state.testify(facts, beating=not found.loop_stale(self.patience.late_ms)),
-            progress.testify(stuck, self.patience.late_ms),
-        )
+        look = self._look(tick, tick.beats, tick.process, clocks_found, overslept=overslept)
         if overslept:
-            return self._said
-        self._said = (
-            self._frozen(found, facts, said)
-            or (self._blocked(found, facts, said) if alone else self._ended(found, facts, said))
-            or self._no_progress(found, facts, stuck, said)
-            or _mildest(said, facts)
-        )
+            # Nothing is concluded from this look, but that we are late again is known all the same.
+            return starved.judge(look, self.patience) or _unasking(self._said)
+        found = (judge(look, self.patience) for _, judge in TABLE)
+        said = next((verdict for verdict in found if verdict is not None), None) or _mildest(look)
+        wishes = self._wishes.of(look, self.patience)
+        self._said = replace(said, wishes=wishes) if wishes else said
         return self._said
 
-    def _frozen(
-        self, found: beat_witness.BeatAges, facts: ProcessFacts, said: tuple[Testimony, ...]
-    ) -> Verdict | None:
-        limit_ms = self.patience.conclusive_ms
-        if facts.stopped and facts.stopped_ns >= limit_ms * _NS_PER_MS and found.loop_stale(limit_ms):
-            return Verdict(Colour.RED, Diagnosis.FROZEN, Grade.CERTAIN, found.last_loop_ns, said)
-        return None
-
-    def _blocked(
-        self, found: beat_witness.BeatAges, facts: ProcessFacts, said: tuple[Testimony, ...]
-    ) -> Verdict | None:
-        if facts.loop not in {Sleep.CONCLUSIVE, Sleep.OTHER}:
-            return None
-        sure = facts.loop is Sleep.CONCLUSIVE
-        limit_ms = self.patience.conclusive_ms if sure else self.patience.hang_ms
-        if facts.loop_ns < limit_ms * _NS_PER_MS or not found.loop_stale(limit_ms):
-            return None
-        grade = Grade.CERTAIN if sure else Grade.LIKELY
-        return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, grade, found.last_loop_ns, said)
-
-    def _ended(
-        self, found: beat_witness.BeatAges, facts: ProcessFacts, said: tuple[Testimony, ...]
-    ) -> Verdict | None:
-        """Judge a core whose loop and whose beats' thread are both over while some thread keeps it alive.
-
-        A held interpreter looks like it, but somebody computes then, or whoever waits for it wakes up again
-        and again: so the loop must have slept on a lock, and the whole process without processor time.
-        """
-        limit_ms = self.patience.hang_ms
-        lasted_ns = min(found.loop_ns, found.thread_ns, facts.loop_ns, facts.quiet_ns)
-        if facts.loop is not Sleep.CONCLUSIVE or lasted_ns < limit_ms * _NS_PER_MS:
-            return None
-        why = "no thread of the process had any processor time meanwhile"
-        fact = Testimony("process", Colour.RED, why)
-        return Verdict(Colour.RED, Diagnosis.LOOP_BLOCKED, Grade.LIKELY, found.last_loop_ns, (*said, fact))
-
-    def _no_progress(
+    def _look(
         self,
-        found: beat_witness.BeatAges,
-        facts: ProcessFacts,
-        stuck: progress.Stuck | None,
-        said: tuple[Testimony, ...],
-    ) -> Verdict | None:
-        limit_ns = self.patience.hang_ms * _NS_PER_MS
-        if stuck is None or stuck.for_ns < limit_ns or found.loop_stale(self.patience.late_ms):
-            return None
-        if facts.writer is Sleep.NOT or facts.writer_ns < limit_ns:
-            return None
-        gone = facts.writer is Sleep.GONE
-        why = "the writer's thread is gone" if gone else "the writer's thread sleeps without processor time"
-        fact = Testimony("process", Colour.RED, why)
-        grade = Grade.CERTAIN if gone else Grade.LIKELY
-        return Verdict(Colour.RED, Diagnosis.NO_PROGRESS, grade, stuck.since_ns, (*said, fact))
+        tick: Sampled,
+        beats: Beats,
+        sample: ProcessSample,
+        clocks_found: clocks.ClockFacts,
+        *,
+        overslept: bool,
+    ) -> Look:
+        """Let every witness look."""
+        at_ns, forgiven_ns = tick.at_ns, self._own_stall.forgiven_ns
+        ages = beat_witness.ages(beats, at_ns, forgiven_ns)
+        collecting = self._collection.look(beats, at_ns)
+        spent = self._processor.look(beats, sample, at_ns, forgiven_ns, collecting=collecting.touched)
+        deciding = self._transactions.look(
+            tick.in_flight, sample.deciding, at_ns, self.patience.transaction_ms, overslept=overslept
+        )
+        silent = ages.loop_stale(self.patience.late_ms)
+        look = Look(
+            at_ns=at_ns,
+            threads=tick.threads,
+            sample=sample,
+            ages=ages,
+            alone=self._lone_thread.look(beats),
+            process=self._process.look(sample, at_ns, forgiven_ns),
+            processor=spent,
+            collection=collecting,
+            stuck=self._progress.look(beats, tick.in_flight, at_ns, forgiven_ns),
+            deciding=deciding,
+            unkept=self._answers.look(beats, tick.witness, at_ns, forgiven_ns),
+            unanswered=self._probe.look(beats, at_ns, forgiven_ns, excused=silent or collecting.touched),
+            clocks=clocks_found,
+            disk=self._disk.find(at_ns),
+            store=self._store.find(at_ns),
+            stacks=self._stacks.find(tick.threads.loop, beats.loop_ns, at_ns),
+            in_store_ns=_in_store(tick, beats, forgiven_ns),
+            late_often=self._own_stall.often(at_ns),
+            said=(),
+        )
+        return replace(look, said=self._testimonies(look))
+
+    def _testimonies(self, look: Look) -> tuple[Testimony, ...]:
+        """Return what everybody says: the three who always speak, and whoever else has something to say."""
+        late_ms = self.patience.late_ms
+        others = (
+            processor.testify(look.processor, late_ms),
+            collection.testify(look.collection),
+            transactions.testify(look.deciding),
+            answers.testify(look.unkept, late_ms),
+            probe.testify(look.unanswered),
+            clocks.testify(look.clocks),
+            disk.testify(look.disk),
+            store.testify(look.store, look.at_ns),
+            stacks.testify(look.stacks),
+            resources.testify(look.sample, self.patience.memory_bytes),
+            self._memory.testify(look.at_ns),
+            *self._conduct.testify(),
+        )
+        return (
+            beat_witness.testify(look.ages, late_ms),
+            process_state.testify(look.process, beating=not look.ages.loop_stale(late_ms)),
+            progress.testify(look.stuck, late_ms),
+            *(told for told in others if told is not None),
+        )
 
 
-def _mildest(said: tuple[Testimony, ...], facts: ProcessFacts) -> Verdict:
+def _in_store(tick: Sampled, beats: Beats, forgiven_ns: int) -> int:
+    """Return for how long the writer has waited in the store, in ns; deciding there is no waiting."""
+    if not beats.in_store_since_ns:
+        return 0
+    notes = [note for note in tick.in_flight or () if not note.kind.startswith("read")]
+    if any(note.stage is SlotStage.DECIDING for note in notes):
+        return 0
+    return max(0, tick.at_ns - max(beats.in_store_since_ns, forgiven_ns))
+
+
+def _unasking(said: Verdict) -> Verdict:
+    """Return what was said, without asking again."""
+    return replace(said, wishes=frozenset()) if said.wishes else said
+
+
+def _mildest(look: Look) -> Verdict:
     """Return yellow if somebody is worried: one kind of evidence, however red, is not more than that.
 
     A loop asleep between two beats is what a healthy idle core looks like: alone it is no worry at all.
     """
-    worried = tuple(t for t in said if t.colour is not Colour.GREEN)
-    if facts.stopped or any(t.witness != "process" for t in worried):
+    worried = tuple(t for t in look.said if t.colour is not Colour.GREEN)
+    if look.process.stopped or any(t.witness != "process" for t in worried):
         return Verdict(Colour.YELLOW, testimonies=worried)
     return GREEN

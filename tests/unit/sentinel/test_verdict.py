@@ -91,9 +91,9 @@ def test_a_stop_of_a_moment_after_a_long_stall_is_no_hang() -> None:
 
 
 def test_a_nap_of_a_moment_after_a_long_computation_is_no_hang() -> None:
-    looks = [Look(at, at - 1000, loop=traces.running(at), state="R") for at in range(1070, 3970, 100)]
-    nap = [Look(at, at - 1000, loop=traces.NAPPING) for at in (3970, 4070, 4170, 4270)]
-    assert red(judged(WELL + looks + nap + [Look(4370)])) is None
+    looks = [Look(at, at - 1000, loop=traces.running(at), state="R") for at in range(1070, 2170, 100)]
+    nap = [Look(at, at - 1000, loop=traces.NAPPING) for at in (2170, 2270, 2370, 2470)]
+    assert red(judged(WELL + looks + nap + [Look(2570)])) is None
 
 
 def test_a_disk_wait_never_kills() -> None:
@@ -101,13 +101,8 @@ def test_a_disk_wait_never_kills() -> None:
     assert red(judged(looks)) is None
 
 
-def test_a_held_interpreter_never_kills_here() -> None:
-    for loop in (traces.LOCKED, traces.UNSCHEDULED):
-        assert red(judged(WELL + silent(1000, LONG_MS, Look(0, state="R", loop=loop), thread=True))) is None
-
-
-def test_an_interpreter_held_in_a_sleep_never_kills() -> None:
-    # Whoever waits for the interpreter wakes up every few milliseconds to ask for it.
+def test_an_interpreter_held_in_a_sleep_never_kills_while_nobody_sees_that_others_wait_for_it() -> None:
+    # The thread of the beats was not looked at: that the loop wakes up now and then proves nothing.
     held = silent(1000, LONG_MS, Look(0, quiet=True), thread=True)
     looks = [replace(look, loop=replace(traces.LOCKED, cpu_ns=look.at_ms)) for look in held]
     assert red(judged(WELL + looks)) is None
@@ -130,8 +125,8 @@ def test_a_core_that_is_not_scheduled_never_kills() -> None:
     assert red(judged(WELL + looks)) is None
 
 
-def test_a_loop_that_computes_never_kills() -> None:
-    looks = [Look(at, at - 1000, loop=traces.running(at), state="R") for at in range(1070, LONG_MS, 100)]
+def test_a_loop_that_computes_for_a_while_never_kills() -> None:
+    looks = [Look(at, at - 1000, loop=traces.running(at), state="R") for at in range(1070, 2400, 100)]
     assert red(judged(WELL + looks)) is None
 
 
@@ -205,8 +200,7 @@ def test_our_late_ticks_are_counted() -> None:
 
 
 def test_one_kind_of_evidence_alone_is_yellow() -> None:
-    looks = silent(1000, 900, Look(0, state="R", loop=traces.UNSCHEDULED), thread=True)
-    verdicts = judged(WELL + looks)
+    verdicts = judged(WELL + silent(1000, 900, Look(0, state="R", loop=None), thread=True))
     assert verdicts[-1].colour is Colour.YELLOW
     assert verdicts[-1].diagnosis is None
     assert [t.witness for t in verdicts[-1].testimonies] == ["beats"]

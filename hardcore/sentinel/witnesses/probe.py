@@ -1,0 +1,55 @@
+"""The witness of the probe: does the core answer when it is asked for its health over its own socket?
+
+A slow answer is what a loaded server looks like, so silence counts only while nothing else shows life: no
+command is completed, yet the loop's beats are fresh. Whatever moves begins the count anew.
+"""
+
+from dataclasses import dataclass
+
+from hardcore.model.observations import Probed
+from hardcore.model.recorder import Beats
+from hardcore.model.verdicts import Colour, Testimony
+from hardcore.sentinel.lasting import NS_PER_MS
+
+
+@dataclass(frozen=True, slots=True)
+class Unanswered:
+    """Probes in a row without an answer: how many, for how long (ns), since when."""
+
+    probes: int
+    for_ns: int
+    since_ns: int
+
+
+@dataclass(slots=True)
+class Probe:
+    """Remembers the probes in a row that were not answered."""
+
+    _probes: int = 0
+    _since_ns: int = 0
+    _completed: int = -1
+    _quiet_ns: int = 0
+
+    def hear(self, fact: Probed) -> None:
+        """Take in one probe; one that was asked before the last sign of life says nothing."""
+        if fact.answered:
+            self._probes = 0
+        elif fact.asked_ns >= self._quiet_ns:
+            self._since_ns = self._since_ns if self._probes else fact.asked_ns
+            self._probes += 1
+
+    def look(self, beats: Beats, at_ns: int, forgiven_ns: int, *, excused: bool) -> Unanswered | None:
+        """Take in one look. `excused`: there is another reason for silence, or none of ours to conclude from it."""
+        if excused or beats.completed != self._completed or forgiven_ns >= at_ns:
+            self._completed, self._quiet_ns, self._probes = beats.completed, at_ns, 0
+        if not self._probes:
+            return None
+        return Unanswered(self._probes, at_ns - self._since_ns, self._since_ns)
+
+
+def testify(found: Unanswered | None) -> Testimony | None:
+    """Return what the probe says: one that is not answered is no news yet."""
+    if found is None or found.probes < 2:
+        return None
+    why = f"{found.probes} probes in a row were not answered, for {found.for_ns // NS_PER_MS} ms"
+    return Testimony("probe", Colour.YELLOW, why)
