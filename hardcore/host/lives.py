@@ -31,6 +31,8 @@ LOOK_CLOSER_NS = 200_000_000
 IN_FLIGHT_EVERY_TICKS = 5
 #: The thread samples cost three reads each: only a beat this old is worth them.
 STALE_NS = 80_000_000
+#: All threads are counted through only while neither beat goes on, for this long.
+BOTH_STALE_NS = 200_000_000
 FDS_EVERY_TICKS = 10
 ENVIRONMENT_BYTES_MAX = 1 << 20
 #: A killed process that is not gone after this hangs in the kernel; waiting longer would not help.
@@ -114,7 +116,8 @@ class Life:
             note.thread for note in in_flight or () if note.stage is SlotStage.DECIDING and note.thread
         ]
         who = self._threads
-        return vitals.Wanted(who.loop, who.writer, who.beat, tuple(dict.fromkeys(deciding)), fds)
+        busy = now_ns - max(beats.loop_ns, beats.thread_ns) > BOTH_STALE_NS
+        return vitals.Wanted(who.loop, who.writer, who.beat, tuple(dict.fromkeys(deciding)), fds, busy)
 
     def page(self) -> Page | None:
         """Return the whole recorder page, or None if it is no evidence."""
@@ -137,10 +140,13 @@ class Life:
         self.oom = memory.oom_counter(self.handle.pid)
         return ""
 
-    def let_go(self) -> None:
-        """Give back the descriptors of a life that is over, and the memory group it had to itself."""
+    def dissolve(self) -> None:
+        """Remove the memory group that the core had to itself, if nobody is in it any more."""
         if self.confined is not None and memory.dissolve(self.confined):
             self.confined = None
+
+    def let_go(self) -> None:
+        """Give back the descriptors of a life that is over."""
         if self.reader is not None:
             self.reader.close()
         if self.handle is not None:
@@ -149,6 +155,7 @@ class Life:
     def discard(self) -> None:
         """Give everything back and remove the life's files."""
         self.let_go()
+        self.dissolve()
         for path in _files(self.folders, self.nonce):
             path.unlink(missing_ok=True)
 

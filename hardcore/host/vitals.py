@@ -15,6 +15,8 @@ from hardcore.model.observations import ProcessSample, ThreadSample
 
 #: Threads of commands in flight that are looked at in one tick.
 DECIDING_MAX = 8
+#: A process of more threads is not counted through: a tick has no time for it.
+COUNTED_THREADS_MAX = 128
 
 _NS_PER_TICK = 1_000_000_000 // os.sysconf("SC_CLK_TCK")
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
@@ -29,13 +31,14 @@ _CALLS = {
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is to be looked at beside the process itself: its threads by their ids, and its descriptors."""
+    """What is to be looked at beside the process itself: its threads by their ids, its descriptors, how many are busy."""
 
     loop: int = 0
     writer: int = 0
     beat: int = 0
     deciding: tuple[int, ...] = ()
     fds: bool = False
+    busy: bool = False
 
 
 def stat_fields(pid: int) -> list[str]:
@@ -69,6 +72,7 @@ def process_sample(pid: int, start: int, wanted: Wanted) -> ProcessSample | None
             writer=threads.get(wanted.writer),
             beat=threads.get(wanted.beat),
             deciding=tuple((tid, threads[tid]) for tid in wanted.deciding if tid in threads),
+            busy=count_busy(pid, (wanted.loop, wanted.beat)) if wanted.busy else None,
         )
     except (OSError, ValueError, IndexError):
         return None
@@ -104,6 +108,19 @@ def _waits_in(base: str) -> str:
     except (OSError, IndexError):
         return ""
     return _CALLS.get(number, f"call {number}" if number != "running" else "")
+
+
+def count_busy(pid: int, without: tuple[int, ...]) -> int | None:
+    """Return how many threads run, are ready to, or wait for a disk, but for some; None: nobody can tell."""
+    try:
+        tids = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208  # names alone, no objects
+        if len(tids) > COUNTED_THREADS_MAX:
+            return None
+        return sum(
+            _fields(f"/proc/{pid}/task/{tid}/stat")[0] in "RD" for tid in tids if int(tid) not in without
+        )
+    except (OSError, ValueError, IndexError):
+        return None
 
 
 def count_fds(pid: int) -> int | None:

@@ -90,3 +90,18 @@ def test_a_working_thread_takes_turns_and_time() -> None:
 
 def test_a_thread_that_is_not_there_has_an_empty_state() -> None:
     assert vitals.thread_sample(os.getpid(), 1).state == ""
+
+
+def test_busy_threads_are_counted_without_those_named_and_only_when_asked() -> None:
+    me = os.getpid()  # the thread that looks is running
+    with asleep() as tid:
+        seen = vitals.process_sample(me, MY_START, vitals.Wanted(busy=True))
+        assert seen is not None
+        assert seen.busy is not None
+        assert seen.busy >= 1
+        without = vitals.count_busy(me, (me, tid))
+        assert without is not None
+        assert without < seen.busy or without == 0
+    quiet = vitals.process_sample(me, MY_START, vitals.Wanted())
+    assert quiet is not None
+    assert quiet.busy is None
