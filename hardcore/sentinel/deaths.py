@@ -1,7 +1,8 @@
 """From the way a process ended to what that means.
 
 A dead process needs no second witness: its exit status is the fact. What the status alone can't tell (a
-SIGKILL has no sender) is said with the care it deserves: not ours, so from outside, and nobody is suspect.
+SIGKILL has no sender) is said with the care it deserves: not ours, so from outside, and nobody is suspect. Only
+the kernel's own count of kills for memory makes it a lack of memory; no exit code does.
 Exit codes are those of `docs/wires.md` section 2.
 """
 
@@ -36,6 +37,8 @@ SIGNAL_NAMES = {
 #: Signals that a process brings upon itself.
 _OWN = frozenset({4, 5, 6, 7, 8, 11, 31})
 
+_SIGKILL = 9
+
 _CODES = {
     65: Diagnosis.STORE_CORRUPT,
     69: Diagnosis.DB_LOCKED,
@@ -64,16 +67,28 @@ def describe(how: Exit) -> str:
     return "is gone; nobody could read its exit status"
 
 
-def judge_death(how: Exit, words: LastWords | None, *, was_ready: bool, term_sent: bool) -> Death:
+def judge_death(
+    how: Exit,
+    words: LastWords | None,
+    *,
+    was_ready: bool,
+    term_sent: bool,
+    oom_kills: int | None = None,
+) -> Death:
     """Return what this unasked end means.
 
-    `was_ready`: the core had reached READY. `term_sent`: a TERM had reached it that was not ours.
+    `was_ready`: the core had reached READY. `term_sent`: a TERM had reached it that was not ours. `oom_kills`: how
+    often the kernel has killed for memory since this life began; None: nobody can tell.
     """
     facts = [Testimony("pidfd", Colour.RED, f"the core {describe(how)}")]
     if words is not None:
         facts.append(Testimony("last words", Colour.RED, f"{words.code}: {words.text}"))
     if term_sent:
         facts.append(Testimony("core", Colour.RED, "a TERM had reached it from another process"))
+    if how.signal == _SIGKILL and oom_kills:
+        counted = f"the kernel's count of kills for memory rose by {oom_kills} in this life"
+        facts.append(Testimony("memory", Colour.RED, counted))
+        return Death(Diagnosis.OUT_OF_MEMORY, Grade.CERTAIN, tuple(facts))
     diagnosis, grade = _name(how, words, was_ready=was_ready, term_sent=term_sent)
     return Death(diagnosis, grade, tuple(facts))
 
@@ -92,7 +107,7 @@ def _name(how: Exit, words: LastWords | None, *, was_ready: bool, term_sent: boo
     if how.signal in _OWN:
         return Diagnosis.CRASHED, Grade.CERTAIN
     if how.signal is not None:
-        return Diagnosis.KILLED_FROM_OUTSIDE, Grade.CERTAIN if how.signal == 9 else Grade.LIKELY
+        return Diagnosis.KILLED_FROM_OUTSIDE, Grade.CERTAIN if how.signal == _SIGKILL else Grade.LIKELY
     if how.code in _CODES:
         # A program of somebody else's may use these numbers too: only with last words are they certain.
         return _CODES[how.code], Grade.CERTAIN if words is not None else Grade.LIKELY

@@ -86,6 +86,29 @@ def test_137_alone_is_no_proof_of_anything() -> None:
     assert _named(Exit(code=137))[0] is not Diagnosis.OUT_OF_MEMORY
 
 
+def test_a_sigkill_that_the_kernel_counted_for_memory_is_a_lack_of_memory() -> None:
+    death = judge_death(Exit(signal=9), None, was_ready=True, term_sent=False, oom_kills=1)
+    assert (death.diagnosis, death.grade) == (Diagnosis.OUT_OF_MEMORY, Grade.CERTAIN)
+    assert "memory" in {fact.witness for fact in death.evidence}
+
+
+@pytest.mark.parametrize(
+    ("how", "kills"),
+    [
+        (Exit(signal=9), 0),
+        (Exit(signal=9), None),
+        (Exit(code=137), 1),
+        (Exit(signal=11), 1),
+        (Exit(code=1), 1),
+    ],
+)
+def test_without_the_kernels_count_and_its_signal_nothing_is_a_lack_of_memory(
+    how: Exit, kills: int | None
+) -> None:
+    death = judge_death(how, None, was_ready=True, term_sent=False, oom_kills=kills)
+    assert death.diagnosis is not Diagnosis.OUT_OF_MEMORY
+
+
 def test_the_facts_behind_a_death_are_told() -> None:
     death = judge_death(Exit(code=74), LastWords(1, "COMMIT_FAILED", "fsync"), was_ready=True, term_sent=True)
     assert [fact.witness for fact in death.evidence] == ["pidfd", "last words", "core"]
