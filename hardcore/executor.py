@@ -18,9 +18,10 @@ from typing import Any, assert_never
 
 from hardcore.host import clock, deaths, files, lives, logs, processes
 from hardcore.host.folders import Folders
-from hardcore.host.lives import Life
+from hardcore.host.lives import CoreLimits, Life
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.senses import Senses
 from hardcore.snapshot import writer
 from hardcore.snapshot.filing import Filing
 from hardcore.snapshot.stacks import find_tools
@@ -45,7 +46,7 @@ class Executor:
     """Carries out orders.
 
     `tell` takes the facts, `publish` the lines for the gateway; `still_ours` ends the process if another guard
-    may act by now, and is asked on a hand's thread before every deed.
+    may act by now, and is asked on a hand's thread before every deed. `limits` are told to each core.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Executor:
         tell: Callable[[seen.Observation], None],
         publish: Callable[[Mapping[str, object]], None],
         still_ours: Callable[[], None],
+        limits: CoreLimits | None = None,
     ) -> None:
         self.lives: dict[int, Life] = {}
         self.leftovers: tuple[Life, ...] = ()
@@ -71,7 +73,9 @@ class Executor:
         self._publish = publish
         self._still_ours = still_ours
         self._log = logs.LogThread(logs.LogFile(folders.logs / "sentinel.log"))
-        self._tools = find_tools()
+        self._limits = limits
+        self.tools = find_tools()
+        self.senses = Senses(folders, generation, self.tools, tell, self.note)
         self._tasks: set[asyncio.Task[None]] = set()
         self._evidence: dict[str, list[asyncio.Event]] = {}
         self.filing = Filing(folders.incidents, self, self._report)
@@ -92,6 +96,8 @@ class Executor:
                 done = asyncio.Event()
                 self._evidence.setdefault(action.incident, []).append(done)
                 self.begin(self._take_evidence(action, done))
+            case orders.SampleStacks() | orders.LookAtStore() | orders.SetSafe():
+                self._sense(action)
             case orders.Release():
                 self._release(action)
             case orders.CloseIncident():
@@ -124,6 +130,7 @@ class Executor:
         for task in self._tasks:
             self.note("unfinished", work=task.get_name())
             task.cancel()
+        self.senses.close()
         self.pool.shutdown(wait=False, cancel_futures=True)
         self._log.close(LOG_S)  # this loop has nothing else left to do
 
@@ -182,7 +189,14 @@ class Executor:
         logs.rotate(self._folders.logs / "core.log")
         life = lives.conceive(self._folders, order.life)
         try:
-            handle = lives.start(life, order.expected_epoch, order.witness, WATCHDOG_USEC)
+            handle = lives.start(
+                life,
+                order.expected_epoch,
+                order.witness,
+                WATCHDOG_USEC,
+                limits=self._limits,
+                safe=None if order.safe is None else str(order.safe),
+            )
         except BaseException:
             life.discard()  # no process has come of it
             raise
@@ -198,20 +212,42 @@ class Executor:
         if how is None:
             return
         try:
-            self._tell(seen.CoreExited(at_ns, life.number, how, life.page()))
+            self._tell(seen.CoreExited(at_ns, life.number, how, life.page(), life.oom_kills()))
         except Exception as error:  # noqa: BLE001  # a death that nobody was told of would never be answered
             logs.end_with(f"the end of a core could not be told: {_said(error)}")
         asyncio.get_running_loop().remove_reader(life.handle.pidfd)
-        self.begin(self._bury())
+        self.begin(self._bury(life))
 
-    async def _bury(self) -> None:
-        """Let go of lives that are long over."""
+    async def _bury(self, ended: Life) -> None:
+        """Give back what a life that has just ended had to itself, and let go of those that are long over."""
+        await self.in_hand(ended.dissolve)
         for number in sorted(self.lives)[:-LIVES_KEPT_MAX]:
             life = self.lives.pop(number)
             await self.in_hand(life.discard)
 
     # A life whose process is still being made gets no order here: the manager repeats it when it is told of
     # the process (SPAWNED), so that an order to nobody is not lost.
+
+    def _sense(self, order: orders.SampleStacks | orders.LookAtStore | orders.SetSafe) -> None:
+        life = self.lives.get(order.life)
+        if life is None or life.handle is None:
+            return
+        match order:
+            case orders.SampleStacks():
+                self.begin(self.senses.sample_stacks(life))
+            case orders.LookAtStore():
+                self.begin(self.senses.look_at_store(life))
+            case orders.SetSafe():
+                self.begin(self.senses.set_safe(life, order.reason, on=order.on))
+            case _:
+                assert_never(order)
+
+    async def confine(self, life: Life) -> str | None:
+        """Give a core a memory group of its own, for the drill; return why that can't be done, None when it is."""
+        if life.handle is None:
+            return "its process is gone"
+        self._still_ours()
+        return await self.in_hand(life.confine) or None
 
     async def _terminate(self, order: orders.Terminate) -> None:
         life = self.lives.get(order.life)
@@ -272,10 +308,13 @@ class Executor:
             incident=order.incident,
             incidents=self._folders.incidents,
             data=self._folders.data,
+            control=self._folders.core_control(life.nonce),
+            first_stacks=self.senses.first_stacks(life.number),
         )
         if order.living:
-            await self.in_hand(self.mark, "stop")
-            taken = await writer.take_live(subject, order.budget_ms, self.pool, self._tools)
+            if order.stop:
+                await self.in_hand(self.mark, "stop")
+            taken = await writer.take_live(subject, order.budget_ms, self.pool, self.tools, stop=order.stop)
         else:
             taken = await writer.take_dead(subject, order.budget_ms, self.pool, life.sample)
         whole = isinstance(taken, Evidence) and taken.complete

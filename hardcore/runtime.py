@@ -29,11 +29,11 @@ from hardcore.host import clock, deaths, files, lives, logs
 from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Leftovers, Life
-from hardcore.host.notify import NotifySocket
+from hardcore.host.notify import NotifySocket, Tally
 from hardcore.host.processes import Handle, start_of
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
-from hardcore.model.phases import LIVING
+from hardcore.model.phases import LIVING, SERVING
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import Tape
@@ -79,11 +79,20 @@ class Runtime:
             self.tape.jitter,
             deaths.read_deaths(folders, window_ns),
         )
-        self.executor = Executor(folders, setup.generation, self.feed, self.publish, self._still_ours)
+        self.executor = Executor(
+            folders,
+            setup.generation,
+            self.feed,
+            self.publish,
+            self._still_ours,
+            standing.core_limits(self.policy),
+        )
+        self.senses = self.executor.senses
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
         self.door = Door(self)
         self.control = ControlServer(folders.control, self.door.answer, self.door.listen, self._greet)
         self.notify = NotifySocket(folders.notify, NOTICE_BYTES_MAX)
+        self._strange_notices = Tally()
         self._timer: asyncio.TimerHandle | None = None
         self._published: Mapping[str, object] = {}
         self._published_audit: seen.LedgerAudited | None = None
@@ -100,13 +109,12 @@ class Runtime:
         await self.control.start()
         self._begin()
         self.executor.begin(self.gatekeeper.start())
-        watch = loop.create_task(self._watch())
-        feed = loop.create_task(self._feed_on())
-        for task in (watch, feed):
+        tasks = [loop.create_task(work) for work in (self._watch(), self._feed_on())]
+        for task in tasks:
             task.add_done_callback(_ended_unasked)
         await self.executor.halted.wait()
         await self.gatekeeper.stop()
-        for task in (watch, feed):
+        for task in tasks:
             task.cancel()
         self.control.close()
         loop.remove_reader(self.notify.fileno())
@@ -205,6 +213,7 @@ class Runtime:
             due = max(due + interval_s, loop.time())
             await asyncio.sleep(due - loop.time())
             life = self.life()
+            self.senses.watch(life)
             if life is not None and self.manager.reading().phase in LIVING:
                 self.feed(life.look())
 
@@ -224,6 +233,10 @@ class Runtime:
         """Return the present life of the core, if its process has been made."""
         return self.executor.lives.get(self.manager.reading().life)
 
+    def _serving(self) -> Life | None:
+        """Return the life that serves, if one does."""
+        return self.life() if self.manager.reading().phase in SERVING else None
+
     # ---- facts from outside ----
 
     def _on_term(self) -> None:
@@ -233,17 +246,28 @@ class Runtime:
         at_ns = clock.now_ns()
         life = self.life()
         for pid, data in self.notify.waiting():
+            if life is None or life.handle is None or life.handle.pid != pid:
+                self._passed_over(f"from process {pid}, which is not the core", at_ns)
+                continue
             notice = read_notice(data)
             if isinstance(notice, MalformedNotice):
-                self.executor.note("notice", pid=pid, malformed=notice.reason)
-            elif life is not None and life.handle is not None and life.handle.pid == pid:
+                self._passed_over(f"malformed: {notice.reason}", at_ns)
+            else:
                 self._heard(notice, life.number, at_ns)
+
+    def _passed_over(self, why: str, at_ns: int) -> None:
+        count = self._strange_notices.count(at_ns)
+        if count:
+            self.executor.note("notice", passed_over=count, last=why)
 
     def _heard(self, notice: Notice, life: int, at_ns: int) -> None:
         if notice.term_pid is not None and notice.term_pid != os.getpid():
             self.feed(seen.TermReceived(at_ns, life, notice.term_pid))
         if notice.fence_blocked:
             self.feed(seen.FenceBlocked(at_ns, life))
+        if notice.store is not None:
+            self.senses.look_at_disk()  # the core's word is one kind of evidence, ours the other
+            self.feed(seen.StoreTold(at_ns, life, notice.store))
         if notice.extend_usec:
             self.feed(seen.StartExtended(at_ns, life, notice.extend_usec * 1000))
         if notice.ready and notice.epoch is not None and notice.hash is not None:
@@ -324,7 +348,7 @@ def _audit_lines(reading: Reading) -> list[dict[str, object]]:
 
 def _ended_unasked(task: asyncio.Task[None]) -> None:
     if not task.cancelled():
-        _die("the watch or the feed ended", task.exception())
+        _die("the watch, the feed or the probing ended", task.exception())
 
 
 def _die(what: str, error: object) -> NoReturn:

@@ -62,6 +62,11 @@ def ship_policy(folders: Folders) -> None:
             files.write_whole(folders.policy, shipped_text().encode())
 
 
+def core_limits(policy: Policy) -> lives.CoreLimits:
+    """Return what a core is told of the policy."""
+    return lives.CoreLimits(policy.transaction_timeout_ms, policy.memory_limit_mb << 20)
+
+
 def wanted(folders: Folders) -> Wanted:
     """Return what the operator wants; UP when nobody has said anything."""
     stored = files.read_json(folders.state / "wanted.json").get("wanted")

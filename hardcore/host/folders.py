@@ -46,6 +46,11 @@ class Folders:
         return self.data / "state"
 
     @property
+    def store(self) -> Path:
+        """The ledger's store. Never opened by the guard: only asked about."""
+        return self.data / "ledger.db"
+
+    @property
     def incidents(self) -> Path:
         """One folder for each incident."""
         return self.data / "incidents"
@@ -89,6 +94,11 @@ class Folders:
     def sentinel(self) -> Path:
         """Who the sentinel is."""
         return self.run / "sentinel.json"
+
+    @property
+    def capability(self) -> Path:
+        """What this machine lets the guard see of a process."""
+        return self.run / "capability.json"
 
     @property
     def exits(self) -> Path:

@@ -7,7 +7,25 @@ from collections.abc import Iterator
 from pathlib import Path
 
 DATAGRAMS_A_TURN_MAX = 64
+#: What is passed over is told at once, and then this seldom however much comes.
+TELL_EVERY_NS = 60_000_000_000
 _CREDENTIALS = struct.Struct("3i")
+
+
+class Tally:
+    """Counts datagrams that are passed over, so that a flood of them can't fill the log."""
+
+    def __init__(self) -> None:
+        self._untold = 0
+        self._told_ns: int | None = None
+
+    def count(self, at_ns: int) -> int:
+        """Count one more; return how many are to be told of now, mostly 0."""
+        self._untold += 1
+        if self._told_ns is not None and at_ns - self._told_ns < TELL_EVERY_NS:
+            return 0
+        told, self._untold, self._told_ns = self._untold, 0, at_ns
+        return told
 
 
 class NotifySocket:
