@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, assert_never
 
@@ -24,6 +25,7 @@ from hardcore.model import observations as seen
 from hardcore.senses import Senses
 from hardcore.snapshot import writer
 from hardcore.snapshot.filing import Filing
+from hardcore.snapshot.image import ImageLimits
 from hardcore.snapshot.stacks import find_tools
 from hardcore.snapshot.subject import Evidence, Subject
 
@@ -42,11 +44,20 @@ GONE_S = 10.0
 WATCHDOG_USEC = 2_000_000
 
 
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The numbers of the policy that the hands need: what a core is told, and what a memory image may cost."""
+
+    core: CoreLimits
+    image: ImageLimits
+
+
 class Executor:
     """Carries out orders.
 
     `tell` takes the facts, `publish` the lines for the gateway; `still_ours` ends the process if another guard
-    may act by now, and is asked on a hand's thread before every deed. `limits` are told to each core.
+    may act by now, and is asked on a hand's thread before every deed. Without `bounds` a core is told no limits
+    and no memory is written out.
     """
 
     def __init__(
@@ -56,7 +67,7 @@ class Executor:
         tell: Callable[[seen.Observation], None],
         publish: Callable[[Mapping[str, object]], None],
         still_ours: Callable[[], None],
-        limits: CoreLimits | None = None,
+        bounds: Bounds | None = None,
     ) -> None:
         self.lives: dict[int, Life] = {}
         self.leftovers: tuple[Life, ...] = ()
@@ -73,7 +84,7 @@ class Executor:
         self._publish = publish
         self._still_ours = still_ours
         self._log = logs.LogThread(logs.LogFile(folders.logs / "sentinel.log"))
-        self._limits = limits
+        self._bounds = bounds
         self.tools = find_tools()
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
         self._tasks: set[asyncio.Task[None]] = set()
@@ -194,7 +205,7 @@ class Executor:
                 order.expected_epoch,
                 order.witness,
                 WATCHDOG_USEC,
-                limits=self._limits,
+                limits=self._bounds.core if self._bounds else None,
                 safe=None if order.safe is None else str(order.safe),
             )
         except BaseException:
@@ -314,7 +325,10 @@ class Executor:
         if order.living:
             if order.stop:
                 await self.in_hand(self.mark, "stop")
-            taken = await writer.take_live(subject, order.budget_ms, self.pool, self.tools, stop=order.stop)
+            image = self._bounds.image if self._bounds is not None and order.image else None
+            taken = await writer.take_live(
+                subject, order.budget_ms, self.pool, self.tools, stop=order.stop, image=image
+            )
         else:
             taken = await writer.take_dead(subject, order.budget_ms, self.pool, life.sample)
         whole = isinstance(taken, Evidence) and taken.complete

@@ -85,7 +85,7 @@ class Runtime:
             self.feed,
             self.publish,
             self._still_ours,
-            standing.core_limits(self.policy),
+            standing.bounds(self.policy),
         )
         self.senses = self.executor.senses
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
@@ -109,7 +109,10 @@ class Runtime:
         await self.control.start()
         self._begin()
         self.executor.begin(self.gatekeeper.start())
-        tasks = [loop.create_task(work) for work in (self._watch(), self._feed_on())]
+        self.executor.begin(self.senses.examine())
+        self.senses.begin_survey(self.policy.survey_interval_ms / 1000)
+        probing = self.senses.probe_on(self._serving, self.policy.probe_interval_ms / 1000)
+        tasks = [loop.create_task(work) for work in (self._watch(), self._feed_on(), probing)]
         for task in tasks:
             task.add_done_callback(_ended_unasked)
         await self.executor.halted.wait()

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-from hardcore.host import clock, core_control, locks, probe
+from hardcore.host import capability, clock, core_control, files, locks, probe
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.survey import Survey
@@ -114,6 +114,19 @@ class Senses:
                     answered = health is not None
                     self._tell(seen.Probed(clock.now_ns(), life.number, asked_ns, answered, epoch, seq))
             await asyncio.sleep(max(0.0, due - loop.time()))
+
+    async def examine(self) -> None:
+        """Try what this machine lets us see, and leave it in the run folder for whoever asks."""
+
+        def dump(pid: int) -> str:
+            found = stacks.sample(pid, self._tools, clock.now_ns() + STACKS_MS * 1_000_000)
+            return found if isinstance(found, str) else ""
+
+        def work() -> None:
+            told = capability.examine(self._tools.py_spy, self._tools.gcore, dump)
+            files.write_json(self._folders.capability, told, durable=False)
+
+        await self._on_thread(work)
 
     # ---- the survey ----
 

@@ -4,9 +4,11 @@ import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from hardcore.executor import Bounds
 from hardcore.host import clock, files, lives
 from hardcore.host.folders import Folders
 from hardcore.host.ids import new_id
+from hardcore.host.lives import CoreLimits
 from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import (
     POLICY_BYTES_MAX,
@@ -15,6 +17,7 @@ from hardcore.recovery.policy import (
     read_policy,
     shipped_text,
 )
+from hardcore.snapshot.image import ImageLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +65,12 @@ def ship_policy(folders: Folders) -> None:
             files.write_whole(folders.policy, shipped_text().encode())
 
 
-def core_limits(policy: Policy) -> lives.CoreLimits:
-    """Return what a core is told of the policy."""
-    return lives.CoreLimits(policy.transaction_timeout_ms, policy.memory_limit_mb << 20)
+def bounds(policy: Policy) -> Bounds:
+    """Return the numbers of a policy that the hands need."""
+    return Bounds(
+        CoreLimits(policy.transaction_timeout_ms, policy.memory_limit_mb << 20),
+        ImageLimits(policy.memory_image_budget_ms, policy.memory_image_mb_max << 20),
+    )
 
 
 def wanted(folders: Folders) -> Wanted:
