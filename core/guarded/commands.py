@@ -28,13 +28,31 @@ class Stage(IntEnum):
     ANSWERING = 5
 
 
-# Where the single words of an entry stand, in words of 8 bytes from its start.
-_CRC = 1
-_STARTED, _LIMIT, _LENGTH, _STAGE, _STAGE_SINCE, _THREAD, _ORDINAL, _PROGRESS = 2, 3, 4, 8, 9, 10, 11, 12
-_FINISHED, _OUTCOME, _INDEX, _FINISHED_STARTED = 2, 3, 4, 5
+# Looked up once: a member of an enum costs as much as the store of it.
+_FREE, _QUEUED = int(Stage.FREE), int(Stage.QUEUED)
 
+# Where the single words of a slot stand, in words of 8 bytes from its start.
+_STAGE, _STAGE_SINCE, _THREAD, _ORDINAL, _PROGRESS = 8, 9, 10, 11, 12
+
+# An entry is made elsewhere and copied into its place in one go: its CRC and what the CRC covers, except that
+# a slot's single words stand between the two parts of that.
+_CRC = Struct("<Q")
+_SLOT_NUMBERS = Struct("<3Q24x")  # started, limit, payload length
+_SLOT_SINGLES = Struct("<5Q24x")
+_FINISHED_NUMBERS = Struct("<4Q80x")  # finished, outcome, index, started
 _TEXTS = Struct("40s32s32s40s240s512s")
+_TEXTS_KEPT_BYTES = page.FINISHED_BYTES - page.TEXTS_AT
 assert _TEXTS.size == page.SLOT_BYTES - page.TEXTS_AT, "a slot's texts fill it to its end"
+
+
+class _Own(threading.local):
+    """The kernel's id of each thread, asked once: it is a system call."""
+
+    def __init__(self) -> None:
+        self.thread = threading.get_native_id()
+
+
+_own = _Own()
 
 
 def _key_hash(key: str | None) -> bytes:
@@ -52,6 +70,9 @@ class CommandTable:
         self._words = words
         self._clock = clock
         self._free = list(range(page.SLOTS - 1, -1, -1))
+        # When each command began, and its texts but the payload: the ring gets them from here and not from the
+        # page, where a stray store may have spoiled them.
+        self._begun: list[tuple[int, bytes] | None] = [None] * page.SLOTS
         self._submitted = 0
         self._completed = 0
 
@@ -76,8 +97,6 @@ class CommandTable:
         if not self._free:
             return None
         slot = self._free.pop()
-        at = page.SLOTS_AT + slot * page.SLOT_BYTES
-        word = at >> 3
         now_ns = self._clock()
         texts = _TEXTS.pack(
             page.cut(command_id, page.ID_BYTES_MAX),
@@ -87,22 +106,13 @@ class CommandTable:
             page.join_ids(account_ids),
             payload[: page.PAYLOAD_BYTES_MAX],
         )
-        words, view = self._words, self._bytes
-        lock = words[word]
-        words[word] = lock + 1
-        words[word + _STARTED] = now_ns
-        words[word + _LIMIT] = limit_ns
-        words[word + _LENGTH] = len(payload)
-        view[at + page.TEXTS_AT : at + page.SLOT_BYTES] = texts
-        words[word + _CRC] = zlib.crc32(texts, zlib.crc32(view[at + 16 : at + 64]))
-        words[word + _STAGE_SINCE] = now_ns
-        words[word + _THREAD] = threading.get_native_id()
-        words[word + _ORDINAL] = 0
-        words[word + _PROGRESS] = 0
-        words[word + _STAGE] = Stage.QUEUED
-        words[word] = lock + 2
+        self._begun[slot] = now_ns, texts[:_TEXTS_KEPT_BYTES]
+        numbers = _SLOT_NUMBERS.pack(now_ns, limit_ns, len(payload))
+        singles = _SLOT_SINGLES.pack(_QUEUED, now_ns, _own.thread, 0, 0)
+        crc = _CRC.pack(zlib.crc32(texts, zlib.crc32(numbers)))
+        self._put(page.SLOTS_AT + slot * page.SLOT_BYTES, crc + numbers + singles + texts)
         self._submitted += 1
-        words[page.SUBMITTED_AT >> 3] = self._submitted
+        self._words[page.SUBMITTED_AT >> 3] = self._submitted
         return slot
 
     def stage(self, slot: int, stage: Stage) -> None:
@@ -112,7 +122,7 @@ class CommandTable:
         # The stage comes last: a reader must never see DECIDING with the time at which it was queued,
         # or a command that has only just begun would look overdue.
         words[word + _STAGE_SINCE] = self._clock()
-        words[word + _THREAD] = threading.get_native_id()
+        words[word + _THREAD] = _own.thread
         words[word + _STAGE] = stage
 
     def ordinal(self, slot: int, n: int) -> None:
@@ -126,26 +136,29 @@ class CommandTable:
 
     def finish(self, slot: int, status: int) -> None:
         """Move the command to the finished ring with its HTTP status; free the slot. Loop thread only."""
-        start = page.SLOTS_AT + slot * page.SLOT_BYTES
-        words, view = self._words, self._bytes
-        assert words[(start >> 3) + _STAGE] != Stage.FREE, f"slot {slot} is finished twice"
-        at = page.FINISHED_AT + (self._completed % page.FINISHED) * page.FINISHED_BYTES
-        word = at >> 3
+        begun = self._begun[slot]
+        assert begun is not None, f"slot {slot} is finished twice"
+        self._begun[slot] = None
         now_ns = self._clock()
-        lock = words[word]
-        words[word] = lock + 1
-        words[word + _FINISHED] = now_ns
-        words[word + _OUTCOME] = status
-        words[word + _INDEX] = self._completed + 1
-        words[word + _FINISHED_STARTED] = words[(start >> 3) + _STARTED]
-        view[at + page.TEXTS_AT : at + page.FINISHED_BYTES] = view[
-            start + page.TEXTS_AT : start + page.FINISHED_BYTES
-        ]
-        words[word + _CRC] = zlib.crc32(view[at + 16 : at + page.FINISHED_BYTES])
-        words[word] = lock + 2
+        started_ns, texts = begun
+        numbers = _FINISHED_NUMBERS.pack(now_ns, status, self._completed + 1, started_ns)
+        crc = _CRC.pack(zlib.crc32(texts, zlib.crc32(numbers)))
+        self._put(
+            page.FINISHED_AT + (self._completed % page.FINISHED) * page.FINISHED_BYTES, crc + numbers + texts
+        )
+        words = self._words
         # Freed only now: a death in between shows the command in both places, never in none.
-        words[(start >> 3) + _STAGE] = Stage.FREE
+        words[((page.SLOTS_AT + slot * page.SLOT_BYTES) >> 3) + _STAGE] = _FREE
         self._free.append(slot)
         self._completed += 1
         words[page.COMPLETED_NS_AT >> 3] = now_ns
         words[page.COMPLETED_AT >> 3] = self._completed
+
+    def _put(self, at: int, entry: bytes) -> None:
+        """Copy an entry to `at` under its lock, which is the word before it."""
+        words = self._words
+        word = at >> 3
+        lock = words[word]
+        words[word] = lock + 1
+        self._bytes[at + 8 : at + 8 + len(entry)] = entry
+        words[word] = lock + 2

@@ -85,6 +85,9 @@ def join_ids(ids: Iterable[str], bytes_max: int = ACCOUNTS_BYTES_MAX) -> bytes:
     Half an account's name could be another account's whole name, so the list is cut between ids; only an
     id that would not fit even alone is cut inside.
     """
+    joined = " ".join(ids).encode("utf-8", "replace")
+    if len(joined) <= bytes_max:
+        return joined
     joined = b""
     for name in ids:
         longer = joined + b" " + name.encode("utf-8", "replace") if joined else cut(name, bytes_max)
