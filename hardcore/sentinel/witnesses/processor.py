@@ -112,7 +112,7 @@ class Processor:
         waits = (
             not now.busy
             and _asks(span, last.beat, now.beat)
-            and (_asks(span, last.loop, now.loop) or _holds_asleep(last.loop, now.loop))
+            and (_asks(span, last.loop, now.loop) or _sleeps(last.loop, now.loop))
         )
         if not self._idle.since_ns:
             self._idle_spent_ns = 0
@@ -156,17 +156,20 @@ def _asks(span: Span, last: ThreadSample | None, now: ThreadSample | None) -> bo
     return (now.switches - last.switches) * 1_000_000_000 >= ASKING_PER_S * span.for_ns
 
 
-def _holds_asleep(last: ThreadSample | None, now: ThreadSample | None) -> bool:
-    """Whether the thread sleeps, without any processor time, in something that is no lock."""
+def _sleeps(last: ThreadSample | None, now: ThreadSample | None) -> bool:
+    """Whether the thread sleeps in one place, without any processor time."""
     return (
         last is not None
         and now is not None
         and last.state == now.state == "S"
         and last.cpu_ns == now.cpu_ns
         and last.waits_in == now.waits_in
-        and bool(now.waits_in)
-        and "futex" not in now.waits_in
     )
+
+
+def _holds_asleep(last: ThreadSample | None, now: ThreadSample | None) -> bool:
+    """Whether it is the thread itself that has the interpreter: it sleeps, and not as one that waits for a lock."""
+    return now is not None and _sleeps(last, now) and now.waits_in != "" and "futex" not in now.waits_in
 
 
 def _starves(span: Span, last: ThreadSample | None, now: ThreadSample | None) -> bool:
