@@ -19,6 +19,7 @@ from typing import Final, TypeVar, assert_never
 import msgspec
 
 from core import frames
+from core.guarded.naming import ids_shown
 from core.guarded.recorder import FlightRecorder
 from core.hub import Frame
 from core.imports import judging
@@ -34,6 +35,7 @@ from core.journal.answers import (
     KeyUnknown,
     Leaving,
     OutcomeUnknown,
+    ReadOnly,
     Refused,
     StoreBusy,
     status_of,
@@ -72,7 +74,7 @@ class Duplicate:
 
 
 class Stopped:
-    """The core leaves: what became of the row the next one will find out."""
+    """The core leaves, or serves reads only: what became of the row is found out by asking again, later."""
 
 
 Outcome = Booked | Duplicate | Problem | Stopped
@@ -144,7 +146,8 @@ class Importer:
 
     async def _until_idle(self) -> None:
         while self._jobs and not self._service.draining:
-            if all(job.end_again_ns > time.monotonic_ns() for job in self._jobs):
+            waits = all(job.end_again_ns > time.monotonic_ns() for job in self._jobs)
+            if waits or self._service.safe is not None:
                 self._component.beat()
                 await asyncio.sleep(AGAIN_AFTER_S)  # a disk that has room again tells nobody
                 continue
@@ -218,7 +221,7 @@ class Importer:
     async def _book(self, candidate: Candidate, command: RecordEntry, key: str) -> Outcome | None:
         """Ask the ledger once; None where it could not be asked now."""
         transaction_id, account_ids = command.id, accounts_of(command)
-        account_id = " ".join(account_ids)  # noqa: F841  for whoever asks for tasks
+        account_id = ids_shown(account_ids)  # noqa: F841  for whoever asks for tasks
         with holding(
             self._service,
             KIND,
@@ -298,7 +301,7 @@ def meaning_of(answer: Answer, candidate: Candidate) -> tuple[int, Outcome | Non
             return UNANSWERED, Problem(candidate.line, FAILED_INSIDE, shown(candidate.cells))
         case StoreBusy():
             return BUSY, None
-        case OutcomeUnknown() | Leaving():
+        case OutcomeUnknown() | Leaving() | ReadOnly():
             return BUSY, Stopped()
         case KeyUnknown():
             raise AssertionError("only a look-up is told this")

@@ -14,6 +14,7 @@ from sqlalchemy import Connection
 from starlette.requests import Request
 from starlette.responses import Response
 
+from core.guarded.naming import ids_shown
 from core.journal.answers import (
     Answer,
     DecisionFailed,
@@ -22,6 +23,7 @@ from core.journal.answers import (
     KeyUnknown,
     Leaving,
     OutcomeUnknown,
+    ReadOnly,
     Refused,
     StoreBusy,
 )
@@ -31,7 +33,7 @@ from core.ledger.reasons import Rejection
 from core.service import Draining, Held, NoSlot, ReadTooLong, Service, holding
 from core.web.door import take_slot
 from core.web.intake import digest_of, idempotency_key
-from core.web.problems import PROBLEM_KINDS, Outcome, Problem, ProblemError, refusal
+from core.web.problems import PROBLEM_KINDS, Outcome, Problem, ProblemError, refusal, safe_mode
 
 T = TypeVar("T")
 
@@ -80,7 +82,7 @@ async def read(
     payload = request.url.query.encode("utf-8", "replace")
     slot = begin(request, kind, payload, transaction_id=transaction_id, account_ids=account_ids)
     found = await service_of(request).read(
-        slot, question, transaction_id=transaction_id, account_id=" ".join(account_ids)
+        slot, question, transaction_id=transaction_id, account_id=ids_shown(account_ids)
     )
     if isinstance(found, ReadTooLong):
         raise ProblemError(Problem("read-too-long"))
@@ -136,6 +138,8 @@ def respond_with(answer: Answer) -> Response:
             raise ProblemError(Problem("outcome-unknown"))
         case Leaving():
             raise ProblemError(Problem("leaving"))
+        case ReadOnly(reason):
+            raise ProblemError(safe_mode(reason))
         case DecisionFailed(text):
             logger.error("A command could not be decided: %s", text)
             raise ProblemError(Problem("internal", outcome=Outcome.NOT_DONE))

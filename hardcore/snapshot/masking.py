@@ -21,16 +21,16 @@ _SECRET_NAME = re.compile(
 )
 
 _ID = r"[\w:.-]{1,120}"
+_IDS = rf"{_ID}(?:,{_ID}){{0,31}}"  # a core's frame names several in one text
 _NUMBER = r"-?\d[\d.,]{0,30}"
 _WORD = r"[A-Za-z_]{1,40}"
 _MOMENT = r"\d{4}-\d\d-\d\d(?:T[\d:.+-]{5,24}Z?)?"
 
 #: The names whose values may be shown, each with the form that the value must have.
 _SHOWN: dict[str, str] = {
-    **dict.fromkeys(
-        ("account", "account_id", "account_ids", "command_id", "entry", "entry_id", "id", "import_id"), _ID
-    ),
-    **dict.fromkeys(("key_hash", "lock_name", "reverses", "transaction", "transaction_id"), _ID),
+    **dict.fromkeys(("account_id", "account_ids", "transaction_id"), _IDS),
+    **dict.fromkeys(("account", "command_id", "entry", "entry_id", "id", "import_id"), _ID),
+    **dict.fromkeys(("key_hash", "lock_name", "reverses", "transaction"), _ID),
     **dict.fromkeys(
         ("amount", "epoch", "expected_seq", "generation", "held_by", "ordinal", "seq"), rf"{_NUMBER}|"
     ),
@@ -140,8 +140,8 @@ def mask_shapes(text: str) -> str:
 
 
 def is_id(text: str) -> bool:
-    """Tell whether `text` has the form of an id and looks like no secret."""
-    return re.fullmatch(_ID, text) is not None and _masked_text(text) == text
+    """Tell whether `text` has the form of an id, or of several with commas between, and looks like no secret."""
+    return re.fullmatch(_IDS, text) is not None and _masked_text(text) == text
 
 
 def _has_form(name: str, value: str) -> bool:
