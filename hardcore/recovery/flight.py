@@ -39,8 +39,6 @@ NOTES_MAX = 8_192
 #: A recording that would be longer is of the newer stretch alone, or ends early and says so.
 RECORDING_BYTES_MAX = 6 << 20
 
-#: What belongs to the shell around a manager: not remembered, and given anew to one that goes on.
-_OUTSIDE = frozenset({"policy", "_new_id", "_jitter", "_actions", "_transitions"})
 #: Rooms whose values a state, a fact or an order may be made of.
 _ROOMS = ("hardcore.model.", "hardcore.sentinel.", "hardcore.recovery.")
 
@@ -71,14 +69,14 @@ CODEC = Codec(
 
 def state_of(manager: FailoverManager) -> Json:
     """Return all that a manager remembers, or raise `UnencodableError`. Its orders must have been taken."""
-    return CODEC.encode({name: value for name, value in vars(manager).items() if name not in _OUTSIDE})
+    return CODEC.encode(dict(manager.state()))
 
 
 def resume(manager: FailoverManager, state: dict[str, Any]) -> str | None:
     """Give a new manager what another one remembered, decoded; return what is wrong with that, if anything is."""
-    if strange := {name for name in vars(manager) if name not in _OUTSIDE} ^ set(state):
+    if strange := set(manager.state()) ^ set(state):
         return f"it remembers other things than this version: {', '.join(sorted(map(str, strange)))}"
-    vars(manager).update(state)
+    manager.resume(state)
     return None
 
 

@@ -2,10 +2,11 @@
 
 from typing import assert_never
 
-from hardcore.model.phases import Phase
+from hardcore.model.phases import SERVING, Phase
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, backoff_ns
 from hardcore.recovery.policy import Policy, Word
+from hardcore.recovery.safety import DISK
 from hardcore.sentinel.verdict import Patience
 
 #: Evidence that overruns its budget is given this much longer to hand over what it has.
@@ -21,6 +22,11 @@ def patience(policy: Policy) -> Patience:
         policy.health_check_timeout_ms,
         policy.confirm_deadlock_ms,
         policy.confirm_hang_ms,
+        gc_grace_ms=policy.gc_grace_ms,
+        transaction_ms=policy.transaction_timeout_ms,
+        memory_bytes=policy.memory_limit_mb << 20,
+        disk_floor_bytes=policy.disk_floor_mb << 20,
+        disk_slow_ms=policy.disk_slow_ms,
     )
 
 
@@ -34,10 +40,23 @@ def hopeless(policy: Policy, diagnosis: Diagnosis, *, spent: bool) -> Diagnosis 
     return Diagnosis.CRASH_LOOP if spent else None
 
 
-def waits_for(phase: Phase, reason: Diagnosis | None) -> str | None:
-    """Return what keeps the guard from going on by itself, or None while it does."""
+def may_read(policy: Policy, reason: Diagnosis | None, *, tried: bool) -> bool:
+    """Return whether a core is started to serve reads only, since for `reason` another try makes no sense.
+
+    `tried`: such a core was the last one; what ended it would end its like.
+    """
+    return reason is not None and not tried and policy.asks(reason, Word.SAFE_MODE_ENTER)
+
+
+def waits_for(phase: Phase, reason: Diagnosis | None, safe: Diagnosis | None) -> str | None:
+    """Return what keeps the guard from going on by itself, or None while it does.
+
+    `safe`: why reads only are served. Room on a disk is looked for by itself; anything else a person has to mend.
+    """
     if phase is Phase.UNKILLABLE:
         return str(phase)
+    if phase in SERVING:
+        return str(safe) if safe is not None and safe not in DISK else None
     return str(reason) if phase is Phase.FATAL and reason else None
 
 
@@ -51,11 +70,14 @@ def pause_ns(policy: Policy, tries: int, jitter: float) -> int:
     return policy.restart_delay_ms * NS_PER_MS
 
 
-def limit_ns(policy: Policy, phase: Phase, pause: int, reason: Diagnosis | None) -> int | None:
+def limit_ns(
+    policy: Policy, phase: Phase, pause: int, reason: Diagnosis | None, *, imaged: bool = False
+) -> int | None:
     """Return how long `phase` may last, in ns, or None for as long as it takes.
 
     `pause` is BACKOFF's own length; `reason` is why FATAL was entered: only a spent budget comes back by
-    itself, since time alone heals neither a bad configuration nor a damaged ledger.
+    itself, since time alone heals neither a bad configuration nor a damaged ledger. `imaged`: an image of the
+    memory was ordered with the evidence.
     """
     match phase:
         case Phase.ADOPTING | Phase.KILLING:
@@ -65,7 +87,8 @@ def limit_ns(policy: Policy, phase: Phase, pause: int, reason: Diagnosis | None)
         case Phase.PROBATION:
             return policy.probation_ms * NS_PER_MS
         case Phase.SNAPSHOT_LIVE:
-            return (policy.snapshot_budget_ms + EVIDENCE_SLACK_MS) * NS_PER_MS
+            image_ms = policy.memory_image_budget_ms if imaged else 0
+            return (policy.snapshot_budget_ms + image_ms + EVIDENCE_SLACK_MS) * NS_PER_MS
         case Phase.STOPPING:
             return policy.stop_timeout_ms * NS_PER_MS
         case Phase.BACKOFF:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from hardcore.model.observations import LedgerAudited
 from hardcore.model.phases import Face, HAState, Phase, Wanted
-from hardcore.model.verdicts import Verdict
+from hardcore.model.verdicts import Diagnosis, Verdict
 from hardcore.recovery.transitions import Trigger
 
 
@@ -28,7 +28,7 @@ class Reading:
     face: Face
     stage: int | None
     since_ns: int
-    fault_ns: int | None  # when the fault of the open incident began
+    fault_ns: int | None  # when the outage that the open incident is about began
     wanted: Wanted
     life: int
     epoch: int | None
@@ -39,3 +39,4 @@ class Reading:
     late_ticks: int
     deaths: int
     audit: LedgerAudited | None
+    safe: Diagnosis | None = None  # why the serving core answers reads only

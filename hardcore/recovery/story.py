@@ -12,6 +12,7 @@ from hardcore.model.observations import DeathNote, Exit, LedgerAudited, Proof, R
 from hardcore.model.recorder import CommandNote, LastWords, Page, Witness
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 from hardcore.recovery import trial
+from hardcore.recovery.suspicion import Growth
 from hardcore.sentinel.deaths import Death
 
 DEATHS_MAX = 64
@@ -19,7 +20,12 @@ EVIDENCE_MAX = 64
 IN_FLIGHT_MAX = 1024
 REQUESTS_MAX = 4096
 SUSPECTS_MAX = 4096
+BLAMED_MAX = 64
 _FIRST = frozenset({"fault", "detected", "alerted", "frozen", "dumped", "killed"})
+#: Steps of an outage: while everybody is served they mean nothing.
+_OF_AN_OUTAGE = frozenset(
+    {"alerted", "frozen", "killed", "spawned", "fenced", "ready", "verified", "serving"}
+)
 
 
 @dataclass(slots=True)
@@ -30,11 +36,15 @@ class Trouble:
     fault_ns: int
     exit: Exit | None = None
     page: Page | None = None
+    blamed: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
 class Story:
-    """What is known so far. `life` is the core it is about."""
+    """What is known so far. `life` is the core it is about.
+
+    `down`: it is about an outage that is not over. `safe`: reads only were served in it.
+    """
 
     id: str
     opened_ns: int
@@ -57,10 +67,13 @@ class Story:
     witness: Witness | None = None
     next_epoch: int | None = None
     audit: LedgerAudited | None = None
+    blamed: tuple[str, ...] = ()
+    down: bool = True
+    safe: bool = False
 
     def mark(self, name: str, at_ns: int) -> None:
         """Note a step of the timeline."""
-        if name in _FIRST and name in self.steps:
+        if (name in _FIRST and name in self.steps) or (name in _OF_AN_OUTAGE and not self.down):
             return
         self.steps[name] = at_ns
 
@@ -70,22 +83,34 @@ class Story:
         if len(self.deaths) < DEATHS_MAX:
             self.deaths.append(DeathNote(at_ns, diagnosis, how))
 
+    def falls(self, fault_ns: int, now_ns: int) -> None:
+        """Note that nobody is served any more. Where somebody was until now, the outage begins with this."""
+        if not self.down:
+            self.steps = {"fault": fault_ns, "detected": now_ns}
+        self.down = True
+
+    def blame(self, facts: tuple[Testimony, ...], commands: tuple[str, ...]) -> None:
+        """Note what a judgement rests on, and the commands that it names."""
+        self.add_evidence(facts)
+        self.blamed = tuple(dict.fromkeys((*self.blamed, *commands)))[:BLAMED_MAX]
+
     def add_evidence(self, facts: tuple[Testimony, ...]) -> None:
         """Add facts that are not there yet."""
         for fact in facts:
             if fact not in self.evidence and len(self.evidence) < EVIDENCE_MAX:
                 self.evidence.append(fact)
 
-    def add_page(self, page: Page | None, blame: Diagnosis) -> None:
+    def add_page(self, page: Page | None, blame: Diagnosis, growth: Growth | None = None) -> None:
         """Take over what a recorder page says, keeping what an earlier one said of commands in flight.
 
-        `blame` is the diagnosis of the life whose page it is, which decides whether its commands are suspects.
+        `blame` is the diagnosis of the life whose page it is, which decides whether its commands are suspects;
+        `growth` is how that life's memory went.
         """
         if page is None:
             return
         self.last_words = self.last_words or page.last_words
         self.witness = page.witness or self.witness
-        new = trial.suspects(blame, page.in_flight)
+        new = trial.suspects(blame, page.in_flight, growth)
         added = tuple(key for key in new if key not in self.suspects)
         self.suspects = (self.suspects + added)[:SUSPECTS_MAX]
         seen = {note.command_id for note in self.in_flight}
@@ -124,13 +149,22 @@ class Story:
             outcome=outcome,
             waits_for=waits_for,
             closed_ns=now_ns,
+            blamed=self.blamed,
         )
 
 
 def begin(
-    known: str, old: Story | None, trouble: Trouble, life: int, epoch: int, now_ns: int, *, planned: bool
+    known: str,
+    old: Story | None,
+    trouble: Trouble,
+    life: int,
+    epoch: int,
+    now_ns: int,
+    *,
+    planned: bool,
+    down: bool = True,
 ) -> Story:
-    """Begin the story of a trouble under the id `known`.
+    """Begin the story of a trouble under the id `known`. `down`: nobody is served because of it.
 
     `old` is an incident that the operator had opened and that a death has overtaken: it becomes the death's.
     """
@@ -147,6 +181,7 @@ def begin(
         in_flight=old.in_flight if old else (),
         suspects=old.suspects if old else (),
         requests=old.requests if old else (),
+        down=down,
     )
     story.mark("fault", old.steps["fault"] if old else trouble.fault_ns)
     story.mark("detected", now_ns)

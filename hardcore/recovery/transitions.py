@@ -5,11 +5,17 @@ clocks. It is total: a cell that is not listed means STAY, so no fact can surpri
 in the manual are drawn from it.
 
 How to read a death. A core that ends, however, leads to BACKOFF: the one phase without a process in which
-the next step is decided. On entering it three questions are asked, in this order, and the first that holds
-is taken at once (*state-triggered*, `ON_ENTRY`): does the operator want no core (UNWANTED)? is there no
-sense in another try (HOPELESS)? is there nothing to wait for (NO_DELAY)? Only if none holds does BACKOFF
-last, until its deadline. UNKILLABLE asks the first of them. So a STOP given at any moment before is never forgotten: it is kept as `wanted`
-and asked for here.
+the next step is decided. On entering it four questions are asked, in this order, and the first that holds
+is taken at once (*state-triggered*, `ON_ENTRY`): does the operator want no core (UNWANTED)? is there no sense
+in another try, but a core may still serve reads (READS_ONLY)? is there no sense in it at all (HOPELESS)? is there
+nothing to wait for (NO_DELAY)? Only if none holds does BACKOFF last, until its deadline. UNKILLABLE asks the first
+of them. So a STOP given at any moment before is never forgotten: it is kept as `wanted` and asked for here.
+
+How to read a trouble. A verdict that a restart would not help (TROUBLED) leaves the core where it is: an incident
+is opened without a death, the evidence is taken beside the running core, and it is told to serve reads only where the
+policy says so. Whether it does is no phase of its own but a value beside the phase (`safety.py`): a core that reads
+only may be late, lost, stopped or killed like any other, and a second set of phases would have doubled the table.
+A core that was *started* to read only leaves that by being changed for another (RENEW).
 
 Why a dead core has no phase for its evidence: its recorder page is never reused, so it can be read at the
 wake-up (1 ms) and copied beside the restart; a phase in which to wait would only make the outage longer.
@@ -35,6 +41,8 @@ class Trigger(StrEnum):
     STOP = "STOP"  # the operator wants no core
     RESTART = "RESTART"  # the operator wants a new core, the old one may finish
     RESTART_HARD = "RESTART_HARD"  # the same, at once
+    RESTART_IMAGED = "RESTART_IMAGED"  # the same, with an image of the old one's memory
+    RENEW = "RENEW"  # a core that was started to read only has its time to make room for one that may write
     RESUME = "RESUME"  # the operator says: try again
     SPAWNED = "SPAWNED"  # the process exists
     SPAWN_FAILED = "SPAWN_FAILED"
@@ -44,9 +52,12 @@ class Trigger(StrEnum):
     LATE = "LATE"  # the verdict is yellow
     ON_TIME = "ON_TIME"  # the verdict is green
     LOST = "LOST"  # the verdict is red
+    TROUBLED = "TROUBLED"  # it is red anew, and a restart would not help
+    EASED = "EASED"  # nothing has been heard of that for long enough
     EVIDENCE_TAKEN = "EVIDENCE_TAKEN"
     DEADLINE = "DEADLINE"
     UNWANTED = "UNWANTED"  # state-triggered, see above
+    READS_ONLY = "READS_ONLY"
     HOPELESS = "HOPELESS"
     NO_DELAY = "NO_DELAY"
 
@@ -55,13 +66,17 @@ class Step(StrEnum):
     """What is done on the way; the FailoverManager turns each into an order with its particulars."""
 
     SPAWN = "SPAWN"
+    SPAWN_READER = "SPAWN_READER"  # a core that serves reads only
     TERMINATE = "TERMINATE"
     KILL = "KILL"
     KILL_LEFTOVERS = "KILL_LEFTOVERS"
     OPEN = "OPEN"  # an incident, or a further death in the open one
     OPEN_PLANNED = "OPEN_PLANNED"  # an incident that the operator asked for
+    OPEN_TROUBLE = "OPEN_TROUBLE"  # an incident without a death, or a further trouble in the open one
     EVIDENCE_LIVE = "EVIDENCE_LIVE"
+    EVIDENCE_BESIDE = "EVIDENCE_BESIDE"  # of a core that goes on
     EVIDENCE_DEAD = "EVIDENCE_DEAD"
+    READ_ONLY = "READ_ONLY"  # tell the serving core, if the policy says so
     RELEASE = "RELEASE"
     SETTLED = "SETTLED"  # the core has proven itself: the tries before it are forgotten
     CLOSE = "CLOSE"  # the incident, if one is open
@@ -76,15 +91,17 @@ P, T, S = Phase, Trigger, Step
 
 #: Asked on entering a phase, in this order; the first that holds is taken at once.
 ON_ENTRY: Mapping[Phase, tuple[Trigger, ...]] = {
-    P.BACKOFF: (T.UNWANTED, T.HOPELESS, T.NO_DELAY),
+    P.BACKOFF: (T.UNWANTED, T.READS_ONLY, T.HOPELESS, T.NO_DELAY),
     P.UNKILLABLE: (T.UNWANTED,),
 }
 
 _DIED = (P.BACKOFF, (S.OPEN, S.EVIDENCE_DEAD))
 _JUDGED = (P.SNAPSHOT_LIVE, (S.OPEN, S.EVIDENCE_LIVE))
 _LEAVE = (P.STOPPING, (S.TERMINATE,))
-_RENEW = (P.STOPPING, (S.OPEN_PLANNED, S.TERMINATE))
-_RENEW_HARD = (P.KILLING, (S.OPEN_PLANNED, S.KILL))
+_RENEWED = (P.STOPPING, (S.OPEN_PLANNED, S.TERMINATE))
+_RENEWED_HARD = (P.KILLING, (S.OPEN_PLANNED, S.KILL))
+_RENEWED_IMAGED = (P.SNAPSHOT_LIVE, (S.OPEN_PLANNED, S.EVIDENCE_LIVE))
+_TROUBLE = (S.OPEN_TROUBLE, S.EVIDENCE_BESIDE, S.READ_ONLY)
 _AGAIN = (P.STARTING, (S.FORGET, S.SPAWN))
 
 TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
@@ -104,38 +121,49 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.EXITED: _DIED,
         T.DEADLINE: _JUDGED,
         T.STOP: _LEAVE,
-        T.RESTART_HARD: _RENEW_HARD,
+        T.RESTART_HARD: _RENEWED_HARD,
     },
     P.PROVING: {
         T.READY: (P.PROBATION, (S.RELEASE,)),
         T.EXITED: _DIED,
         T.DEADLINE: _JUDGED,
         T.STOP: _LEAVE,
-        T.RESTART_HARD: _RENEW_HARD,
+        T.RESTART_HARD: _RENEWED_HARD,
     },
     P.PROBATION: {
         T.DEADLINE: (P.RUNNING, (S.SETTLED, S.CLOSE)),
         T.EXITED: _DIED,
         T.LOST: _JUDGED,
         T.STOP: _LEAVE,
-        T.RESTART: _RENEW,
-        T.RESTART_HARD: _RENEW_HARD,
+        T.RESTART: _RENEWED,
+        T.RESTART_HARD: _RENEWED_HARD,
+        T.RESTART_IMAGED: _RENEWED_IMAGED,
+        T.RENEW: _LEAVE,
+        T.TROUBLED: (P.PROBATION, _TROUBLE),
     },
     P.RUNNING: {
         T.LATE: (P.SUSPECT, ()),
         T.EXITED: _DIED,
         T.LOST: _JUDGED,
         T.STOP: _LEAVE,
-        T.RESTART: _RENEW,
-        T.RESTART_HARD: _RENEW_HARD,
+        T.RESTART: _RENEWED,
+        T.RESTART_HARD: _RENEWED_HARD,
+        T.RESTART_IMAGED: _RENEWED_IMAGED,
+        T.RENEW: _LEAVE,
+        T.TROUBLED: (P.RUNNING, _TROUBLE),
+        T.EASED: (P.RUNNING, (S.CLOSE,)),
     },
     P.SUSPECT: {
         T.ON_TIME: (P.RUNNING, ()),
         T.EXITED: _DIED,
         T.LOST: _JUDGED,
         T.STOP: _LEAVE,
-        T.RESTART: _RENEW,
-        T.RESTART_HARD: _RENEW_HARD,
+        T.RESTART: _RENEWED,
+        T.RESTART_HARD: _RENEWED_HARD,
+        T.RESTART_IMAGED: _RENEWED_IMAGED,
+        T.RENEW: _LEAVE,
+        T.TROUBLED: (P.SUSPECT, _TROUBLE),
+        T.EASED: (P.SUSPECT, (S.CLOSE,)),
     },
     P.SNAPSHOT_LIVE: {
         T.EVIDENCE_TAKEN: (P.KILLING, (S.KILL,)),
@@ -168,6 +196,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     },
     P.BACKOFF: {
         T.UNWANTED: (P.STOPPED, (S.CLOSE, S.HALT)),
+        T.READS_ONLY: (P.STARTING, (S.SPAWN_READER,)),
         T.HOPELESS: (P.FATAL, (S.ALERT, S.CLOSE)),
         T.NO_DELAY: (P.STARTING, (S.SPAWN,)),
         T.DEADLINE: (P.STARTING, (S.SPAWN,)),

@@ -177,7 +177,8 @@ def test_deaths_that_have_left_the_window_are_not_shown() -> None:
     [(65, Diagnosis.STORE_CORRUPT), (73, Diagnosis.DISK_FULL), (78, Diagnosis.CONFIG_INVALID)],
 )
 def test_what_a_restart_would_not_heal_waits_for_the_operator(code: int, diagnosis: Diagnosis) -> None:
-    play = Play().begin()
+    waits = frozenset({Word.SEND_ALERT, Word.AWAIT_OPERATOR})
+    play = Play(Policy(actions={diagnosis: waits})).begin()
     play.die(seen.Exit(code=code), a_page(0, words=diagnosis))
     assert play.phase is Phase.FATAL
     assert play.manager.next_deadline_ns() is None

@@ -1,0 +1,109 @@
+"""All that the manager remembers, as one value.
+
+It is data and nothing else: whoever writes it down and gives it to another manager has the same manager, which is
+what `hardcore replay` does. What a manager is *given* (the policy, ids, chance) is kept apart: it is not remembered.
+State spread over the objects that use it was not chosen: nobody could say then what a successor has to know.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from hardcore.model.actions import Action
+from hardcore.model.phases import Phase, StartCause, Wanted
+from hardcore.model.recorder import Witness
+from hardcore.model.verdicts import GREEN, Diagnosis, Verdict
+from hardcore.recovery import plan
+from hardcore.recovery.audit import Audit
+from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
+from hardcore.recovery.curiosity import Curiosity
+from hardcore.recovery.deadline import Deadline
+from hardcore.recovery.drill import PendingDrill
+from hardcore.recovery.policy import Policy
+from hardcore.recovery.reading import Transition
+from hardcore.recovery.safety import Safety, safety
+from hardcore.recovery.store import StoreKnowledge
+from hardcore.recovery.story import Story, Trouble
+from hardcore.recovery.suspicion import Growth
+from hardcore.recovery.troubles import Troubles
+from hardcore.recovery.worry import Worry
+from hardcore.sentinel.verdict import Bench
+from hardcore.sentinel.witnesses.own_stall import LATE_INTERVALS
+
+TRANSITIONS_MAX = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What a manager is given: `new_id` gives incident ids, `jitter` numbers from 0 to 1."""
+
+    policy: Policy
+    new_id: Callable[[], str]
+    jitter: Callable[[], float]
+
+
+@dataclass(slots=True)
+class Course:
+    """The state of one manager. Times are monotonic."""
+
+    given: Given
+    wanted: Wanted
+    budget: Budget
+    deadline: Deadline
+    bench: Bench
+    worry: Worry
+    safety: Safety
+    troubles: Troubles
+    phase: Phase = Phase.STOPPED
+    since_ns: int = 0
+    delay_ns: int = 0
+    cause: StartCause = StartCause.FIRST
+    stage_max: int = 0
+    # The present life.
+    life: int = 0
+    reader: Diagnosis | None = None  # it was started to serve reads only, because of this
+    epoch: int | None = None  # what it serves under
+    challenge: Witness | None = None  # what it has to prove its ledger against
+    blame: Diagnosis = Diagnosis.OPERATOR  # what its end is called
+    term_sent: bool = False
+    verdict: Verdict = GREEN
+    growth: Growth = field(default_factory=Growth)
+    curiosity: Curiosity = field(default_factory=Curiosity)
+    # What outlives it.
+    store: StoreKnowledge = field(default_factory=StoreKnowledge)
+    audit: Audit = field(default_factory=Audit)
+    drill: PendingDrill = field(default_factory=PendingDrill)
+    story: Story | None = None
+    held_ns: int | None = None  # since when the gateway has been holding
+    tries: int = 0  # cores in a row that proved nothing
+    hopeless: Diagnosis | None = None  # why another try makes no sense
+    reader_tried: bool = False  # no core that may write has been started since the last reader
+    trying: Diagnosis | None = None  # the next core finds out whether this reason is over
+    # What one step tells the next on the way.
+    pending: Trouble | None = None
+    troubled: Diagnosis | None = None
+    worth_a_look: bool = False
+    image_asked: bool = False
+    skip_evidence: bool = False
+    actions: list[Action] = field(default_factory=list)
+    transitions: deque[Transition] = field(default_factory=lambda: deque(maxlen=TRANSITIONS_MAX))
+
+    @property
+    def policy(self) -> Policy:
+        """The policy in force."""
+        return self.given.policy
+
+
+def course(given: Given, wanted: Wanted, deaths_ns: tuple[int, ...]) -> Course:
+    """Return the state of a manager that has heard nothing yet; `deaths_ns` count on its budget."""
+    policy = given.policy
+    return Course(
+        given,
+        wanted,
+        Budget(policy.max_restart_count, policy.restart_window_sec * NS_PER_S, deaths_ns),
+        Deadline(int(policy.health_check_interval_ms * NS_PER_MS * LATE_INTERVALS)),
+        Bench(plan.patience(policy)),
+        Worry(policy.degraded_after_ms, policy.clean_after_ms),
+        safety(policy.safe_retry_ms, policy.disk_floor_mb, policy.disk_slow_ms),
+        Troubles(policy.clean_after_ms * NS_PER_MS),
+    )

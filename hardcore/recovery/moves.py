@@ -1,0 +1,203 @@
+"""Drives the table: one trigger, one row, what is done on the way, and what holds on arrival.
+
+Nothing is decided here that the table could decide. The particulars of an order come from the course: which life is
+meant, what the store's epoch is, which incident is open.
+"""
+
+from typing import assert_never
+
+from hardcore.model import phases
+from hardcore.model.actions import Alert, Halt, Kill, KillLeftovers, Release, SetSafe, Spawn, Terminate
+from hardcore.model.phases import Phase, Wanted
+from hardcore.model.verdicts import GREEN, Diagnosis
+from hardcore.recovery import plan, telling
+from hardcore.recovery.budget import Budget
+from hardcore.recovery.course import Course
+from hardcore.recovery.curiosity import Curiosity
+from hardcore.recovery.policy import Word
+from hardcore.recovery.reading import Transition
+from hardcore.recovery.safety import Deed
+from hardcore.recovery.suspicion import Growth
+from hardcore.recovery.telling import BOOTING, order
+from hardcore.recovery.transitions import ON_ENTRY, Step, Trigger, step
+from hardcore.sentinel.verdict import Bench
+
+#: Phases whose time is the core's: it is judged by what it did not do in it.
+_ITS_TIME = BOOTING | {Phase.ADOPTING, Phase.STOPPING, Phase.KILLING}
+
+
+def fire(c: Course, trigger: Trigger, now_ns: int, reason: str) -> None:
+    """Ask the table, go where it says, then ask what holds on arrival."""
+    row = step(c.phase, trigger)
+    if row is None:
+        return
+    before, (after, steps) = c.phase, row
+    for name in steps:
+        _do(c, name, after, now_ns)
+    if after is not before:
+        _enter(c, after, now_ns)
+    elif trigger is Trigger.DEADLINE:
+        _set_deadline(c, after, now_ns)
+    c.transitions.append(Transition(now_ns, before, after, trigger, reason))
+    if c.skip_evidence:
+        c.skip_evidence = False
+        fire(c, Trigger.EVIDENCE_TAKEN, now_ns, "the policy asks for none")
+        return
+    if after is before:
+        return
+    for question in ON_ENTRY.get(after, ()):
+        if _holds(c, question):
+            fire(c, question, now_ns, _why(c, question))
+            return
+
+
+def heed(c: Course, deed: Deed, now_ns: int) -> None:
+    """Do what the switch between reading only and writing asks for."""
+    reason = c.safety.goal or c.safety.asked
+    match deed:
+        case Deed.NOTHING:
+            return
+        case Deed.ORDER_ON | Deed.ORDER_OFF:
+            assert reason is not None, "a switch is turned for a reason"
+            order(c, SetSafe(c.life, deed is Deed.ORDER_ON, reason))
+        case Deed.RENEW:
+            c.trying = reason
+            fire(c, Trigger.RENEW, now_ns, f"{reason}: whether a core may write again is tried")
+        case _:
+            assert_never(deed)
+
+
+def _holds(c: Course, question: Trigger) -> bool:
+    match question:
+        case Trigger.UNWANTED:
+            return c.wanted is Wanted.DOWN
+        case Trigger.READS_ONLY:
+            return plan.may_read(c.policy, _reads_for(c), tried=c.reader_tried)
+        case Trigger.HOPELESS:
+            return c.hopeless is not None
+        case Trigger.NO_DELAY:
+            return c.delay_ns == 0
+        case _:
+            raise AssertionError(f"{question} is no state-triggered question")
+
+
+def _why(c: Course, question: Trigger) -> str:
+    if question is Trigger.READS_ONLY:
+        return f"{_reads_for(c)}: a core may still serve reads"
+    if question is Trigger.HOPELESS:
+        return f"{c.hopeless}: another try would not help"
+    return "the operator wants no core" if question is Trigger.UNWANTED else "nothing to wait for"
+
+
+def _reads_for(c: Course) -> Diagnosis | None:
+    """Return why a core could serve reads only, if anything speaks against one that writes."""
+    return c.hopeless or (Diagnosis.STORE_CORRUPT if c.safety.locked else None)
+
+
+def _enter(c: Course, phase: Phase, now_ns: int) -> None:
+    c.phase, c.since_ns = phase, now_ns
+    if phase is Phase.BACKOFF:
+        c.delay_ns = plan.pause_ns(c.policy, c.tries, c.given.jitter())
+    _set_deadline(c, phase, now_ns)
+    c.stage_max = max(c.stage_max, phases.stage(phase) or 0) if c.story else 0
+    if phase in phases.SERVING:
+        c.stage_max = 0
+    else:
+        c.verdict = GREEN
+        c.worry.forget()
+        c.safety.leave()
+        c.troubles.look(now_ns, quiet=False)
+    if phase is Phase.RUNNING and c.story:
+        c.story.down = False
+
+
+def _set_deadline(c: Course, phase: Phase, now_ns: int) -> None:
+    imaged = c.image_asked or c.policy.memory_image == "always"
+    wait_ns = plan.limit_ns(c.policy, phase, c.delay_ns, c.hopeless, imaged=imaged)
+    c.deadline.set(now_ns, wait_ns, forgiving=phase in _ITS_TIME)
+
+
+def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
+    match name:
+        case Step.SPAWN | Step.SPAWN_READER:
+            _spawn(c, _reads_for(c) if name is Step.SPAWN_READER else None)
+        case Step.TERMINATE:
+            order(c, Terminate(c.life))
+        case Step.KILL:
+            order(c, Kill(c.life))
+        case Step.KILL_LEFTOVERS:
+            order(c, KillLeftovers())
+        case Step.OPEN | Step.OPEN_PLANNED:
+            telling.open_death(c, now_ns, planned=name is Step.OPEN_PLANNED)
+        case Step.OPEN_TROUBLE:
+            telling.open_trouble(c, now_ns)
+        case Step.EVIDENCE_LIVE | Step.EVIDENCE_DEAD:
+            telling.order_evidence(c, living=name is Step.EVIDENCE_LIVE)
+        case Step.EVIDENCE_BESIDE:
+            telling.order_evidence_beside(c)
+        case Step.READ_ONLY:
+            _read_only(c, now_ns)
+        case Step.RELEASE:
+            _release(c, now_ns)
+        case Step.SETTLED:
+            c.tries = 0
+        case Step.CLOSE:
+            telling.close_if_over(c, now_ns, after)
+        case Step.ALERT:
+            _alert_about(c, after)
+        case Step.FORGET:
+            c.tries, c.hopeless, c.safety.locked = 0, None, False
+            telling.keep(c, Budget(c.budget.limit, c.budget.window_ns))
+        case Step.HALT:
+            order(c, Halt())
+        case _:
+            assert_never(name)
+
+
+def _spawn(c: Course, reader: Diagnosis | None) -> None:
+    """Start a core. A reader raises no epoch and proves nothing: what is known of the store stays as it is."""
+    c.life += 1
+    c.drill.cancel()  # a drill is one life's
+    c.blame = Diagnosis.OPERATOR
+    c.hopeless = None
+    c.term_sent = c.image_asked = False
+    c.growth, c.curiosity = Growth(), Curiosity()
+    c.reader, c.reader_tried = reader, reader is not None
+    if reader is not None:
+        c.challenge = None
+        order(c, Spawn(c.life, None, None, safe=reader))
+        return
+    expected = c.store.epoch if c.store.certain else None
+    c.challenge = c.store.witness
+    c.store.certain = False
+    order(c, Spawn(c.life, expected, c.store.witness))
+
+
+def _release(c: Course, now_ns: int) -> None:
+    c.bench = Bench(plan.patience(c.policy))
+    c.held_ns = c.trying = None
+    assert c.epoch is not None, "a core that is ready has said its epoch"
+    suspects = c.story.suspects if c.story else ()
+    incident = c.story.id if c.story else None
+    c.audit.begin(incident)
+    c.safety.begin(c.reader, now_ns)
+    if c.story and c.reader:
+        c.story.safe = True
+    c.troubles.look(now_ns, quiet=not c.safety.on)
+    order(c, Release(c.life, c.epoch, suspects, incident))
+
+
+def _read_only(c: Course, now_ns: int) -> None:
+    assert c.troubled is not None, "reading only is a remedy for a trouble that was named"
+    if c.policy.asks(c.troubled, Word.SAFE_MODE_ENTER):
+        heed(c, c.safety.enter(c.troubled, now_ns), now_ns)
+
+
+def _alert_about(c: Course, after: Phase) -> None:
+    if after is Phase.UNKILLABLE:
+        about = c.story.diagnosis if c.story else Diagnosis.OPERATOR
+        text = "The core was killed and is still there. No other is started beside it; the kill is repeated."
+        order(c, Alert(about, text))
+        return
+    assert c.hopeless is not None, "FATAL is entered for a reason"
+    telling.alert(c, c.hopeless, "Automatic recovery has stopped. `hardcore resume` tries again.")

@@ -1,0 +1,104 @@
+"""What is done for a core that has a trouble which a restart would not help.
+
+Three voices tell of such a trouble: the judge (a red verdict that the policy does not answer with a restart), the
+core (its store took a write no longer) and the proof of the whole ledger (it is not whole). They meet here, so that
+one trouble is one incident whoever speaks first. And it is here that it ends: reads only are left, then nothing may
+come up for a while.
+"""
+
+from hardcore.model import observations as seen
+from hardcore.model.phases import SERVING
+from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Verdict
+from hardcore.recovery.course import Course
+from hardcore.recovery.moves import fire, heed
+from hardcore.recovery.policy import Word
+from hardcore.recovery.safety import TOLD
+from hardcore.recovery.story import Trouble
+from hardcore.recovery.transitions import Trigger
+from hardcore.sentinel.deaths import Death
+
+
+def judged(c: Course, verdict: Verdict, now_ns: int, why: str) -> None:
+    """Take in a red verdict that is not answered with a restart. Only its beginning is news."""
+    assert verdict.diagnosis is not None, "a red verdict has a diagnosis"
+    if c.verdict.colour is Colour.RED and c.verdict.diagnosis is verdict.diagnosis:
+        return
+    death = Death(verdict.diagnosis, verdict.grade, verdict.testimonies)
+    _meet(c, death, verdict.fault_ns, verdict.blamed, now_ns, why)
+
+
+def told(c: Course, fact: seen.StoreTold) -> None:
+    """Take in what the core says of its store; it has switched itself already."""
+    c.safety.told(fact.fault, fact.at_ns)
+    diagnosis = TOLD.get(fact.fault)
+    if diagnosis is not None:
+        said = Testimony("core", Colour.RED, f"the core's store took a write no longer: {fact.fault}")
+        _meet(c, Death(diagnosis, Grade.CERTAIN, (said,)), fact.at_ns, (), fact.at_ns, said.why)
+    settle(c, fact.at_ns)
+
+
+def audited(c: Course, fact: seen.LedgerAudited) -> None:
+    """Take in what the serving core said of the whole ledger."""
+    c.actions += c.audit.take(fact, c.story)
+    if fact.ok:
+        c.troubles.lasting = False  # another core, and perhaps another copy of the ledger
+        settle(c, fact.at_ns)
+        return
+    said = Testimony("proof", Colour.RED, f"the ledger is not whole: {fact.fault}")
+    death = Death(Diagnosis.STORE_CORRUPT, Grade.CERTAIN, (said,))
+    _meet(c, death, fact.at_ns, (), fact.at_ns, said.why)
+    if c.story is not None:
+        c.story.audit = fact
+
+
+def switched(c: Course, fact: seen.SafeSwitched) -> None:
+    """Take in the core's answer to an order to read only, or to write again."""
+    c.safety.switched(fact)
+    settle(c, fact.at_ns)
+
+
+def surveyed(c: Course, fact: seen.Surveyed) -> None:
+    """Take in what was looked at beside the watch."""
+    if fact.disk is not None:
+        c.safety.surveyed(fact.disk)
+
+
+def resumed(c: Course, now_ns: int) -> None:
+    """The operator says of a serving core: try again, whatever was wrong."""
+    c.troubles.lasting = False
+    heed(c, c.safety.try_to_write(now_ns), now_ns)
+    settle(c, now_ns)
+
+
+def ring(c: Course, now_ns: int) -> None:
+    """Do what the time has come for: an order again, a try to write, the end of a trouble."""
+    if c.phase not in SERVING:
+        return
+    heed(c, c.safety.ring(now_ns, quiet=c.verdict.colour is not Colour.RED), now_ns)
+    settle(c, now_ns)
+    if c.troubles.due_ns is not None and now_ns >= c.troubles.due_ns:
+        ended = ", ".join(c.troubles.known)
+        c.troubles.clear()
+        fire(c, Trigger.EASED, now_ns, f"{ended}: nothing more has come up")
+
+
+def next_ns(c: Course) -> int | None:
+    """Return when `ring` wants to be called, or None while nothing waits for its time."""
+    due = [at_ns for at_ns in (c.safety.due_ns, c.troubles.due_ns) if at_ns is not None]
+    return min(due) if due and c.phase in SERVING else None
+
+
+def settle(c: Course, now_ns: int) -> None:
+    """Note whether anything is still wrong at this moment."""
+    if c.safety.reason is not None and c.story is not None:
+        c.story.safe = True
+    if c.phase in SERVING:
+        quiet = c.verdict.colour is not Colour.RED and not c.safety.on
+        c.troubles.look(now_ns, quiet=quiet)
+
+
+def _meet(c: Course, death: Death, fault_ns: int, blamed: tuple[str, ...], now_ns: int, why: str) -> None:
+    if c.policy.words(death.diagnosis) == {Word.NONE}:
+        return
+    c.pending = Trouble(death, fault_ns, blamed=blamed)
+    fire(c, Trigger.TROUBLED, now_ns, f"{death.diagnosis}: {why}")

@@ -1,0 +1,189 @@
+"""Reading only: whether the core that serves may write, and when it is told to try again.
+
+The core is told (`SetSafe`) or was started so; it may also have switched itself, because its store took a write no
+longer. What it says of itself counts, not what it was told: an order may be lost, or carried out late. For a
+disk's reasons a try to write is made by itself, at doubling pauses and only while the disk witness has nothing
+against it; for any other reason a person has to say so. A mode that is left when the disk looks well again was not
+chosen: only a write that was taken proves that writes are taken.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hardcore.model.observations import DiskFacts, SafeSwitched, StoreFault
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
+
+#: An order that was not answered within this is lost, or as good as refused.
+ANSWER_NS = 5 * NS_PER_S
+#: The pauses between two tries double up to this.
+RETRY_NS_MAX = 60 * NS_PER_S
+#: While the disk is not well, it is looked at again after this.
+LOOK_AGAIN_NS = NS_PER_S
+
+#: Reasons that end by themselves when somebody makes room.
+DISK = frozenset({Diagnosis.DISK_FULL, Diagnosis.DISK_READ_ONLY, Diagnosis.DISK_STALLED})
+#: What a core's own word about its store means.
+TOLD = {
+    StoreFault.FULL: Diagnosis.DISK_FULL,
+    StoreFault.READ_ONLY: Diagnosis.DISK_READ_ONLY,
+}
+
+
+class Mode(StrEnum):
+    """Where the switch stands."""
+
+    OFF = "off"
+    ENTERING = "entering"  # told to read only, not answered yet
+    ON = "on"
+    LEAVING = "leaving"  # told to try to write, not answered yet
+
+
+class Deed(StrEnum):
+    """What has to be done now."""
+
+    NOTHING = "nothing"
+    ORDER_ON = "order-on"
+    ORDER_OFF = "order-off"
+    RENEW = "renew"  # the core was started to read only: another one has to try
+
+
+@dataclass(slots=True)
+class Safety:
+    """The switch of the present core. Times are monotonic; `due_ns` is when `ring` wants to be called.
+
+    `reason` is why it serves reads only, `goal` why it was told to and `asked` why it last was. `locked` outlives a core: a ledger that is known
+    to be damaged is read only until the operator says `resume`, whichever core serves it.
+    """
+
+    retry_ns: int
+    floor_bytes: int
+    slow_ns: int
+    mode: Mode = Mode.OFF
+    reason: Diagnosis | None = None
+    goal: Diagnosis | None = None
+    locked: bool = False
+    due_ns: int | None = None
+    asked: Diagnosis | None = None
+    _started: bool = False
+    _wait_ns: int = 0
+    _disk: DiskFacts | None = None
+
+    @property
+    def on(self) -> bool:
+        """Whether the core serves reads only, or was told to."""
+        return self.mode is not Mode.OFF
+
+    def begin(self, reason: Diagnosis | None, now_ns: int) -> None:
+        """Another core serves; `reason`: it was started to read only, because of this."""
+        self.leave()
+        self.asked = None
+        if reason is not None:
+            self._started = True
+            self._enter(reason, now_ns)
+
+    def enter(self, reason: Diagnosis, now_ns: int) -> Deed:
+        """Have the core serve reads only. A damaged ledger overrules the other reasons, and stays."""
+        damaged = reason is Diagnosis.STORE_CORRUPT
+        self.locked = self.locked or damaged
+        if self.goal is reason or (self.on and not damaged):
+            return Deed.NOTHING
+        if self._started:
+            self._enter(reason, now_ns)
+            return Deed.NOTHING
+        self.goal = self.asked = reason
+        self.mode, self.due_ns = Mode.ENTERING, now_ns + ANSWER_NS
+        return Deed.ORDER_ON
+
+    def told(self, fault: StoreFault, now_ns: int) -> None:
+        """Take in what the core says of its store: it switches itself."""
+        if fault is StoreFault.OK:
+            if self.goal in DISK:
+                self.leave()
+        elif self.mode in {Mode.OFF, Mode.ENTERING} and not self.locked:
+            self._enter(TOLD[fault], now_ns)
+
+    def switched(self, fact: SafeSwitched) -> None:
+        """Take in the core's answer to an order; a late one is as true as one in time."""
+        if fact.on and fact.done:
+            if self.asked is not None and self.mode in {Mode.OFF, Mode.ENTERING}:
+                self._enter(self.asked, fact.at_ns)
+        elif fact.on:
+            self.due_ns = fact.at_ns + ANSWER_NS if self.mode is Mode.ENTERING else self.due_ns
+        elif fact.done:
+            if self.mode is not Mode.ENTERING:
+                self.leave()
+        elif self.mode is Mode.LEAVING:
+            self._failed(fact.at_ns)
+
+    def surveyed(self, disk: DiskFacts) -> None:
+        """Take in the newest look at the disk."""
+        self._disk = disk
+
+    def ring(self, now_ns: int, *, quiet: bool) -> Deed:
+        """Return what has to be done at this moment, if the time for something has come.
+
+        `quiet`: nobody complains any more. Then a core that never answered need not read only, and is told so.
+        """
+        if self.due_ns is None or now_ns < self.due_ns:
+            return Deed.NOTHING
+        if self.mode is Mode.ENTERING:
+            return self._ask_again(now_ns, quiet=quiet)
+        if self.mode is Mode.LEAVING:
+            self._failed(now_ns)
+            return Deed.NOTHING
+        if not self._well():
+            self.due_ns = now_ns + LOOK_AGAIN_NS
+            return Deed.NOTHING
+        return self.try_to_write(now_ns)
+
+    def try_to_write(self, now_ns: int) -> Deed:
+        """Try to leave at once, whatever the disk looks like: its time has come, or the operator says so."""
+        if self.mode is Mode.OFF or self.mode is Mode.LEAVING:
+            return Deed.NOTHING
+        self._wait_ns = min(2 * (self._wait_ns or self.retry_ns), RETRY_NS_MAX)
+        if self._started:
+            self.due_ns = None
+            return Deed.RENEW
+        self.mode, self.due_ns = Mode.LEAVING, now_ns + ANSWER_NS
+        return Deed.ORDER_OFF
+
+    def leave(self) -> None:
+        """The core serves everything again, or is gone."""
+        self.mode, self.reason, self.goal = Mode.OFF, None, None
+        self.due_ns, self._started, self._disk = None, False, None
+
+    def forget(self) -> None:
+        """The trouble is over: the next one begins with the first pause."""
+        self._wait_ns = 0
+
+    def _enter(self, reason: Diagnosis, now_ns: int) -> None:
+        self.mode, self.reason, self.goal = Mode.ON, reason, reason
+        self._wait_ns = self._wait_ns or self.retry_ns
+        self._plan(now_ns)
+
+    def _failed(self, now_ns: int) -> None:
+        self.mode = Mode.ON
+        self._plan(now_ns)
+
+    def _plan(self, now_ns: int) -> None:
+        self.due_ns = now_ns + self._wait_ns if self.goal in DISK and not self.locked else None
+
+    def _ask_again(self, now_ns: int, *, quiet: bool) -> Deed:
+        if quiet and not self.locked and self.reason is None:
+            self.leave()
+            return Deed.ORDER_OFF
+        self.due_ns = now_ns + ANSWER_NS
+        return Deed.ORDER_ON
+
+    def _well(self) -> bool:
+        disk = self._disk
+        if disk is None:
+            return True
+        slow = max(disk.write_ns or 0, disk.pending_ns) >= self.slow_ns
+        return not (disk.read_only or disk.fault or slow or disk.free_bytes < self.floor_bytes)
+
+
+def safety(retry_ms: int, floor_mb: int, slow_ms: int) -> Safety:
+    """Return the switch with the numbers of a policy."""
+    return Safety(retry_ms * NS_PER_MS, floor_mb << 20, slow_ms * NS_PER_MS)

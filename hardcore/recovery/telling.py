@@ -1,0 +1,166 @@
+"""What is told of an outage while it goes on: incidents opened, joined and closed, alerts, orders for evidence.
+
+One outage is one incident, however many deaths it takes; one trouble is one, however often it comes and goes. So the
+question here is always whether something belongs to the open story: a death does until a proven core has served,
+and as long as a trouble is on or reads only are served everything does.
+"""
+
+from hardcore.model.actions import Action, Alert, CloseIncident, KeepBudget, TakeEvidence
+from hardcore.model.phases import SERVING, Phase, StartCause, Wanted
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery import plan
+from hardcore.recovery.budget import NS_PER_S, Budget
+from hardcore.recovery.course import Course
+from hardcore.recovery.policy import Word
+from hardcore.recovery.story import Story, Trouble, begin
+
+#: A gateway that began to hold this shortly before the death was known held because of it.
+HELD_EARLY_NS = NS_PER_S
+BOOTING = frozenset({Phase.STARTING, Phase.PROVING})
+
+
+def order(c: Course, action: Action) -> None:
+    """Give an order."""
+    c.actions.append(action)
+
+
+def mark(c: Course, name: str, at_ns: int) -> None:
+    """Note a step of the open incident's timeline, if one is open."""
+    if c.story:
+        c.story.mark(name, at_ns)
+
+
+def alert(c: Course, diagnosis: Diagnosis, text: str) -> None:
+    """Say something to whoever runs the server, if the policy wants that said."""
+    if c.policy.asks(diagnosis, Word.SEND_ALERT):
+        order(c, Alert(diagnosis, text))
+
+
+def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
+    """Open an incident for the pending death, or note it as a further one of the open incident."""
+    trouble = _take(c)
+    death = trouble.death
+    c.blame = death.diagnosis
+    c.reader_tried = c.reader_tried and not planned  # a person's word is worth a try of its own
+    drill = c.drill.take(now_ns)
+    if c.phase is Phase.PROBATION and not _goes_on(c):
+        close(c, now_ns, recovered=True)  # a proven core had served: what comes now is another story
+    if c.story is None or c.story.planned:
+        _begin(c, trouble, now_ns, planned=planned).drill = drill
+    story = _story(c)
+    story.blame(death.evidence, trouble.blamed)
+    story.exit = story.exit or trouble.exit
+    story.add_page(trouble.page, death.diagnosis, c.growth)
+    story.falls(trouble.fault_ns, now_ns)
+    if planned:
+        c.cause = StartCause.PLANNED
+        return
+    again = c.phase in BOOTING and c.trying is death.diagnosis
+    c.worth_a_look = not again
+    if drill is None and not again:
+        alert(c, death.diagnosis, f"{death.evidence[0].why}. Recovery has begun.")
+    story.add_death(death.diagnosis, trouble.exit, trouble.fault_ns)
+    if c.cause is not StartCause.FIRST or c.phase in SERVING:
+        c.cause = StartCause.UNPLANNED
+    if death.diagnosis is not Diagnosis.SENTINEL_LOST:
+        _count(c, death.diagnosis, now_ns, free=drill is not None or again)
+
+
+def open_trouble(c: Course, now_ns: int) -> None:
+    """Open an incident without a death for the pending trouble, or note it in the open one."""
+    trouble = _take(c)
+    death = trouble.death
+    c.troubled = death.diagnosis
+    joins = c.story is not None and (_goes_on(c) or c.story.diagnosis is death.diagnosis)
+    if not joins:
+        close(c, now_ns, recovered=True)
+        _begin(c, trouble, now_ns, down=False).drill = c.drill.take(now_ns)
+    story = _story(c)
+    story.blame(death.evidence, trouble.blamed)
+    known = joins and story.diagnosis is death.diagnosis
+    c.worth_a_look = c.troubles.meets(death.diagnosis) and not known
+    if c.worth_a_look and story.drill is None:
+        alert(c, death.diagnosis, f"{death.evidence[0].why}. A restart would not help; the core goes on.")
+
+
+def close(c: Course, now_ns: int, *, recovered: bool) -> None:
+    """Close the open incident, if there is one. `recovered`: a core serves everything again."""
+    if c.story is None:
+        return
+    # A stop in the middle of the probation does not undo a recovery: a proven core had served.
+    unwanted = c.wanted is Wanted.DOWN
+    if c.story.safe and (recovered or unwanted):
+        outcome = "safe_mode"
+    else:
+        outcome = "recovered" if recovered or (unwanted and c.story.proof is not None) else "manual"
+    waits_for = None if recovered else c.hopeless
+    order(c, CloseIncident(c.story.told(outcome, now_ns, waits_for)))
+    c.story = None
+    c.stage_max = 0
+    c.troubles.clear()
+    c.safety.forget()
+
+
+def close_if_over(c: Course, now_ns: int, after: Phase) -> None:
+    """Close the open incident on the way to `after`, unless its trouble goes on in a core that serves."""
+    if after not in SERVING or not _goes_on(c):
+        close(c, now_ns, recovered=after in SERVING)
+
+
+def keep(c: Course, budget: Budget) -> None:
+    """Let this be the budget from now on."""
+    c.budget = budget
+    order(c, KeepBudget(budget.deaths_ns))
+
+
+def order_evidence(c: Course, *, living: bool) -> None:
+    """Have the evidence of an end taken, if the policy or the operator wants any."""
+    image = living and (c.policy.memory_image == "always" or c.image_asked)
+    if not (image or c.policy.asks(c.blame, Word.SNAPSHOT)):
+        c.skip_evidence = living
+        return
+    if living or c.worth_a_look:
+        budget_ms = c.policy.snapshot_budget_ms
+        order(c, TakeEvidence(c.life, _story(c).id, living, budget_ms, image=image))
+
+
+def order_evidence_beside(c: Course) -> None:
+    """Have the evidence of a trouble taken while the core goes on, once for each trouble of an incident."""
+    assert c.troubled is not None, "evidence is taken of a trouble that was named"
+    if c.worth_a_look and c.policy.asks(c.troubled, Word.SNAPSHOT):
+        budget_ms = c.policy.snapshot_budget_ms
+        order(c, TakeEvidence(c.life, _story(c).id, living=True, budget_ms=budget_ms, stop=False))
+
+
+def _take(c: Course) -> Trouble:
+    trouble, c.pending = c.pending, None
+    assert trouble is not None, "an incident is opened only for a trouble that was named"
+    return trouble
+
+
+def _story(c: Course) -> Story:
+    assert c.story is not None, "an incident is open here"
+    return c.story
+
+
+def _goes_on(c: Course) -> bool:
+    """Whether the open incident's trouble is still there, so that no core has made an end of it."""
+    return c.troubles.on or c.safety.on or c.reader is not None
+
+
+def _begin(c: Course, trouble: Trouble, now_ns: int, *, planned: bool = False, down: bool = True) -> Story:
+    known, epoch = c.story.id if c.story else c.given.new_id(), c.store.epoch or 0
+    c.story = begin(known, c.story, trouble, c.life, epoch, now_ns, planned=planned, down=down)
+    if c.held_ns is not None and now_ns - c.held_ns <= HELD_EARLY_NS:
+        c.story.mark("alerted", now_ns)
+    return c.story
+
+
+def _count(c: Course, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
+    """Put an unplanned death on the budget and judge whether another try makes sense."""
+    if c.phase in BOOTING or c.phase is Phase.PROBATION:
+        c.tries += 1
+    if not free:
+        keep(c, c.budget.after_death(now_ns))
+    locked = Diagnosis.STORE_CORRUPT if c.safety.locked else None
+    c.hopeless = c.reader or locked or plan.hopeless(c.policy, diagnosis, spent=c.budget.spent(now_ns))
