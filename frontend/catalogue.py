@@ -191,6 +191,7 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "incident": ("사건", "Incident"),
     "last_incident": ("지난 사건", "Last incident"),
     "verified": ("장부 확인", "Ledger checked"),
+    "safe": ("읽기만 하는 이유", "Reads only"),
     "worry": ("걱정되는 점", "Worry"),
     "none": ("없음", "none"),
     "epoch": ("세대", "epoch"),

@@ -308,7 +308,10 @@ class Executor:
     async def _take(self, order: orders.TakeEvidence) -> None:
         life = self.lives.get(order.life)
         if life is None or life.handle is None:
-            self._tell(seen.EvidenceTaken(clock.now_ns(), order.life, complete=False, page=None))
+            nothing = seen.EvidenceTaken(
+                clock.now_ns(), order.life, complete=False, page=None, stopped=order.stop
+            )
+            self._tell(nothing)
             return
         subject = Subject(
             pid=life.handle.pid,
@@ -335,7 +338,14 @@ class Executor:
         if not isinstance(taken, Evidence):
             self.note("evidence", incident=order.incident, missing=taken.reason)
         self._tell(
-            seen.EvidenceTaken(clock.now_ns(), order.life, complete=whole, page=taken.page, steps=taken.steps)
+            seen.EvidenceTaken(
+                clock.now_ns(),
+                order.life,
+                complete=whole,
+                page=taken.page,
+                steps=taken.steps,
+                stopped=order.stop,
+            )
         )
 
     def _release(self, order: orders.Release) -> None:

@@ -66,6 +66,7 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "since": clock.wall(reading.since_ns),
         "mode": policy.mode,
         "wanted": str(reading.wanted),
+        "safe": str(reading.safe) if reading.safe else None,
         "incident": reading.incident,
         "stage": reading.stage,
         "waits_for": reading.waits_for,

@@ -12,6 +12,7 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
     if told["state"] == "MANUAL_INTERVENTION":
         rows.append(("next", next_step(told.get("waits_for"), lang)))
     none = label("none", lang)
+    rows += [("safe", told["safe"])] if told["safe"] else []
     rows.append(("address", told["url"] or none))
     rows += [("core", _core(told["core"], lang)), ("gateway", _gateway(told["gateway"], lang))]
     sentinel = told["sentinel"]

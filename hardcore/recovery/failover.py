@@ -107,6 +107,11 @@ class FailoverManager:
         """The policy in force."""
         return self._course.policy
 
+    @property
+    def wanted(self) -> Wanted:
+        """What the operator wants."""
+        return self._course.wanted
+
     def state(self) -> Mapping[str, object]:
         """Return all that this manager remembers, by name: plain values, no copies, nothing not yet taken."""
         c = self._course
