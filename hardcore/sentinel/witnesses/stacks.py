@@ -52,11 +52,8 @@ class Cycle:
     def __str__(self) -> str:
         """Say the ring as one sentence, from its first thread back to it."""
         names = {waiter.tid: waiter.name or str(waiter.tid) for waiter in self.waiters}
-        links = [
-            f"{names[waiter.tid]} waits for {waiter.lock} held by {names[waiter.held_by]}"
-            for waiter in self.waiters
-        ]
-        return ", ".join(f"thread {link}" for link in links)
+        links = (f"waits for {waiter.lock} held by thread {names[waiter.held_by]}" for waiter in self.waiters)
+        return f"thread {names[self.waiters[0].tid]} {', which '.join(links)}"
 
 
 @dataclass(frozen=True, slots=True)

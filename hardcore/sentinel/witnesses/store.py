@@ -1,6 +1,7 @@
 """The witness of the store: what the core says of it, and who else holds its write lock.
 
-The core's own word (full, read-only, well again) stands until it says otherwise. A holder is read from the kernel's
+The core's own word (full, read-only, well again) stands until it says otherwise, or has committed since: a word can
+be lost on its way. A holder is read from the kernel's
 table of locks, from outside: the same stranger must be found in two looks, because a backup that passes through
 holds the lock for a moment and is no outage.
 """
@@ -8,6 +9,7 @@ holds the lock for a moment and is no outage.
 from dataclasses import dataclass
 
 from hardcore.model.observations import LockHolder, StoreFault, StoreLooked, StoreTold
+from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
 
@@ -52,8 +54,10 @@ class Store:
         self._holder, self._looked_ns = stranger, fact.at_ns
         self._looks += 1
 
-    def find(self, at_ns: int) -> StoreFindings:
-        """Return what is known at `at_ns`."""
+    def find(self, witness: Witness | None, at_ns: int) -> StoreFindings:
+        """Return what is known at `at_ns`; `witness` is the last commit."""
+        if witness is not None and witness.at_ns > self._told_ns:
+            self._told = StoreFault.OK
         known = self._holder is not None and at_ns - self._looked_ns <= STALE_NS
         return StoreFindings(
             told=self._told,

@@ -90,8 +90,8 @@ def _begin(recorder: Recorder, run: Callable[[int], object]) -> None:
 
 async def _live(recorder: Recorder, fault: str) -> None:
     loop = asyncio.get_running_loop()
-    # Three million objects, each in no list of ours but one: a full collection has to look at all of them.
-    heap: list[object] = [[] for _ in range(3_000_000)] if fault == "collection" else []
+    # Some three million objects that a full collection has to look at, one by one.
+    heap: list[object] = [{"n": [[n]]} for n in range(1_000_000)] if "collection" in fault else []
     note_collections(recorder)
     LoopBeat(loop, recorder, BEAT_MS).start()
     ThreadBeat(recorder, BEAT_MS).start()
@@ -105,6 +105,8 @@ async def _live(recorder: Recorder, fault: str) -> None:
         "gil_computing": _match_for_ever,
         "dump": _dump_much,
         "collection": partial(_collect_much, heap),
+        "neighbours_collection": partial(_collect_much, heap),
+        "neighbours_dump": _dump_much,
         "slow_transaction": lambda: _begin(recorder, lambda slot: _on_writer(recorder, slot, hang)),
         "deadlock": lambda: _begin(recorder, partial(_embrace, recorder)),
     }

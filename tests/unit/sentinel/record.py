@@ -32,7 +32,7 @@ NEIGHBOURS = 16
 TICKS = {
     "quiet": 10,
     "block": 20,
-    "spin": 30,
+    "spin": 50,
     "gil_asleep": 20,
     "gil_locked": 20,
     "gil_computing": 35,
@@ -43,6 +43,8 @@ TICKS = {
     "stop_long": 20,
     "stop_short": 40,
     "neighbours": 60,
+    "neighbours_dump": 80,
+    "neighbours_collection": 100,
 }
 
 
@@ -84,7 +86,7 @@ class Recording:
 def record(fault: str) -> list[Fact]:
     with contextlib.ExitStack() as ending:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory()))
-        if fault == "neighbours":
+        if fault.startswith("neighbours"):
             for _ in range(NEIGHBOURS):
                 _begin(ending, [sys.executable, "-c", "while True: pass"])
         life = lives.conceive(Folders(folder, folder), 1)
