@@ -43,6 +43,16 @@ CAUSES: Mapping[str, Text] = {
     "DISK_READ_ONLY": _text("디스크에 쓸 수 없었고", "the disk could not be written to"),
     "DISK_STALLED": _text("디스크가 응답하지 않았고", "the disk did not answer"),
     "STORE_CORRUPT": _text("장부 확인에서 맞지 않는 부분이 나왔고", "the check of the ledger found a fault"),
+    "COMPONENT_STALLED": _text("장부 서버의 한 부분이 멈췄고", "a part of the ledger had stopped"),
+    "MEMORY_PRESSURE": _text("장부 서버의 메모리가 거의 찼고", "the ledger was running out of memory"),
+    "LEAK": _text("장부 서버의 메모리가 계속 늘었고", "the ledger's memory kept growing"),
+    "FD_EXHAUSTION": _text("장부 서버가 열어 둔 파일이 너무 많아졌고", "the ledger had too many files open"),
+    "STARVED": _text(
+        "컴퓨터가 몹시 바빠 장부 서버의 차례가 오지 않았고", "the machine was too busy to let the ledger run"
+    ),
+    "SLEPT": _text("컴퓨터가 잠들었다 깨어났고", "the machine had slept and woken up"),
+    "GATEWAY_LOST": _text("접속을 맡은 부분이 멈춰서 다시 켰고", "the gateway had died and was started anew"),
+    "SPARE_LOST": _text("예비 서버가 멈췄고", "the spare core was lost"),
     "STARTUP_FAILED": _text("장부 서버가 시작하지 못했고", "the ledger could not start"),
     "CRASH_LOOP": _text("장부 서버가 거듭 멈췄고", "the ledger kept failing"),
     "CONFIG_INVALID": _text("설정에 잘못된 부분이 있었고", "the configuration is not usable"),
@@ -75,7 +85,7 @@ OUTCOMES: Mapping[str, Text] = {
     "served": _text(
         "자동 복구를 멈췄지만 나중에 다시 열렸어요.", "recovery had stopped, and it was open again later."
     ),
-    "safe_mode": _text("읽기만 할 수 있게 열어 뒀어요.", "it is open for reading only."),
+    "safe_mode": _text("그동안 읽기 전용으로 열어 뒀어요.", "meanwhile it was open for reading only."),
     "assist": _text("사람의 결정을 기다려요.", "a person is to decide."),
     "open": _text("복구가 아직 끝나지 않았어요.", "the recovery has not ended yet."),
     "untold": _text(
@@ -202,6 +212,46 @@ FINDINGS: Mapping[str, Text] = {
     "blocked": _text(
         "서버가 여기서 멈춰 있었어요: {function} ({place})", "The core hung here: {function} ({place})"
     ),
+    "gil_held": _text(
+        "작업 하나가 서버 전체를 붙잡고 있었어요: {function} ({place}), 스레드: {thread}",
+        "One piece of work held up everything else: {function} ({place}), thread {thread}",
+    ),
+    "deadlock": _text(
+        "작업들이 서로가 쥔 잠금을 기다렸어요: {ring}", "These waited for each other's locks: {ring}"
+    ),
+    "deadlock_likely": _text(
+        "두 작업이 같은 잠금들을 두고 서로 기다린 것으로 보여요: {ring}",
+        "These two seem to have waited for each other's locks: {ring}",
+    ),
+    "over_time": _text(
+        "요청 하나가 허용된 시간을 넘겼어요: {kind}. 걸린 시간 {seconds}초, 허용 {limit}초",
+        "One command took longer than it may: {kind}, {seconds} s of {limit} s",
+    ),
+    "locked_out_by": _text(
+        "다른 프로그램이 장부의 쓰기 잠금을 쥐고 있었어요: {name} (프로세스 {pid})",
+        "Another program held the ledger's write lock: {name} (process {pid})",
+    ),
+    "locked_out": _text(
+        "다른 프로그램이 장부의 쓰기 잠금을 쥐고 있었어요. 어느 프로그램인지는 기록되지 않았어요.",
+        "Another program held the ledger's write lock; which one is not on record.",
+    ),
+    "disk_full": _text(
+        "장부가 있는 디스크에 빈 공간이 없었어요. 요청의 탓이 아니에요.",
+        "There was no room on the ledger's disk. No command is to blame.",
+    ),
+    "disk_read_only": _text(
+        "장부가 있는 디스크에 쓸 수 없었어요. 요청의 탓이 아니에요.",
+        "The ledger's disk took no writes. No command is to blame.",
+    ),
+    "disk_stalled": _text(
+        "장부가 있는 디스크가 쓰기를 제때 끝내지 못했어요. 요청의 탓이 아니에요.",
+        "The ledger's disk did not finish its writes in time. No command is to blame.",
+    ),
+    "out_of_memory": _text(
+        "메모리가 모자라 운영체제가 서버를 종료했어요. 마지막으로 본 크기: {mib} MiB",
+        "The system ended the core because memory had run out. Its size when last seen: {mib} MiB",
+    ),
+    "grew": _text("그 전에 가장 많이 늘어난 것: {type}", "What had grown most before that: {type}"),
     "spinning": _text(
         "서버가 여기서 끝나지 않고 돌고 있었어요: {function} ({place})",
         "The core went round here without an end: {function} ({place})",
@@ -287,6 +337,7 @@ WORDS: Mapping[str, Text] = {
     "time": _text("시각", "Time"),
     "held": _text("대기", "held"),
     "suspect": _text("다시 실행하지 않고 결과만 조회", "looked up, not run again"),
+    "blamed": _text("원인으로 지목됨", "named by the evidence"),
     "next_step": _text("할 일", "What to do"),
     "partial": _text("증거를 쓰다가 중단됐어요.", "Its evidence was never written to the end."),
     "none_in_flight": _text("처리 중인 요청 없음", "none in flight"),

@@ -139,6 +139,7 @@ class Incident:
     deaths: tuple[Death, ...]
     waits_for: str | None
     served_again_at: str | None
+    blamed: tuple[str, ...] = ()  # ids of the commands that the evidence names
 
 
 #: Stages in which the core was at work on a command; QUEUED only waited for its turn.
@@ -179,6 +180,7 @@ def from_facts(incident_id: str, raw: object) -> Incident:
         deaths=tuple(_death(line) for line in mappings(facts.get("deaths"))),
         waits_for=optional_text(facts.get("waits_for")),
         served_again_at=moment(facts.get("served_again_at")),
+        blamed=texts(facts.get("blamed")),
     )
 
 

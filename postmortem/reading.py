@@ -52,6 +52,9 @@ def read_report(found: Found) -> Report:
         process=incident.mapping(process),
         recorder=incident.mapping(recorder),
         traceback=_text(found.path, "stacks.txt"),
+        first_threads=read_threads(_json(found.path, "stacks-first.json")),
+        memory=incident.mapping(_json(found.path, "memory.json")),
+        locks=incident.mapping(_json(found.path, "locks.json")),
     )
     return make_report(case, _contents(found, manifest))
 
@@ -79,6 +82,7 @@ def _contents(found: Found, manifest: Manifest | BundleFailed) -> Contents:
         return Contents(complete=False, partial=found.partial, files={}, missing={}, faults=faults)
     # Without the report itself, or a report made twice would differ from itself.
     files = {name: entry.size_bytes for name, entry in manifest.files.items() if name not in REPORTS}
+    files |= manifest.images
     has_evidence = any(name.endswith("recorder.bin") for name in files)
     complete = manifest.complete and has_evidence and not manifest.missing and not faults
     return Contents(complete and not found.partial, found.partial, files, manifest.missing, faults)

@@ -11,7 +11,9 @@ from collections.abc import Iterable
 from postmortem.analyzer.case import Case, Confidence, Finding, Frame, Thread, loop_thread
 from postmortem.incident import unique
 
-DIAGNOSES = frozenset({"LOOP_BLOCKED", "SPINNING", "GIL_HELD", "DEADLOCK", "TRANSACTION_TIMEOUT"})
+#: What is said of the frame, by diagnosis. Without one (no facts yet) the stack says where the core was, not that
+#: it hung there.
+RULES = {"LOOP_BLOCKED": "blocked", "SPINNING": "spinning", "UNKNOWN": "was_in"}
 
 _WAITS_FOR_EVENTS = re.compile(r"^(?:select|poll|_run_once|run_forever|run_until_complete)$")
 _TEXT = re.compile(r"""^(["'])(.*)\1$""", re.DOTALL)
@@ -20,17 +22,22 @@ _ITEM = re.compile(r"""["']([^"']+)["']""")
 
 def examine(case: Case) -> list[Finding]:
     """Name the blocked frame of the loop's thread, or the one frame elsewhere that carries a transaction."""
-    judged = case.incident.diagnosis in DIAGNOSES
-    if not judged and case.incident.diagnosis != "UNKNOWN":
-        return []
+    rule = RULES.get(case.incident.diagnosis)
+    return [] if rule is None else frame_finding(case, rule)
+
+
+def frame_finding(case: Case, rule: str, sure: Confidence = Confidence.CERTAIN) -> list[Finding]:
+    """Return where the core hung, told by `rule` and at most as `sure`; nothing if no stack shows it."""
+    judged = case.incident.diagnosis != "UNKNOWN"
     loop = loop_thread(case)
     if loop is not None and (frame := blocked_frame(loop)) is not None:
-        # Without a diagnosis (no facts yet) the stack says where the core was, not that it hung there.
-        return [_finding(case, loop, frame, Confidence.CERTAIN if judged else Confidence.UNKNOWN)]
+        return [thread_finding(case, loop, frame, rule, sure if judged else Confidence.UNKNOWN)]
     # Loop at rest or not seen: a worker with a transaction in its hands is the next best.
     for thread in case.threads:
         if thread is not loop and ids_of(thread.frames)[1] and (frame := blocked_frame(thread)) is not None:
-            return [_finding(case, thread, frame, Confidence.LIKELY if judged else Confidence.UNKNOWN)]
+            return [
+                thread_finding(case, thread, frame, rule, Confidence.LIKELY if judged else Confidence.UNKNOWN)
+            ]
     return []
 
 
@@ -47,20 +54,22 @@ def ids_of(frames: Iterable[Frame]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     transactions: list[str] = []
     for frame in frames:
         accounts += [
-            _plain(frame.shown.get("account_id", "")),
+            plain(frame.shown.get("account_id", "")),
             *_ITEM.findall(frame.shown.get("account_ids", "")),
         ]
-        transactions.append(_plain(frame.shown.get("transaction_id", "")))
+        transactions.append(plain(frame.shown.get("transaction_id", "")))
     return unique(accounts), unique(transactions)
 
 
-def _finding(case: Case, thread: Thread, frame: Frame, sure: Confidence) -> Finding:
+def thread_finding(case: Case, thread: Thread, frame: Frame, rule: str, sure: Confidence) -> Finding:
+    """Return what `rule` says of one thread in one of its frames, with the ids that its locals show."""
     accounts, transactions = ids_of(thread.frames)
     state = "running" if thread.active else "asleep"
     evidence = [f"thread {thread.name or thread.tid} {state} in {frame.function} ({frame.place})"]
     if thread.holds_gil:
         evidence.append("it held the interpreter lock")
     evidence += [f"called from {caller.function} ({caller.place})" for caller in thread.frames[1:4]]
+    evidence += _first_look(case, thread, frame)
     evidence += [f"local account_id = {one}" for one in accounts]
     evidence += [f"local transaction_id = {one}" for one in transactions]
     values = {
@@ -68,11 +77,21 @@ def _finding(case: Case, thread: Thread, frame: Frame, sure: Confidence) -> Find
         "place": frame.place,
         "thread": thread.name or str(thread.tid or ""),
     }
-    rule = {"SPINNING": "spinning", "UNKNOWN": "was_in"}.get(case.incident.diagnosis, "blocked")
     return Finding(rule, sure, values, tuple(evidence), accounts, transactions)
 
 
-def _plain(shown: str) -> str:
+def _first_look(case: Case, thread: Thread, frame: Frame) -> list[str]:
+    """Say where the look at the first suspicion had found the same thread."""
+    before = next((one for one in case.first_threads if one.tid == thread.tid and one.frames), None)
+    if before is None:
+        return []
+    first = before.frames[0]
+    if (first.function, first.place) == (frame.function, frame.place):
+        return ["the first look, at the suspicion, had found it in the same place"]
+    return [f"the first look, at the suspicion, had found it in {first.function} ({first.place})"]
+
+
+def plain(shown: str) -> str:
     """Return the text inside its quotes; anything else that a local may hold is no id."""
     match = _TEXT.match(shown)
     return match[2] if match else ""

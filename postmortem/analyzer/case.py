@@ -5,7 +5,7 @@ alone. Findings name facts, not sentences; the sentences stand in the catalogue,
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -42,13 +42,19 @@ class Thread:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """Everything a bundle says. `traceback` is what the core itself printed of its stacks."""
+    """Everything a bundle says. `traceback` is what the core itself printed of its stacks.
+
+    `first_threads` are the stacks as they were at the first suspicion, before the verdict.
+    """
 
     incident: Incident
     threads: tuple[Thread, ...]
     process: Mapping[str, Any]
     recorder: Mapping[str, Any]
     traceback: str
+    first_threads: tuple[Thread, ...] = ()
+    memory: Mapping[str, Any] = field(default_factory=dict)
+    locks: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

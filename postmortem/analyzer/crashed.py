@@ -18,6 +18,7 @@ _FATAL = {
     signal.SIGSYS: "SIGSYS",
     signal.SIGTRAP: "SIGTRAP",
 }
+CALLERS_MAX = 4
 _PLACE = re.compile(r'File "(?:[^"]*/)?([^"/]+)", line (\d+) in (\S+)')
 
 
@@ -32,6 +33,7 @@ def examine(case: Case) -> list[Finding]:
     if (place := fatal_place(case.traceback)) is not None:
         values["place"] = place
         evidence.append(f"printed by the dying process: {place}")
+        evidence += [f"called from {caller}" for caller in places(case.traceback)[1:CALLERS_MAX]]
     if (words := case.incident.last_words) is not None:
         evidence.append(f"last words: {words.code} {words.text}".rstrip())
     rule = "crashed_at" if values["place"] else "crashed"
@@ -40,7 +42,12 @@ def examine(case: Case) -> list[Finding]:
 
 def fatal_place(traceback: str) -> str | None:
     """Return `function (file:line)` of the innermost frame of the thread that died, if it was printed."""
+    return next(iter(places(traceback)), None)
+
+
+def places(traceback: str) -> list[str]:
+    """Return the frames of the thread that died, the innermost first."""
     # The dying thread's stack is the one under "Current thread", other threads may stand before it.
     _, mark, rest = traceback.rpartition("Current thread")
-    match = _PLACE.search(rest if mark else traceback)
-    return f"{match[3]} ({match[1]}:{match[2]})" if match else None
+    own = rest.split("\n\n", 1)[0] if mark else traceback
+    return [f"{match[3]} ({match[1]}:{match[2]})" for match in _PLACE.finditer(own)]

@@ -5,7 +5,21 @@ An explicit list: a rule that finds itself by being in a folder is one that nobo
 
 import hashlib
 
-from postmortem.analyzer import blocked, crashed, exited, frozen, killed, no_progress, operator
+from postmortem.analyzer import (
+    blocked,
+    crashed,
+    deadlock,
+    disk,
+    exited,
+    frozen,
+    gil_held,
+    killed,
+    locked_out,
+    no_progress,
+    operator,
+    out_of_memory,
+    over_time,
+)
 from postmortem.analyzer.case import Case, Confidence, Finding, Rule
 
 RULES: tuple[Rule, ...] = (
@@ -13,8 +27,14 @@ RULES: tuple[Rule, ...] = (
     crashed.examine,
     exited.examine,
     killed.examine,
+    out_of_memory.examine,
     frozen.examine,
     blocked.examine,
+    gil_held.examine,
+    deadlock.examine,
+    over_time.examine,
+    locked_out.examine,
+    disk.examine,
     no_progress.examine,
 )
 _ORDER = tuple(Confidence)

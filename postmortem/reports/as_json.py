@@ -59,6 +59,7 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
         "requests": [asdict(request) for request in incident.requests],
         "in_flight": [asdict(command) for command in at_work(incident)],
         "suspects": list(incident.suspects),
+        "blamed": list(incident.blamed),
         "core": {
             "pid": incident.pid,
             "epoch": incident.epoch,

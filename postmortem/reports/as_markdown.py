@@ -53,6 +53,7 @@ def as_markdown(report: Report, language: str) -> str:
             ],
             commands=at_work(incident),
             suspects=incident.suspects,
+            blamed=incident.blamed,
             requests=[
                 {
                     "method": request.method,

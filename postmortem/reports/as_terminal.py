@@ -140,7 +140,8 @@ def _in_flight(story: Mapping[str, Any], language: str) -> Iterable[str]:
     for command in story["in_flight"]:
         age = milliseconds(command["age_ms"], "-")
         suspect = f" · {_word('suspect', language)}" if command["key_hash"] in story["suspects"] else ""
-        yield f"{command['kind'] or _word('command', language)} · {command['stage']} · {age}{suspect}"
+        blamed = f" · {_word('blamed', language)}" if command["command_id"] in story["blamed"] else ""
+        yield f"{command['kind'] or _word('command', language)} · {command['stage']} · {age}{blamed}{suspect}"
         if command["transaction_id"]:
             yield f"  {_word('transaction', language)} {command['transaction_id']}"
         if command["account_ids"]:

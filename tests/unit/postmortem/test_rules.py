@@ -7,7 +7,7 @@ from postmortem import incident
 from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Confidence, Finding, read_threads
 from postmortem.reports.report import finding_line
-from tests.unit.postmortem import story
+from tests.unit.postmortem import story, test_rules_of_hangs
 from tests.unit.postmortem.story import frame, thread
 
 TRACEBACK = """Fatal Python error: Segmentation fault
@@ -147,6 +147,7 @@ def test_every_finding_has_a_sentence_in_each_language() -> None:
         case(planned=True, reason="x", core=ended()),
         case(planned=True, core=ended()),
         case(drill="freeze"),
+        *test_rules_of_hangs.every_rule(),
     ]
     seen = {finding.rule: finding for one in cases for finding in registry.examine(one)}
     assert set(seen) == set(texts.FINDINGS), "a rule without a sentence, or a sentence without a rule"

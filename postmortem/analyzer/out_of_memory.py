@@ -1,0 +1,51 @@
+"""Rule: the kernel ended the core because memory had run out.
+
+That it did is the guard's word, which saw the counter rise. What had grown is read off the core's own last two
+censuses: likely at best, because a census counts objects and not what lies behind them.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from postmortem.analyzer.case import Case, Confidence, Finding
+from postmortem.incident import mapping, mappings, number, text
+
+_MIB = 1 << 20
+_TYPES_SHOWN = 5
+
+
+def examine(case: Case) -> list[Finding]:
+    """Say how large the core was, and which kind of object had grown most."""
+    if case.incident.diagnosis != "OUT_OF_MEMORY":
+        return []
+    evidence = [f"{line.code}: {line.text}" for line in case.incident.evidence]
+    rss_bytes = number(mapping(case.process.get("last_sample")).get("rss_bytes"))
+    if rss_bytes is not None:
+        evidence.append(f"the watch's last look: {rss_bytes // _MIB} MiB in memory")
+    evidence += [f"memory group: {name} = {_one_line(value)}" for name, value in _group(case).items()]
+    size = str(rss_bytes // _MIB) if rss_bytes is not None else "?"
+    found = [Finding("out_of_memory", Confidence(case.incident.grade), {"mib": size}, tuple(evidence))]
+    grown = [one for one in mappings(_growth(case).get("types")) if (number(one.get("size_bytes")) or 0) > 0]
+    if grown:
+        lines = tuple(_line(one) for one in grown[:_TYPES_SHOWN])
+        found.append(Finding("grew", Confidence.LIKELY, {"type": text(grown[0].get("name"))}, lines))
+    return found
+
+
+def _growth(case: Case) -> Mapping[str, Any]:
+    return mapping(case.memory.get("growth"))
+
+
+def _group(case: Case) -> Mapping[str, Any]:
+    return mapping(case.memory.get("group"))
+
+
+def _line(kind: Mapping[str, Any]) -> str:
+    count, size = number(kind.get("count")) or 0, number(kind.get("size_bytes")) or 0
+    return (
+        f"{text(kind.get('name'))}: {count:+,} objects, {size / _MIB:+.1f} MiB between the last two censuses"
+    )
+
+
+def _one_line(value: object) -> str:
+    return " ".join(text(value).split())
