@@ -63,8 +63,8 @@ def locked(text: str) -> Departure:
 
 
 def no_room(text: str) -> Departure:
-    """There is no room for the fence."""
-    sentence = f"There is no room on the ledger's disk ({text}): free some, then start again."
+    """The disk takes no write: it is full, or mounted read-only."""
+    sentence = f"The ledger's disk takes no write ({text}): make room or mount it writable, then start again."
     return Departure(ExitCode.DISK_FULL, sentence)
 
 

@@ -15,6 +15,7 @@ import os
 import signal
 import socket
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, NoReturn
@@ -40,12 +41,16 @@ from core.journal.writer import Writer
 from core.listening import LedgerServer, bind_loopback, bind_unix
 from core.obedience import Obedience
 from core.opening import OpenBook, Telling, open_book
-from core.service import Service
+from core.opening_to_read import ReadableBook, open_to_read
+from core.safety import Safety
+from core.service import Service, Unwritten
 from core.settings import Settings
 from core.web.app import make_app
 
 PORT_DEFAULT: Final = 3001
 LAST_FLUSH_S: Final = 0.02  # one turn of the loop writes the last answers out; this is a few
+
+Book = OpenBook | ReadableBook
 
 logger = logging.getLogger("core")
 
@@ -149,6 +154,8 @@ class Life:
         self._beacon = instruments.beacon
         self._ended: asyncio.Future[Departure | None] | None = None
         self._obedience = Obedience()
+        self._safety: Safety | None = None
+        self._trying: asyncio.Task[NoReturn] | None = None
 
     async def run(self) -> Departure | None:
         """Live; return None if the end was asked for, else why there was no life."""
@@ -176,12 +183,15 @@ class Life:
         if isinstance(bound, str):
             return departure.config_invalid(bound)
         telling = Telling(self._recorder, self._beacon)
-        opening = functools.partial(open_book, self._data, self._environment, self._settings, telling)
+        named = (self._data, self._environment, self._settings)
+        opening: Callable[[], Book | Departure] = functools.partial(open_book, *named, telling)
+        if self._environment.safe is not None:
+            opening = functools.partial(open_to_read, *named)
         book = await loop.run_in_executor(None, opening)
         if isinstance(book, Departure):
             bound.close()
             return book
-        service = self._serve_book(book, loop)
+        service = self._read_book(book) if isinstance(book, ReadableBook) else self._serve_book(book, loop)
         try:
             return await self._serve(loop, bound, book, service)
         # The writer's thread outlives the loop: an exception that only ended the loop would leave a process
@@ -191,14 +201,16 @@ class Life:
             self._vanish(departure.bug(repr(error)))
 
     async def _serve(
-        self, loop: asyncio.AbstractEventLoop, bound: socket.socket, book: OpenBook, service: Service
+        self, loop: asyncio.AbstractEventLoop, bound: socket.socket, book: Book, service: Service
     ) -> Departure | None:
         desk = Desk(service, self._recorder, self._data)
-        await desk.clear_up()
+        if isinstance(book, OpenBook):
+            await desk.clear_up()
         server = LedgerServer(make_app(service, desk))
         await server.start(bound)
         self._ready(book, bound)
-        await desk.start()
+        if isinstance(book, OpenBook):
+            await desk.start()
         audit = loop.create_task(audit_behind(service, self._beacon))
         assert self._ended is not None
         left = await self._ended
@@ -224,6 +236,7 @@ class Life:
             book.journal,
             self._recorder,
             loop,
+            on_shut=self._shut,
             on_failed=lambda text: self._end(departure.commit_failed(text)),
             on_fenced=lambda actual: self._vanish(departure.fenced(book.epoch, actual)),
             on_bug=lambda error: self._vanish(departure.bug(repr(error))),
@@ -235,21 +248,44 @@ class Life:
         )
         service = Service(writer, readers, self._recorder, self._settings, book.epoch)
         writer.listen(functools.partial(tell_committed, service.hub))
-        self._obedience.serve(service, writer)
+        self._safety = Safety(service, writer, self._recorder, self._beacon)
+        self._obedience.serve(service, self._safety, writer)
+        if not self._environment.guarded:
+            self._trying = loop.create_task(self._safety.keep_trying(self._settings.safe_again_ms))
         return service
 
-    def _ready(self, book: OpenBook, bound: socket.socket) -> None:
+    def _read_book(self, book: ReadableBook) -> Service:
+        safe = self._environment.safe
+        self._recorder.set_epoch(book.epoch)
+        service = Service(
+            Unwritten(book.head_seq), book.readers, self._recorder, self._settings, book.epoch, safe
+        )
+        self._safety = Safety(service, None, self._recorder, self._beacon)
+        self._obedience.serve(service, self._safety, None)
+        return service
+
+    def _shut(self, error: StoreError) -> None:
+        assert self._safety is not None, "it is there before the writer has anything to write"
+        self._safety.shut(error)
+
+    def _ready(self, book: Book, bound: socket.socket) -> None:
         # What was loaded lives as long as the process: no collection need ever look at it.
         gc.freeze()
         gc.enable()
         self._recorder.set_state(LifeState.READY)
-        proof = book.proof
-        self._beacon.ready(book.epoch, proof.head_seq, proof.head_hash.hex(), proof.kind.value, proof.tail)
+        if isinstance(book, ReadableBook):
+            self._beacon.ready(book.epoch, book.head_seq, book.head_hash.hex(), "none", 0)
+        else:
+            proof = book.proof
+            self._beacon.ready(
+                book.epoch, proof.head_seq, proof.head_hash.hex(), proof.kind.value, proof.tail
+            )
         where = bound.getsockname()
         place = where if isinstance(where, str) else f"http://{where[0]}:{where[1]}"
-        logger.info("Serving the ledger of %s on %s, epoch %d.", self._data, place, book.epoch)
+        only = f", reads only ({self._environment.safe})" if isinstance(book, ReadableBook) else ""
+        logger.info("Serving the ledger of %s on %s, epoch %d%s.", self._data, place, book.epoch, only)
 
-    async def _leave(self, service: Service, server: LedgerServer, book: OpenBook, desk: Desk) -> None:
+    async def _leave(self, service: Service, server: LedgerServer, book: Book, desk: Desk) -> None:
         self._recorder.set_state(LifeState.DRAINING)
         self._beacon.stopping()
         service.drain()
@@ -268,8 +304,11 @@ class Life:
             self._recorder.event("CLOSE_INCOMPLETE", "left with work that does not end")
             os._exit(ExitCode.ASKED)
 
-    async def _close(self, service: Service, server: LedgerServer, book: OpenBook, desk: Desk) -> None:
-        await desk.stop()
+    async def _close(self, service: Service, server: LedgerServer, book: Book, desk: Desk) -> None:
+        if self._trying is not None:
+            self._trying.cancel()
+        if isinstance(book, OpenBook):
+            await desk.stop()
         await server.stop()
         await service.close()
         book.guard.release()

@@ -16,6 +16,7 @@ from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
 from core.guarded.orders import DrillOrder, SafeOrder
 from core.journal.answers import Done, Exercise
 from core.journal.writer import Writer
+from core.safety import Safety
 from core.service import Draining, NoSlot, Service
 
 KIND: Final = "drill"
@@ -30,29 +31,34 @@ class Obedience:
     def __init__(self) -> None:
         """Take orders from now on; most are refused until there is a book."""
         self._service: Service | None = None
+        self._safety: Safety | None = None
         self._writer: Writer | None = None
         self._exercises: set[asyncio.Task[None]] = set()
 
-    def serve(self, service: Service, writer: Writer) -> None:
-        """Take orders for this service from now on."""
-        self._service, self._writer = service, writer
+    def serve(self, service: Service, safety: Safety, writer: Writer | None) -> None:
+        """Take orders for this service from now on. `writer` None: the core was started to read only."""
+        self._service, self._safety, self._writer = service, safety, writer
 
     def standing(self) -> Standing:
         """Return where the core stands."""
         if self._service is None:
             return Standing(0, 0)
-        return Standing(self._service.epoch, self._service.head_seq)
+        return Standing(self._service.epoch, self._service.head_seq, self._service.safe)
 
-    async def switch_safe(self, order: SafeOrder) -> str | None:  # noqa: ARG002
+    async def switch_safe(self, order: SafeOrder) -> str | None:
         """Serve reads only, or everything again."""
-        return NOT_OPEN
+        if self._safety is None:
+            return NOT_OPEN
+        return await self._safety.switch(order.reason if order.on else None)
 
     def drill(self, order: DrillOrder) -> Callable[[], object] | str:
         """Return what breaks the core once it is called, or why it can't be broken in this way now."""
         if order.drill in AT_ONCE:
             return AT_ONCE[order.drill]
-        if self._service is None or self._writer is None:
+        if self._service is None:
             return NOT_OPEN
+        if self._writer is None:
+            return "The core was started to read only: it has no writer to drill."
         command_id = self._service.new_id()
         slot = self._service.begin(
             KIND, b"", command_id=command_id, transaction_id=command_id, account_ids=(ACCOUNT,)

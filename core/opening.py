@@ -25,6 +25,7 @@ from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack, fence
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.proof import Proven, Witness, prove
 from core.journal.queries import read_tail
+from core.journal.room import Room
 from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_writing, store_error
 from core.settings import Settings
 
@@ -67,7 +68,8 @@ def open_book(
     if isinstance(proof, Departure):
         return proof
     connection.exec_driver_sql(f"PRAGMA busy_timeout = {settings.write_busy_ms}").close()
-    journal = Journal(connection, epoch, proof.head_seq, telling.recorder, time.time_ns)
+    room = Room(data, time.monotonic_ns)
+    journal = Journal(connection, epoch, proof.head_seq, telling.recorder, room, time.time_ns)
     return OpenBook(journal, epoch, proof, guard)
 
 
@@ -128,7 +130,7 @@ def _unopened(error: StoreError, telling: Telling) -> Departure:
         case StoreFault.BUSY:
             telling.beacon.fence_blocked()
             return departure.locked(error.text)
-        case StoreFault.NO_ROOM:
+        case StoreFault.NO_ROOM | StoreFault.READ_ONLY:
             return departure.no_room(error.text)
         case StoreFault.DAMAGED:
             return departure.corrupt(f"it can't be opened ({error.text})")

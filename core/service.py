@@ -22,9 +22,21 @@ import msgspec
 from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
+from core.guarded.naming import ids_shown
 from core.guarded.recorder import FlightRecorder, Stage
 from core.hub import Hub
-from core.journal.answers import Answer, Done, LookUp, Order
+from core.journal.answers import (
+    Answer,
+    Done,
+    KeyRow,
+    LookUp,
+    Order,
+    OutcomeUnknown,
+    ReadOnly,
+    found,
+    repeated,
+)
+from core.journal.shelf import read_key
 from core.journal.store import StoreError, is_interrupted, snapshot, store_error
 from core.journal.verify import GivenUp, Verdict, verify
 from core.journal.writer import Writer
@@ -38,7 +50,6 @@ T = TypeVar("T")
 VERIFICATIONS_WAITING_MAX: Final = 16
 AUDITOR: Final = "auditor"  # its name on the recorder page
 AUDIT_SILENT_MS_MAX: Final = 30_000  # for a slice, or for the readings of the whole book behind the last one
-NAMED_IN_FRAME_MAX: Final = 8  # ids kept in a frame's locals
 UNANSWERED: Final = 500  # noted of work that ended without an answer
 
 
@@ -68,19 +79,32 @@ class ReadTooLong:
     """The question takes longer than a read may."""
 
 
+@dataclass(frozen=True, slots=True)
+class Unwritten:
+    """In the writer's place of a core that was started to read only: `head_seq` is the last event there is."""
+
+    head_seq: int
+
+
 class Service:
     """What the web asks of the core. All methods on the loop's thread."""
 
     def __init__(
         self,
-        writer: Writer,
+        writer: Writer | Unwritten,
         readers: Engine,
         recorder: FlightRecorder,
         settings: Settings,
         epoch: int,
+        safe: str | None = None,
     ) -> None:
-        """Take the started parts. `readers` is not opened before the first read."""
+        """Take the started parts. `readers` is not opened before the first read.
+
+        `safe`: the diagnosis because of which only reads are served; without a writer there always is one.
+        """
+        assert safe is not None or isinstance(writer, Writer), "a core without a writer can only read"
         self.epoch = epoch
+        self.safe = safe
         self.settings = settings
         self.hub = Hub()
         self._writer = writer
@@ -97,6 +121,7 @@ class Service:
         self._next_verdict: asyncio.Task[Verdict | StoreError | GivenUp] | None = None
         self._verdicts_waiting = 0
         self._leaving = threading.Event()
+        self._in_line: dict[str, asyncio.Future[Answer]] = {}  # by key: the newest command under it
 
     @property
     def in_flight(self) -> int:
@@ -154,17 +179,61 @@ class Service:
     async def carry_out(
         self, command: Command, key: str | None, digest: bytes, command_id: str, slot: int
     ) -> Answer:
-        """Put the command in the writer's line and return its answer, which is durable if it says so."""
+        """Put the command in the writer's line and return its answer, which is durable if it says so.
+
+        A core that serves reads only does not do it, and still knows what was done before under its key.
+        """
         # Plain strings in this frame, for whoever reads a dump of a stuck request.
         transaction_id = transaction_of(command)
         account_ids = accounts_of(command)
-        account_id = " ".join(account_ids[:NAMED_IN_FRAME_MAX])  # noqa: F841  for whoever asks for tasks
+        account_id = ids_shown(account_ids)  # noqa: F841  for whoever asks for tasks
         _name_task(transaction_id or command_id)
         fingerprint = fingerprint_of(command)
+        if self.safe is not None:
+            return await self._recall(self.safe, key, fingerprint, slot)
         order = Order(command, key, fingerprint, digest, command_id, transaction_id, account_ids, slot)
-        answer = await self._writer.submit(order)
+        answer = await self._stand_in_line(order)
         self._tell_claim(answer)
         return answer
+
+    async def _stand_in_line(self, order: Order) -> Answer:
+        assert isinstance(self._writer, Writer), "a core without a writer refuses before"
+        future = self._writer.submit(order)
+        if order.key is None:
+            return await future
+        self._in_line[order.key] = future
+        future.add_done_callback(partial(self._leave_line, order.key))
+        # Who leaves does not take his command out of the line: it stands in the list until it is answered.
+        return await asyncio.shield(future)
+
+    def _leave_line(self, key: str, future: "asyncio.Future[Answer]") -> None:
+        if self._in_line.get(key) is future:
+            del self._in_line[key]
+
+    async def _recall(self, safe: str, key: str | None, fingerprint: bytes, slot: int) -> Answer:
+        """Return what was done before under this key, or that nothing is done now."""
+        if key is None:
+            return ReadOnly(safe)
+        kept = await self._kept(key, slot)
+        if isinstance(kept, OutcomeUnknown):
+            return kept
+        return ReadOnly(safe) if kept is None else repeated(kept, fingerprint)
+
+    async def _kept(self, key: str, slot: int) -> KeyRow | OutcomeUnknown | None:
+        """Return the row of a key, read from the store once nothing under it stands in the writer's line.
+
+        Unknown: it can't be read, another core has taken over, or it is there and this core has raised no epoch:
+        then nobody has seen to it that what the dead one wrote last lasts.
+        """
+        while (ahead := self._in_line.get(key)) is not None:
+            await asyncio.wait([ahead])
+        found_now = await self.read(slot, partial(read_key, key=key))
+        if isinstance(found_now, ReadTooLong | StoreError):
+            return OutcomeUnknown()
+        epoch, row = found_now
+        if epoch != self.epoch or (row is not None and isinstance(self._writer, Unwritten)):
+            return OutcomeUnknown()
+        return row
 
     def _tell_claim(self, answer: Answer) -> None:
         """Tell the recorder what the answer claims to be committed, in its own words and not in the writer's.
@@ -176,6 +245,10 @@ class Service:
 
     async def look_up(self, key: str, digest: bytes | None, slot: int) -> Answer:
         """Return what became of a key (of one request under it), true at a moment after this call."""
+        if self.safe is not None:
+            kept = await self._kept(key, slot)
+            return kept if isinstance(kept, OutcomeUnknown) else found(kept, digest)
+        assert isinstance(self._writer, Writer), "a core without a writer is safe from its first moment"
         return await self._writer.submit(LookUp(key, slot, digest))
 
     async def read(
@@ -270,7 +343,8 @@ class Service:
             await asyncio.to_thread(threads.shutdown)
         # The writer's connection is the last to close: it empties the log, so that a ledger at rest is one file.
         self._readers.dispose()
-        await self._writer.stop()
+        if isinstance(self._writer, Writer):
+            await self._writer.stop()
 
 
 def _name_task(command: str) -> None:

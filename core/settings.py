@@ -73,6 +73,13 @@ class Settings:
     import_preview_days: int = _setting(7, 1, 3_650, "days until a preview that nobody committed is removed")
     imports_bytes_max: int = _setting(1 << 29, 1 << 20, 1 << 40, "room for all files, the oldest go first")
     imports_max: int = _setting(200, 1, 100_000, "imports kept, the oldest go first")
+    safe_again_ms: int = _setting(
+        5_000,
+        10,
+        3_600_000,
+        "rest before a core that serves reads only tries to write again, where no guard tells it to",
+    )
+    safe_retry_after_s: int = _setting(30, 1, 3_600, "what Retry-After says while only reads are served")
     retry_after_s: int = _setting(1, 1, 3_600, "what Retry-After says")
 
     @classmethod

@@ -209,6 +209,10 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
             "This request was not done. Please send it again in a moment.",
         ),
     },
+    "safe-mode": {
+        "ko": ("지금은 읽기만 할 수 있어요", "이 요청은 처리하지 않았어요. {why}"),
+        "en": ("Read-only for now", "This request was not done. {why}"),
+    },
     "store-unreadable": {
         "ko": ("지금은 장부를 읽을 수 없어요", "잠시 뒤에 다시 시도해 주세요."),
         "en": ("The ledger cannot be read right now", "Please try again in a moment."),
@@ -233,5 +237,29 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
             "The server made a mistake",
             "The fault is ours. If you sent it with an Idempotency-Key, send it again as it was: it is done once. If not, please check the records first.",
         ),
+    },
+}
+
+#: Why only reads are served: diagnosis -> language -> sentence. The empty one is for every other diagnosis.
+READ_ONLY: Final[dict[str, dict[str, str]]] = {
+    "DISK_FULL": {
+        "ko": "장부가 있는 디스크가 가득 찼어요.",
+        "en": "The disk that holds the ledger is full.",
+    },
+    "DISK_READ_ONLY": {
+        "ko": "장부가 있는 디스크에 쓸 수 없어요.",
+        "en": "The disk that holds the ledger cannot be written to.",
+    },
+    "DISK_STALLED": {
+        "ko": "장부가 있는 디스크가 대답하지 않아요.",
+        "en": "The disk that holds the ledger does not answer.",
+    },
+    "STORE_CORRUPT": {
+        "ko": "장부에서 맞지 않는 부분을 찾았어요. 더 틀어지지 않도록 입력을 막았어요.",
+        "en": "Something in the ledger does not match. Changes are blocked so it cannot get worse.",
+    },
+    "": {
+        "ko": "서버가 지금은 입력을 받지 않아요.",
+        "en": "The server takes no changes for now.",
     },
 }

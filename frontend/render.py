@@ -7,7 +7,7 @@ Korean and English by the client's own order, and English for everybody else.
 
 from typing import Final, Literal
 
-from frontend.catalogue_problems import PROBLEMS
+from frontend.catalogue_problems import PROBLEMS, READ_ONLY
 
 Language = Literal["ko", "en"]
 
@@ -36,9 +36,19 @@ def language(accept_language: str | None) -> Language:
 
 
 def problem_text(slug: str, lang: Language, **values: object) -> tuple[str, str]:
-    """Return title and detail of a ledger's problem. A slug or value that is missing is our own bug."""
+    """Return title and detail of a ledger's problem. A slug or value that is missing is our own bug.
+
+    `why` among the values is the diagnosis because of which only reads are served; a sentence says it.
+    """
     title, detail = PROBLEMS[slug][lang]
+    if "why" in values:
+        values["why"] = read_only_because(str(values["why"]), lang)
     return title, detail.format_map(values)
+
+
+def read_only_because(diagnosis: str, lang: Language) -> str:
+    """Return the sentence that says why only reads are served."""
+    return READ_ONLY.get(diagnosis, READ_ONLY[""])[lang]
 
 
 def _quality(parameters: str) -> float:

@@ -36,7 +36,7 @@ class Beacon:
         self._keep(f"X_EPOCH={epoch}")
 
     def ready(self, epoch: int, seq: int, hash_hex: str, proof: str, tail: int) -> None:
-        """Say that the ledger is proven and the socket bound. `proof` is `witness` or `chain`."""
+        """Say that the ledger is proven and the socket bound. `proof` is `witness`, `chain` or `none`."""
         self._keep(
             f"READY=1\nX_EPOCH={epoch}\nX_SEQ={seq}\nX_HASH={hash_hex}\nX_PROOF={proof}\nX_TAIL={tail}"
         )
@@ -48,6 +48,10 @@ class Beacon:
     def unsound(self, sentence: str) -> None:
         """Say that the ledger is not whole, and where. A long sentence is cut."""
         self._keep("X_UNSOUND=" + " ".join(sentence.split())[:SENTENCE_CHARACTERS_MAX])
+
+    def store(self, fault: str) -> None:
+        """Say that the store takes no write any more (`FULL`, `READ_ONLY`), or does again (`OK`)."""
+        self._keep(f"X_STORE={fault}")
 
     def fence_blocked(self) -> None:
         """Say that the fence could not be written because the store stayed busy."""

@@ -24,7 +24,7 @@ from core.imports.reading.mapping import faults_of
 from core.imports.reading.table import Unreadable
 from core.imports.records import Manifest, Progress, Survey
 from core.imports.states import State, Trigger, after
-from core.imports.troubles import Trouble, unreadable
+from core.imports.troubles import Trouble, reading_only, unreadable
 from core.service import Service
 
 UPLOADS_MAX: Final = 8
@@ -88,6 +88,9 @@ class Desk:
         """Return the file to write an upload into. Where it is one, give it to `end` when all is done."""
         if self._service.draining:
             return Trouble("leaving")
+        if self._service.safe is not None:
+            known = isinstance(await self.get(import_id), Kept)
+            return reading_only(self._service.safe, done_before=known)
         if import_id in self._uploads or len(self._uploads) >= UPLOADS_MAX:
             return Trouble("busy")
         self._uploads.add(import_id)
@@ -151,6 +154,8 @@ class Desk:
             return kept
         if after(kept.manifest.state, Trigger.READ_AGAIN) is None:
             return Trouble("import-committed")
+        if self._service.safe is not None:
+            return reading_only(self._service.safe)
         folder = self._imports.open(import_id)
         until_ns = self._looker.deadline_ns()
         anew = choices.encoding is not None and choices.encoding != kept.manifest.encoding
@@ -191,6 +196,8 @@ class Desk:
             return await self._commit(kept, wish, state)
 
     async def _commit(self, kept: Kept, wish: Manifest, state: State) -> Kept | Trouble:
+        if self._service.safe is not None:
+            return reading_only(self._service.safe)
         if kept.table is None:
             return unreadable(KEPT_FILE_LOST)
         if wish.account is None:

@@ -60,7 +60,15 @@ class Exercise:
     key: None = None
 
 
-Work = Order | LookUp | Exercise
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """The question whether the store takes writes: a write without effect, committed like any other."""
+
+    slot: int
+    key: None = None
+
+
+Work = Order | LookUp | Exercise | Touch
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +120,16 @@ class Leaving:
     """This core is leaving: the command was not begun."""
 
 
-Answer = Done | Refused | KeyTaken | KeyUnknown | DecisionFailed | StoreBusy | OutcomeUnknown | Leaving
+@dataclass(frozen=True, slots=True)
+class ReadOnly:
+    """This core serves reads only, because of the diagnosis `reason`: the command was not done."""
+
+    reason: str
+
+
+Answer = (
+    Done | Refused | KeyTaken | KeyUnknown | DecisionFailed | StoreBusy | OutcomeUnknown | Leaving | ReadOnly
+)
 
 CREATED: Final = 201
 OK: Final = 200
@@ -156,3 +173,15 @@ def replay(row: KeyRow) -> Done | Refused:
     if row.seq is None:
         return Refused(msgspec.json.decode(row.reply, type=Rejection), replayed=True)
     return Done(row.status, row.reply, replayed=True)
+
+
+def repeated(row: KeyRow, fingerprint: bytes) -> Done | Refused | KeyTaken:
+    """Return the answer to a wish under a key that has one already."""
+    return replay(row) if row.fingerprint == fingerprint else KeyTaken()
+
+
+def found(row: KeyRow | None, digest: bytes | None) -> Done | Refused | KeyTaken | KeyUnknown:
+    """Return the answer to a look-up. Another request's answer is never told for the one that is meant."""
+    if row is None:
+        return KeyUnknown()
+    return replay(row) if digest in {None, row.digest} else KeyTaken()

@@ -2,17 +2,20 @@
 
 The head, the keys and the accounts are read inside the transaction each time. A cache across batches was
 measured, gained nothing that stood out of the noise, and would be one more thing that can be older than the
-store. What the store raises comes back as a value: before BEGIN has returned nothing was done; from then on,
-COMMIT included, nobody can say, and such a journal never writes again.
+store. What the store raises comes back as a value. Before BEGIN has returned nothing was done. A disk that takes
+no write is met before COMMIT was sent, and what was rolled back was not done either. Whatever else is raised,
+COMMIT above all, leaves a batch of which nobody can say what became, and such a journal never writes again.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final
 
 from sqlalchemy import Connection, bindparam, insert, select, update
 from sqlalchemy.exc import DBAPIError
 
+from core.guarded.naming import ids_shown
 from core.guarded.recorder import FlightRecorder, Stage
 from core.journal import schema
 from core.journal.answers import (
@@ -21,22 +24,30 @@ from core.journal.answers import (
     DecisionFailed,
     Done,
     Exercise,
+    KeyRow,
     LookUp,
     Order,
     OutcomeUnknown,
+    ReadOnly,
     Refused,
     StoreBusy,
+    Touch,
     Work,
+    found,
+    repeated,
 )
 from core.journal.batch import Batch
+from core.journal.room import Room
 from core.journal.shelf import fetch_book, fetch_keys
-from core.journal.store import StoreError, StoreFault, store_error
+from core.journal.store import StoreError, StoreFault, is_open, store_error
 from core.ledger.accounts import Account
 from core.ledger.book import KnownEntry
 from core.ledger.events import Event
 from core.ledger.fields import folded
 
-NAMED_IN_FRAME_MAX: Final = 8  # ids kept in a frame's locals; a stack dump shows no more of a line anyway
+#: What a store that takes no write is called, by its fault.
+SHUT: Final = MappingProxyType({StoreFault.NO_ROOM: "DISK_FULL", StoreFault.READ_ONLY: "DISK_READ_ONLY"})
+NAMED_IN_FRAME_MAX: Final = 8  # orders whose ids are kept in a frame's locals
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +83,15 @@ class FencedBy:
     actual: int
 
 
-BatchOutcome = Committed | NotBegun | Failed | FencedBy
+@dataclass(frozen=True, slots=True)
+class NotTaken:
+    """The store takes no write now: nothing was done, and what was known before is answered all the same."""
+
+    answers: tuple[Answer, ...]
+    error: StoreError
+
+
+BatchOutcome = Committed | NotBegun | NotTaken | Failed | FencedBy
 
 
 class Journal:
@@ -84,16 +103,19 @@ class Journal:
         epoch: int,
         head_seq: int,
         recorder: FlightRecorder,
+        room: Room,
         wall_ns: Callable[[], int],
     ) -> None:
         """Take the connection that `open_writing` gave, after its fence has raised `epoch`.
 
-        `head_seq`: the last event, as the proof has found it. `wall_ns`: wall time, a label on each event.
+        `head_seq`: the last event, as the proof has found it. `room`: of the store's file system. `wall_ns`: wall
+        time, a label on each event.
         """
         self._connection = connection
         self._epoch = epoch
         self.head_seq = head_seq  # a plain number, so the loop's thread may look at it
         self._recorder = recorder
+        self._room = room
         self._wall_ns = wall_ns
         self._broken = False
 
@@ -111,16 +133,27 @@ class Journal:
             outcome = self._inside(works)
         except DBAPIError as error:
             return self._failed(works, store_error(error))
-        if isinstance(outcome, Committed):
+        if not isinstance(outcome, FencedBy):
             self._recorder.in_store(on=False)
         return outcome
+
+    def pretend_full(self, until_ns: int) -> None:
+        """Answer as on a full disk until `until_ns`, monotonic: a drill. Any thread."""
+        self._room.pretend_full(until_ns)
 
     def close(self) -> None:
         """Close the store. Nothing may be in it any more."""
         self._connection.close()
         self._connection.engine.dispose()
 
-    def _at_begin(self, works: Sequence[Work], error: StoreError) -> NotBegun | Failed:
+    def _at_begin(self, works: Sequence[Work], error: StoreError) -> NotBegun | NotTaken | Failed:
+        if error.fault in SHUT:
+            try:
+                keys = fetch_keys(self._connection, works)
+            except DBAPIError as unreadable:
+                return self._failed(works, store_error(unreadable))
+            self._recorder.in_store(on=False)
+            return NotTaken(tuple([_recall(keys, work, error) for work in works]), error)
         if error.fault is not StoreFault.BUSY:
             return self._failed(works, error)
         self._recorder.in_store(on=False)
@@ -133,23 +166,22 @@ class Journal:
         self._broken = True
         return Failed((OutcomeUnknown(),) * len(works), error)
 
-    def _inside(self, works: Sequence[Work]) -> Committed | FencedBy:
+    def _inside(self, works: Sequence[Work]) -> Committed | NotTaken | FencedBy:
         meta = self._connection.execute(_META).one()
         if meta.epoch != self._epoch:
             self._connection.exec_driver_sql("ROLLBACK").close()
             return FencedBy(meta.epoch)
+        keys = fetch_keys(self._connection, works)
         batch = Batch(
-            self._epoch,
-            meta.head_seq,
-            meta.head_hash,
-            fetch_book(self._connection, works),
-            fetch_keys(self._connection, works),
+            self._epoch, meta.head_seq, meta.head_hash, fetch_book(self._connection, works), dict(keys)
         )
         answers = tuple([self._answer(batch, work) for work in works])
-        if batch.is_empty:
+        if batch.is_empty and not any(_must_write(work) for work in works):
             self._connection.exec_driver_sql("ROLLBACK").close()
+        elif (error := self._lay_down(batch, works)) is not None:
+            return NotTaken(tuple([_recall(keys, work, error) for work in works]), error)
         else:
-            self._store(batch, works)
+            self._connection.exec_driver_sql("COMMIT").close()
         for work in works:
             self._recorder.stage(work.slot, Stage.COMMITTED)
         if batch.events:
@@ -157,14 +189,31 @@ class Journal:
             self._recorder.witness(batch.head_seq, batch.epoch, batch.head_hash)
         return Committed(answers, tuple(batch.happened))
 
+    def _lay_down(self, batch: Batch, works: Sequence[Work]) -> StoreError | None:
+        """Write the batch, all but its COMMIT; return why the store takes no write, with nothing left of it."""
+        error = self._room.fault(batch.bytes_written)
+        if error is None:
+            try:
+                self._store(batch, works)
+            except DBAPIError as raised:
+                error = store_error(raised)
+                if error.fault not in SHUT:
+                    raise
+        if error is not None and is_open(self._connection):
+            # Where SQLite has rolled back by itself nothing is open. Where this raises, the outcome is unknown.
+            self._connection.exec_driver_sql("ROLLBACK").close()
+        return error
+
     def _answer(self, batch: Batch, work: Work) -> Answer:
         self._recorder.stage(work.slot, Stage.DECIDING)
         if isinstance(work, LookUp):
             return batch.look_up(work)
         if isinstance(work, Exercise):
             return self._exercise(work)
+        if isinstance(work, Touch):
+            return Done(OK, b"{}")
         # Plain strings in this frame, so that a stack dump of a hang names the command.
-        transaction_id, account_id = work.transaction_id, " ".join(work.account_ids[:NAMED_IN_FRAME_MAX])
+        transaction_id, account_id = work.transaction_id, ids_shown(work.account_ids)
         try:
             decision = batch.decide(work)
         # Deciding is ours and pure: whatever it raises is our bug with this one command, it has changed
@@ -208,19 +257,36 @@ class Journal:
         ):
             if rows:
                 connection.execute(statement, rows)
-        if batch.events:
+        if (
+            batch.events or batch.is_empty
+        ):  # of nothing, it is the write without effect that a `Touch` asks for
             moved = connection.execute(
                 _HEAD, {"seq": batch.head_seq, "hash": batch.head_hash, "mine": self._epoch}
             )
             assert moved.rowcount == 1, "the epoch changed under an exclusive lock"
-        connection.exec_driver_sql("COMMIT").close()
+
+
+def _must_write(work: Work) -> bool:
+    """Whether a work asks the store to take a write though nothing is booked for it."""
+    return isinstance(work, Touch) or (isinstance(work, Exercise) and work.run is None)
+
+
+def _recall(keys: Mapping[str, KeyRow], work: Work, error: StoreError) -> Answer:
+    """Return what was known of a work before its batch, which the store did not take."""
+    match work:
+        case LookUp(key=str(key)):
+            return found(keys.get(key), work.digest)
+        case Order(key=str(key)) if key in keys:
+            return repeated(keys[key], work.fingerprint)
+        case _:
+            return ReadOnly(SHUT[error.fault])
 
 
 def _named(works: Sequence[Work]) -> tuple[str, str]:
-    """Return the transactions and accounts of the first orders of a batch, each as one text."""
+    """Return the transactions and the accounts of a batch's orders, as a stack dump shows them."""
     orders = [work for work in works if isinstance(work, Order)][:NAMED_IN_FRAME_MAX]
-    accounts = dict.fromkeys(name for order in orders for name in order.account_ids)
-    return " ".join(order.transaction_id for order in orders), " ".join(accounts)
+    accounts = (name for order in orders for name in order.account_ids)
+    return ids_shown(order.transaction_id for order in orders), ids_shown(accounts)
 
 
 def _account_row(account: Account) -> dict[str, Any]:

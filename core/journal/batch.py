@@ -21,12 +21,12 @@ from core.journal.answers import (
     Done,
     KeyRow,
     KeyTaken,
-    KeyUnknown,
     LookUp,
     Order,
     Refused,
+    found,
     keep,
-    replay,
+    repeated,
 )
 from core.journal.chain import EventRow, hash_of
 from core.ledger.book import Book, KnownEntry
@@ -76,17 +76,14 @@ class Batch:
     altered: set[str] = field(default_factory=set)
 
     def look_up(self, work: LookUp) -> Answer:
-        """Return what became of a key. Another request's answer is never told for the one that is meant."""
-        row = self.keys.get(work.key)
-        if row is None:
-            return KeyUnknown()
-        return replay(row) if work.digest in {None, row.digest} else KeyTaken()
+        """Return what became of a key."""
+        return found(self.keys.get(work.key), work.digest)
 
     def decide(self, order: Order) -> tuple[Event, ...] | Done | Refused | KeyTaken:
         """Return the events that carry the command out, or the answer that needs none. Changes nothing."""
         known = self.keys.get(order.key) if order.key is not None else None
         if known is not None:
-            return replay(known) if known.fingerprint == order.fingerprint else KeyTaken()
+            return repeated(known, order.fingerprint)
         decision = decide(order.command, self.book)
         return Refused(decision) if isinstance(decision, Rejection) else decision
 
@@ -114,6 +111,11 @@ class Batch:
     def is_empty(self) -> bool:
         """Whether there is nothing to write."""
         return not self.events and not self.key_rows
+
+    @property
+    def bytes_written(self) -> int:
+        """How long the bodies and answers are that are to be written: what a batch is large by."""
+        return sum(len(row["body"]) for row in self.events) + sum(len(row["reply"]) for row in self.key_rows)
 
     def _happen(self, order: Order, event: Event, key: str | None, wall_ns: int) -> Place:
         place = self._append(order.command_id, event, key, wall_ns)

@@ -34,12 +34,18 @@ class DoorClosed:
     sentence: str
 
 
-def take_start_guard(data: Path, *, shared: bool) -> StartGuard | DoorClosed:
-    """Take the lock of a data folder, shared with other guarded cores or alone."""
+def take_start_guard(data: Path, *, shared: bool, reading: bool = False) -> StartGuard | DoorClosed:
+    """Take the lock of a data folder, shared with other guarded cores or alone.
+
+    `reading`: for a core that writes nothing; the lock is taken as it lies there, on a disk that takes no write.
+    """
     path = data / LOCK_FILE
+    access = os.O_RDONLY if reading else os.O_RDWR | os.O_CREAT
     try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        descriptor = os.open(path, access | os.O_CLOEXEC, 0o600)
     except OSError as error:
+        if reading:
+            return DoorClosed(f"{path} can't be opened ({error.strerror}): there is no ledger to read.")
         return DoorClosed(
             f"{data} can't be written to ({error.strerror}): choose another folder with --data."
         )

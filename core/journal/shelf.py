@@ -33,6 +33,14 @@ def fetch_keys(connection: Connection, works: Sequence[Work]) -> dict[str, KeyRo
     return keys
 
 
+def read_key(connection: Connection, key: str) -> tuple[int, KeyRow | None]:
+    """Return the store's epoch and what it keeps under a key, both at one moment."""
+    epoch: int = connection.execute(select(schema.meta.c.epoch)).scalar_one()
+    for row in connection.execute(_KEYS, {"names": [key]}):
+        return epoch, KeyRow(row.fingerprint, row.seq, row.status, row.reply, row.digest)
+    return epoch, None
+
+
 def fetch_book(connection: Connection, works: Sequence[Work]) -> Book:
     """Return everything of the book that the commands of a batch may touch."""
     orders = [work for work in works if isinstance(work, Order)]

@@ -32,6 +32,7 @@ class StoreFault(Enum):
 
     BUSY = "busy"
     NO_ROOM = "no room"
+    READ_ONLY = "read only"
     DAMAGED = "damaged"
     OTHER = "other"
 
@@ -53,6 +54,8 @@ def store_error(error: DBAPIError) -> StoreError:
             fault = StoreFault.BUSY
         case sqlite3.SQLITE_FULL:
             fault = StoreFault.NO_ROOM
+        case sqlite3.SQLITE_READONLY:
+            fault = StoreFault.READ_ONLY
         case sqlite3.SQLITE_CORRUPT | sqlite3.SQLITE_NOTADB:
             fault = StoreFault.DAMAGED
         case _:
@@ -88,9 +91,13 @@ def open_writing(path: Path, busy_timeout_ms: int) -> Connection | StoreError:
     return connection
 
 
-def open_reading(path: Path, connections_max: int, busy_timeout_ms: int) -> Engine:
-    """Return an engine whose connections can't write and never checkpoint; nothing is opened yet."""
-    uri = f"{path.absolute().as_uri()}?mode=ro"
+def open_reading(path: Path, connections_max: int, busy_timeout_ms: int, *, alone: bool = False) -> Engine:
+    """Return an engine whose connections can't write and never checkpoint; nothing is opened yet.
+
+    `alone`: nobody writes to the file while this engine lives, and all of it is in the file. It is then read
+    without the log's shared index, which a disk that takes no write can't hold.
+    """
+    uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}"
 
     def connect() -> sqlite3.Connection:
         connection = sqlite3.connect(
@@ -133,3 +140,10 @@ def snapshot(engine: Engine, read_ms_max: int) -> Iterator[Connection]:
 def is_interrupted(error: DBAPIError) -> bool:
     """Whether a read was ended because it took too long."""
     return getattr(error.orig, "sqlite_errorcode", 0) == sqlite3.SQLITE_INTERRUPT
+
+
+def is_open(connection: Connection) -> bool:
+    """Whether the connection is inside a transaction; SQLite ends one by itself after some errors."""
+    driver = connection.connection.driver_connection
+    assert isinstance(driver, sqlite3.Connection)
+    return driver.in_transaction

@@ -14,7 +14,8 @@ from typing import Final, assert_never
 
 from core.guarded.recorder import FlightRecorder
 from core.journal.answers import Answer, Leaving, Work
-from core.journal.append import Committed, Failed, FencedBy, Journal, NotBegun
+from core.journal.append import Committed, Failed, FencedBy, Journal, NotBegun, NotTaken
+from core.journal.store import StoreError
 from core.ledger.events import Event
 
 BATCH_MAX: Final = 256  # as many as there are slots
@@ -31,13 +32,15 @@ class Writer:
         journal: Journal,
         recorder: FlightRecorder,
         loop: asyncio.AbstractEventLoop,
+        on_shut: Callable[[StoreError], None],
         on_failed: Callable[[str], None],
         on_fenced: Callable[[int], None],
         on_bug: Callable[[Exception], None],
     ) -> None:
         """Prepare the thread.
 
-        `on_failed` is called on the loop, after the answers of the batch that failed were given, with what
+        `on_shut` is called on the loop when the store took no write, before the batch hears so. `on_failed` is
+        called on the loop, after the answers of the batch that failed were given, with what
         the store said. `on_fenced` is called on the writer's thread with the higher epoch and must end the
         process: nobody may be answered any more. `on_bug` is called there too and must end the process: a
         core without its writer would take commands and never answer one.
@@ -45,6 +48,7 @@ class Writer:
         self._journal = journal
         self._recorder = recorder
         self._loop = loop
+        self._on_shut = on_shut
         self._on_failed = on_failed
         self._on_fenced = on_fenced
         self._on_bug = on_bug
@@ -109,6 +113,9 @@ class Writer:
                     self._loop.call_soon_threadsafe(self._publish, batch, answers, events)
                 case NotBegun(answers):
                     self._loop.call_soon_threadsafe(_give, batch, answers)
+                case NotTaken(answers, error):
+                    self._recorder.event("STORE_SHUT", error.text)
+                    self._loop.call_soon_threadsafe(self._shut, batch, answers, error)
                 case Failed(answers, error):
                     self._recorder.last_words("COMMIT_FAILED", error.text)
                     self._loop.call_soon_threadsafe(self._fail, batch, answers, error.text)
@@ -132,6 +139,10 @@ class Writer:
         _give(batch, answers)
         if self._listener is not None and events:
             self._listener(events)
+
+    def _shut(self, batch: Sequence[Waiting], answers: Sequence[Answer], error: StoreError) -> None:
+        self._on_shut(error)
+        _give(batch, answers)
 
     def _fail(self, batch: Sequence[Waiting], answers: Sequence[Answer], text: str) -> None:
         self._stopping = True

@@ -80,7 +80,7 @@ def _respond(request: Request, problem: Problem) -> Response:
     if wants_page(request):
         return show_problem(request, problem)
     lang = language(request.headers.get("accept-language"))
-    return respond(problem, lang, service_of(request).settings.retry_after_s)
+    return respond(problem, lang, service_of(request).settings)
 
 
 async def _tell_problem(request: Request, error: Exception) -> Response:

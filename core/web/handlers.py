@@ -164,7 +164,7 @@ async def look_up(request: Request) -> Response:
         case Refused(rejection):
             status = status_of(rejection.slug)
             lang = language(request.headers.get("accept-language"))
-            told = problem_json(refusal(rejection), lang, service.settings.retry_after_s)
+            told = problem_json(refusal(rejection), lang, service.settings)
         case _:
             return respond_with(answer)
     return as_json({"key": key, "outcome": "done", "status": status, "answer": told})

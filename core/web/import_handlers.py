@@ -22,7 +22,7 @@ from core.ledger.reasons import Fault, Reason
 from core.web.asking import Routes, as_json, service_of
 from core.web.import_views import ImportList, faults_shown, sentence, summary_of, view_of
 from core.web.intake import decode_body, idempotency_key, read_body
-from core.web.problems import Problem, ProblemError
+from core.web.problems import Outcome, Problem, ProblemError, safe_mode
 from core.web.upload import Upload, receive
 from frontend.render import Language, language
 
@@ -127,6 +127,10 @@ def _tell(request: Request, kept: Kept | Trouble, status: int) -> Response:
 
 
 def _problem(trouble: Trouble, lang: Language) -> ProblemError:
+    if trouble.slug == "safe-mode":
+        return ProblemError(
+            safe_mode(trouble.values["why"], Outcome.UNKNOWN if trouble.done_before else None)
+        )
     values: dict[str, Any] = dict(trouble.values)
     extra: dict[str, Any] = {}
     if trouble.reason is not None:

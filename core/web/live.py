@@ -125,4 +125,4 @@ def _refused(websocket: WebSocket, after: int | Problem | None) -> Problem | Non
 
 async def _refuse(websocket: WebSocket, problem: Problem, service: Service) -> None:
     lang = language(websocket.headers.get("accept-language"))
-    await websocket.send_denial_response(respond(problem, lang, service.settings.retry_after_s))
+    await websocket.send_denial_response(respond(problem, lang, service.settings))

@@ -61,6 +61,10 @@ _PROBLEM: Final[dict[str, Any]] = {
         "detail": {"type": "string", "description": "In Korean or English, by Accept-Language."},
         "outcome": {"type": "string", "enum": [outcome.value for outcome in Outcome]},
         "retry_after": {"type": "integer", "description": "Seconds."},
+        "safe": {
+            "type": "string",
+            "description": "Of `safe-mode`: the diagnosis because of which only reads are served.",
+        },
         **IMPORT_PROBLEM_MEMBERS,
         "errors": {
             "type": "array",

@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from core.web.asking import service_of
-from core.web.problems import PROBLEM_JSON, PROBLEM_KINDS, Problem, problem_json
+from core.web.problems import PROBLEM_JSON, PROBLEM_KINDS, Problem, headers_of, problem_json
 from frontend.paper import Reader, draw, page_text, reader_language
 from frontend.render import problem_text
 
@@ -66,6 +66,7 @@ def show(
         here=here,
         # Before the page was read: what is booked in between is told twice rather than never.
         seq=values.pop("seq", service.head_seq),
+        safe=service.safe,
         fresh_key=lambda: key or service.new_id(),
         **values,
     )
@@ -77,11 +78,7 @@ def show_problem(request: Request, problem: Problem) -> Response:
     kind = PROBLEM_KINDS[problem.slug]
     title, detail = problem_text(problem.slug, reader_of(request).lang, **problem.values)
     response = show(request, "problem.html.j2", "", status=kind.status, title=title, detail=detail)
-    response.headers.update(problem.headers)
-    if kind.again:
-        response.headers["Retry-After"] = str(service_of(request).settings.retry_after_s)
-    if kind.draining:
-        response.headers["X-Core-Draining"] = "1"
+    response.headers.update(headers_of(problem, service_of(request).settings))
     return response
 
 
@@ -89,13 +86,13 @@ def tell_script(request: Request, problem: Problem, faults: dict[str, str]) -> R
     """Return the same to the script of a page: the problem, and a sentence for each of its fields."""
     reader = reader_of(request)
     kind = PROBLEM_KINDS[problem.slug]
-    retry_after_s = service_of(request).settings.retry_after_s
-    body = {**problem_json(problem, reader.lang, retry_after_s), "faults": faults}
-    headers = {"Content-Language": reader.lang, "Cache-Control": "no-store", **problem.headers}
-    if kind.again:
-        headers["Retry-After"] = str(retry_after_s)
-    if kind.draining:
-        headers["X-Core-Draining"] = "1"
+    settings = service_of(request).settings
+    body = {**problem_json(problem, reader.lang, settings), "faults": faults}
+    headers = {
+        "Content-Language": reader.lang,
+        "Cache-Control": "no-store",
+        **headers_of(problem, settings),
+    }
     return Response(msgspec.json.encode(body), kind.status, headers, media_type=PROBLEM_JSON)
 
 

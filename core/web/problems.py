@@ -15,6 +15,7 @@ from starlette.responses import Response
 
 from core.journal.answers import status_of
 from core.ledger.reasons import Fault, Rejection, Slug
+from core.settings import Settings
 from frontend.render import Language, problem_text
 
 PROBLEM_JSON: Final = "application/problem+json"
@@ -31,7 +32,8 @@ class Outcome(StrEnum):
 class ProblemKind:
     """A row of the closed list.
 
-    `again`: the same request may well succeed in a moment. `draining`: this core did not run it and leaves,
+    `again`: the same request may well succeed in a moment; `resting`: in some time, and not before somebody or
+    something has changed. `draining`: this core did not run it and leaves,
     so whoever stands before it may keep it for the next one.
     """
 
@@ -39,6 +41,13 @@ class ProblemKind:
     outcome: Outcome | None = None
     again: bool = False
     draining: bool = False
+    resting: bool = False
+
+    def retry_after_s(self, settings: Settings) -> int | None:
+        """Return what Retry-After says; None: asking again is of no use."""
+        if self.resting:
+            return settings.safe_retry_after_s
+        return settings.retry_after_s if self.again else None
 
 
 PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
@@ -68,6 +77,7 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "busy": ProblemKind(503, Outcome.NOT_DONE, again=True),
     "leaving": ProblemKind(503, Outcome.NOT_DONE, again=True, draining=True),
     "store-busy": ProblemKind(503, Outcome.NOT_DONE, again=True),
+    "safe-mode": ProblemKind(503, Outcome.NOT_DONE, resting=True),
     "store-unreadable": ProblemKind(503, again=True),
     "read-too-long": ProblemKind(503),
     "outcome-unknown": ProblemKind(503, Outcome.UNKNOWN),
@@ -105,7 +115,12 @@ def refusal(rejection: Rejection, *, replayed: bool = False) -> Problem:
     return Problem(rejection.slug.value, rejection.faults, dict(rejection.values), headers=headers)
 
 
-def problem_json(problem: Problem, lang: Language, retry_after_s: int) -> dict[str, Any]:
+def safe_mode(reason: str, outcome: Outcome | None = None) -> Problem:
+    """Return the problem of a write that comes while only reads are served, because of the diagnosis `reason`."""
+    return Problem("safe-mode", values={"why": reason}, outcome=outcome, extra={"safe": reason})
+
+
+def problem_json(problem: Problem, lang: Language, settings: Settings) -> dict[str, Any]:
     """Return the members of a problem's body."""
     kind = PROBLEM_KINDS[problem.slug]
     title, detail = problem_text(problem.slug, lang, **problem.values)
@@ -122,18 +137,27 @@ def problem_json(problem: Problem, lang: Language, retry_after_s: int) -> dict[s
         body["errors"] = [
             {"pointer": fault.pointer, "reason": fault.reason.value} for fault in problem.faults
         ]
-    if kind.again:
+    retry_after_s = kind.retry_after_s(settings)
+    if retry_after_s is not None:
         body["retry_after"] = retry_after_s
     return {**body, **problem.extra}
 
 
-def respond(problem: Problem, lang: Language, retry_after_s: int) -> Response:
-    """Return the response that tells a problem."""
+def headers_of(problem: Problem, settings: Settings) -> dict[str, str]:
+    """Return the headers by which a problem says what may be done about it."""
     kind = PROBLEM_KINDS[problem.slug]
-    headers = {"Content-Language": lang, "Vary": "Accept-Language", **problem.headers}
-    if kind.again:
+    headers = dict(problem.headers)
+    retry_after_s = kind.retry_after_s(settings)
+    if retry_after_s is not None:
         headers["Retry-After"] = str(retry_after_s)
     if kind.draining:
         headers["X-Core-Draining"] = "1"
-    body = msgspec.json.encode(problem_json(problem, lang, retry_after_s))
+    return headers
+
+
+def respond(problem: Problem, lang: Language, settings: Settings) -> Response:
+    """Return the response that tells a problem."""
+    kind = PROBLEM_KINDS[problem.slug]
+    headers = {"Content-Language": lang, "Vary": "Accept-Language", **headers_of(problem, settings)}
+    body = msgspec.json.encode(problem_json(problem, lang, settings))
     return Response(body, kind.status, headers, media_type=PROBLEM_JSON)

@@ -2,6 +2,7 @@
 
 import itertools
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +14,7 @@ from core.guarded.recorder import NoRecorder
 from core.journal.answers import Answer, LookUp, Order, Work
 from core.journal.append import Committed, Journal
 from core.journal.fence import Raised, fence
+from core.journal.room import Room
 from core.journal.store import LEDGER_FILE, StoreError, open_writing
 from core.ledger.accounts import AccountType
 from core.ledger.commands import (
@@ -97,8 +99,9 @@ class Pen:
         assert isinstance(raised, Raised), raised
         self.epoch = raised.epoch
         self.recorder = NoRecorder()
+        room = Room(path, time.monotonic_ns)
         self.journal = Journal(
-            self.connection, raised.epoch, 0, self.recorder, lambda: 1_795_000_000_000_000_000
+            self.connection, raised.epoch, 0, self.recorder, room, lambda: 1_795_000_000_000_000_000
         )
 
     def write(self, *works: Work) -> tuple[Answer, ...]:
@@ -124,6 +127,17 @@ def pen(path: Path, busy_timeout_ms: int = 1_000) -> Iterator[Pen]:
         yield made
     finally:
         made.close()
+
+
+def failing_at_commit(connection: Connection) -> None:
+    """Have every COMMIT that writes an event fail: what it leaves behind breaks a rule that is checked there."""
+    connection.exec_driver_sql("CREATE TEMP TABLE owner (id INTEGER PRIMARY KEY)").close()
+    connection.exec_driver_sql(
+        "CREATE TEMP TABLE owned (id INTEGER REFERENCES owner DEFERRABLE INITIALLY DEFERRED)"
+    ).close()
+    connection.exec_driver_sql(
+        "CREATE TEMP TRIGGER owes AFTER INSERT ON event BEGIN INSERT INTO owned VALUES (1); END"
+    ).close()
 
 
 def tamper(path: Path, *statements: str) -> None:

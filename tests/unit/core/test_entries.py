@@ -313,6 +313,7 @@ def test_who_listens_is_told_what_was_committed_after_it_was_answered(tmp_path: 
             made.journal,
             made.recorder,
             asyncio.get_running_loop(),
+            on_shut=nothing.append,
             on_failed=nothing.append,
             on_fenced=nothing.append,
             on_bug=nothing.append,

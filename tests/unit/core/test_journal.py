@@ -10,18 +10,24 @@ from core.journal import queries
 from core.journal.answers import (
     DecisionFailed,
     Done,
+    Exercise,
     KeyTaken,
     KeyUnknown,
     LookUp,
     OutcomeUnknown,
+    ReadOnly,
     Refused,
     StoreBusy,
+    Touch,
 )
-from core.journal.append import Failed, FencedBy, Journal, NotBegun
+from core.journal.append import Failed, FencedBy, Journal, NotBegun, NotTaken
 from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack, fence
+from core.journal.room import Room
 from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_writing
 from core.ledger.reasons import Slug
-from tests.unit.core.books import Pen, closing, moving, opened, opening, order, pen, tamper
+from tests.unit.core.books import Pen, closing, failing_at_commit, moving, opened, opening, order, pen, tamper
+
+FOR_EVER_NS = 2**63 - 1
 
 
 def accounts(made: Pen) -> dict[str, int]:
@@ -186,19 +192,77 @@ def test_a_batch_behind_somebody_elses_lock_is_not_begun_and_may_come_again(tmp_
         assert isinstance(made.write(order(opening("a"), "k"))[0], Done)
 
 
-def test_an_error_inside_the_transaction_is_unknown_and_ends_the_journal(tmp_path: Path) -> None:
+def test_a_commit_that_raises_is_unknown_and_ends_the_journal(tmp_path: Path) -> None:
     with pen(tmp_path) as made:
         made.carry_out(opening("a"), opening("b"))
-        # A store with no room for one more page: a full disk, as SQLite itself reports it.
+        failing_at_commit(made.connection)
+        batch = [order(moving(1, "a", "b"), "k")]
+        outcome = made.journal.write(batch)
+        assert isinstance(outcome, Failed)
+        assert set(outcome.answers) == {OutcomeUnknown()}
+        with pytest.raises(AssertionError):
+            made.journal.write(batch)
+
+
+def test_a_store_without_room_before_commit_has_done_nothing_and_goes_on_once_there_is_room(
+    tmp_path: Path,
+) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("a"), opening("b"))
+        before = made.write(order(moving(7, "a", "b"), "before"))[0]
+        assert isinstance(before, Done)
+        # A store with no room for one more page: SQLite says FULL to a statement and rolls back by itself.
         pages = made.connection.exec_driver_sql("PRAGMA page_count").scalar_one()
         made.connection.exec_driver_sql(f"PRAGMA max_page_count = {pages}")
         batch = [order(moving(1, "a", "b"), f"k{n}") for n in range(200)]
         outcome = made.journal.write(batch)
-        assert isinstance(outcome, Failed)
+        assert isinstance(outcome, NotTaken)
         assert outcome.error.fault is StoreFault.NO_ROOM
-        assert set(outcome.answers) == {OutcomeUnknown()}
-        with pytest.raises(AssertionError):
-            made.journal.write(batch)
+        assert set(outcome.answers) == {ReadOnly("DISK_FULL")}
+        assert accounts(made) == {"a": 7, "b": -7}
+        made.connection.exec_driver_sql("PRAGMA max_page_count = 100000")
+        assert all(isinstance(answer, Done) for answer in made.write(*batch))
+        assert accounts(made) == {"a": 207, "b": -207}
+
+
+def test_on_a_full_disk_what_is_known_is_still_told_and_what_is_new_is_not_done(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("a"), opening("b"))
+        command = moving(5, "a", "b")
+        first = made.write(order(command, "k"))[0]
+        assert isinstance(first, Done)
+        new = moving(1, "a", "b")
+        made.journal.pretend_full(FOR_EVER_NS)
+        outcome = made.journal.write(
+            [order(command, "k"), order(moving(9, "a", "b"), "k"), LookUp("k", 0), order(new, "new")]
+        )
+        assert isinstance(outcome, NotTaken)
+        again = Done(first.status, first.body, replayed=True)
+        assert outcome.answers == (again, KeyTaken(), again, ReadOnly("DISK_FULL"))
+        # What asks for no write needs no room.
+        assert made.write(order(command, "k"), LookUp("new", 0)) == (again, KeyUnknown())
+        made.journal.pretend_full(0)
+        assert isinstance(made.write(order(new, "new"))[0], Done)
+
+
+def test_a_touch_writes_nothing_that_can_be_seen_and_fails_on_a_full_disk(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("a"))
+        head = queries.head(made.connection)
+        made.journal.pretend_full(FOR_EVER_NS)
+        refused = made.journal.write([Touch(0)])
+        assert isinstance(refused, NotTaken)
+        assert refused.answers == (ReadOnly("DISK_FULL"),)
+        made.journal.pretend_full(0)
+        assert isinstance(made.write(Touch(0))[0], Done)
+        assert queries.head(made.connection) == head
+
+
+def test_a_drill_that_does_nothing_itself_meets_the_full_disk(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.journal.pretend_full(FOR_EVER_NS)
+        outcome = made.journal.write([Exercise(0, "drill", "system:drill", None)])
+        assert isinstance(outcome, NotTaken)
 
 
 def test_a_bug_in_deciding_one_command_leaves_the_others_alone(tmp_path: Path) -> None:
@@ -237,4 +301,6 @@ def test_the_head_that_a_journal_shows_is_the_last_event(tmp_path: Path) -> None
     with pen(tmp_path) as made:
         made.carry_out(opening("a"), opening("b"))
         assert made.journal.head_seq == 2
-        assert Journal(made.connection, 1, 2, NoRecorder(), lambda: 0).head_seq == 2
+        assert (
+            Journal(made.connection, 1, 2, NoRecorder(), Room(tmp_path, lambda: 0), lambda: 0).head_seq == 2
+        )

@@ -8,11 +8,11 @@ from core.ledger.reasons import Slug
 from core.settings import Settings
 from core.web.app import ROUTES
 from core.web.openapi import document
-from core.web.problems import PROBLEM_KINDS, Problem, problem_json, respond
-from frontend.catalogue_problems import PROBLEMS
-from frontend.render import language, problem_text
+from core.web.problems import PROBLEM_KINDS, Outcome, Problem, problem_json, respond, safe_mode
+from frontend.catalogue_problems import PROBLEMS, READ_ONLY
+from frontend.render import Language, language, problem_text, read_only_because
 
-LANGUAGES = ("ko", "en")
+LANGUAGES: tuple[Language, ...] = ("ko", "en")
 
 
 def names_in(text: str) -> set[str]:
@@ -69,9 +69,26 @@ def test_a_detail_repeats_values_and_never_runs_them() -> None:
 
 
 def test_a_problem_says_what_is_known_of_its_outcome() -> None:
-    body = problem_json(Problem("store-busy"), "en", 2)
-    assert (body["status"], body["outcome"], body["retry_after"]) == (503, "not_done", 2)
-    assert "outcome" not in problem_json(Problem("not-found"), "en", 2)
+    body = problem_json(Problem("store-busy"), "en", Settings())
+    assert (body["status"], body["outcome"], body["retry_after"]) == (
+        503,
+        "not_done",
+        Settings().retry_after_s,
+    )
+    assert "outcome" not in problem_json(Problem("not-found"), "en", Settings())
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_reading_only_is_told_with_its_reason_in_plain_words_and_asks_for_patience(lang: Language) -> None:
+    settings = Settings()
+    told = {why or "OTHER": problem_json(safe_mode(why or "OTHER"), lang, settings) for why in READ_ONLY}
+    assert len({body["detail"] for body in told.values()}) == len(READ_ONLY)
+    for why, body in told.items():
+        assert body["detail"].endswith(read_only_because(why, lang))
+        assert (body["type"], body["status"], body["safe"]) == ("/problems/safe-mode", 503, why)
+        assert (body["outcome"], body["retry_after"]) == ("not_done", settings.safe_retry_after_s)
+        assert respond(safe_mode(why), lang, settings).headers["Retry-After"] == "30"
+    assert safe_mode("DISK_FULL", Outcome.UNKNOWN).outcome is Outcome.UNKNOWN
 
 
 def test_the_description_names_every_route_and_no_other() -> None:
@@ -102,7 +119,7 @@ def test_settings_have_defaults_within_their_bounds() -> None:
 
 def test_a_core_that_leaves_says_that_it_did_not_run_the_request_and_no_other_problem_does() -> None:
     told = {
-        slug: "X-Core-Draining" in respond(Problem(slug), "en", 2).headers
+        slug: "X-Core-Draining" in respond(Problem(slug), "en", Settings()).headers
         for slug in PROBLEM_KINDS
         if "{" not in PROBLEMS[slug]["en"][1]
     }

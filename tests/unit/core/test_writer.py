@@ -1,21 +1,26 @@
 import asyncio
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 from core.guarded.recorder import Stage
 from core.journal import queries
-from core.journal.answers import Answer, Done, Leaving, OutcomeUnknown
+from core.journal.answers import Answer, Done, Leaving, OutcomeUnknown, ReadOnly
 from core.journal.fence import Raised, fence
+from core.journal.store import StoreError
 from core.journal.writer import Writer
 from core.ledger.commands import Command
-from tests.unit.core.books import Pen, moving, opened, opening, order
+from tests.unit.core.books import Pen, failing_at_commit, moving, opened, opening, order
+
+FOR_EVER_NS = 3_600_000_000_000
 
 
 class Heard:
     """What the writer told about its end."""
 
     def __init__(self) -> None:
+        self.shut: list[StoreError] = []
         self.failed: list[str] = []
         self.fenced: list[int] = []
         self.bugs: list[Exception] = []
@@ -27,6 +32,7 @@ async def writing(made: Pen, heard: Heard) -> AsyncIterator[Writer]:
         made.journal,
         made.recorder,
         asyncio.get_running_loop(),
+        on_shut=heard.shut.append,
         on_failed=heard.failed.append,
         on_fenced=heard.fenced.append,
         on_bug=heard.bugs.append,
@@ -110,8 +116,7 @@ def test_a_failed_commit_answers_its_batch_unknown_and_the_rest_not_done(tmp_pat
         async with writing(made, heard) as writer:
             await ask(writer, made, opening("a"))
             await ask(writer, made, opening("b"))
-            pages = made.connection.exec_driver_sql("PRAGMA page_count").scalar_one()
-            made.connection.exec_driver_sql(f"PRAGMA max_page_count = {pages}")
+            failing_at_commit(made.connection)
             futures = [ask(writer, made, moving(1, "a", "b"), f"k{n}") for n in range(200)]
             answers = await asyncio.gather(*futures)
             assert OutcomeUnknown() in answers
@@ -120,6 +125,26 @@ def test_a_failed_commit_answers_its_batch_unknown_and_the_rest_not_done(tmp_pat
             assert set(answers[first_unknown:]) <= {OutcomeUnknown(), Leaving()}
             assert len(heard.failed) == 1
             assert await ask(writer, made, opening("c")) == Leaving()
+
+    asyncio.run(scenario())
+
+
+def test_a_full_disk_is_told_before_its_batch_hears_so_and_the_writer_goes_on(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        made, heard = Pen(tmp_path), Heard()
+        async with writing(made, heard) as writer:
+            await ask(writer, made, opening("a"))
+            writer.pretend_full(time.monotonic_ns() + FOR_EVER_NS)
+            future = ask(writer, made, opening("b"))
+            heard_first: list[int] = []
+            future.add_done_callback(lambda _: heard_first.append(len(heard.shut)))
+            assert await future == ReadOnly("DISK_FULL")
+            await asyncio.sleep(0)
+            assert heard_first == [1]
+            writer.pretend_full(0)
+            assert isinstance(await ask(writer, made, opening("b")), Done)
+        assert not heard.failed
+        assert not heard.bugs
 
     asyncio.run(scenario())
 

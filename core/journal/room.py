@@ -1,0 +1,48 @@
+"""Whether the store's disk takes a write now, asked before anything is written.
+
+In a log that is written at COMMIT, a full disk is met at COMMIT and nowhere before it (measured: BEGIN, UPDATE and
+INSERT all succeed on a disk without a free block), and a COMMIT that raised is one of which nobody knows what became.
+So a batch that has something to write looks at the file system first. Too little room then means that nothing was
+done, which is certain, and that the core can go on serving reads. It costs one system call. A quota, or a disk
+that fills up between this look and the COMMIT, is met where it always was. Not chosen: a file of room kept beside
+the ledger, which would have to be freed at the very moment when nothing can be written down about it.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from core.journal.store import StoreError, StoreFault
+
+#: More than an ordinary batch and its checkpoint write; a batch of larger bodies asks for more.
+ROOM_BYTES_MIN: Final = 512 << 10
+
+
+class Room:
+    """The room on the file system of one folder. Any thread."""
+
+    def __init__(self, folder: Path, now_ns: Callable[[], int]) -> None:
+        """Look at the file system of `folder`; `now_ns` is monotonic."""
+        self._folder = folder
+        self._now_ns = now_ns
+        self._full_until_ns = 0
+
+    def pretend_full(self, until_ns: int) -> None:
+        """Answer as a full disk would until `until_ns`, monotonic: a drill."""
+        self._full_until_ns = until_ns
+
+    def fault(self, bytes_needed: int = 0) -> StoreError | None:
+        """Return why nothing can be written now, None where `bytes_needed` and what is always kept free fit."""
+        if self._now_ns() < self._full_until_ns:
+            return StoreError(StoreFault.NO_ROOM, "SQLITE_FULL: a drill says that the disk is full")
+        try:
+            seen = os.statvfs(self._folder)
+        except OSError:
+            return None  # what can't be looked at is met by the write itself
+        if seen.f_flag & os.ST_RDONLY:
+            return StoreError(StoreFault.READ_ONLY, "EROFS: the disk is mounted read-only")
+        free_bytes = seen.f_bavail * seen.f_frsize
+        if free_bytes < ROOM_BYTES_MIN + bytes_needed:
+            return StoreError(StoreFault.NO_ROOM, f"ENOSPC: {free_bytes} bytes are free on the ledger's disk")
+        return None

@@ -1,0 +1,111 @@
+"""Opening the book to read it only: no fence, no proof, no write, for a core that was started safe.
+
+Such a core is started where a restart alone would not help: the disk takes no write, or the book is damaged. It
+raises no epoch, so nothing that it says is newer than what the dead core left, and it proves nothing: whoever can
+be shown the book is shown it as it stands. SQLite reads a book with a log through a shared index beside it, which
+a full or read-only disk may not be able to hold; the file alone is read then, if nothing is left in the log, and
+otherwise this core leaves with a sentence. Not chosen: a copy in memory, which a long ledger would not fit into.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import assert_never
+
+from sqlalchemy import Connection, Engine
+from sqlalchemy.exc import DBAPIError
+
+from core import departure
+from core.departure import Departure
+from core.guarded.environment import GuardedEnvironment
+from core.journal import queries, schema
+from core.journal.lock import DoorClosed, StartGuard, take_start_guard
+from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_reading, snapshot, store_error
+from core.settings import Settings
+
+
+@dataclass(frozen=True, slots=True)
+class ReadableBook:
+    """A book that this core reads and never writes to. `epoch` and head as they stand in the store."""
+
+    readers: Engine
+    epoch: int
+    head_seq: int
+    head_hash: bytes
+    guard: StartGuard
+
+
+@dataclass(frozen=True, slots=True)
+class _NotOurs:
+    """The file is no ledger that this version can read."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Head:
+    epoch: int
+    seq: int
+    hash: bytes
+
+
+def open_to_read(data: Path, environment: GuardedEnvironment, settings: Settings) -> ReadableBook | Departure:
+    """Open the book of a data folder as it stands. Blocks."""
+    guard = take_start_guard(data, shared=environment.guarded, reading=True)
+    if isinstance(guard, DoorClosed):
+        return departure.config_invalid(guard.sentence)
+    path = data / LEDGER_FILE
+    if not path.is_file():
+        return departure.config_invalid(f"There is no ledger in {data}: name its folder with --data.")
+    opened = _open(path, settings, alone=False)
+    if isinstance(opened, StoreError) and opened.fault is not StoreFault.DAMAGED and _is_whole(path):
+        opened = _open(path, settings, alone=True)
+    match opened:
+        case StoreError():
+            return _unread(opened)
+        case _NotOurs():
+            return departure.config_invalid(
+                f"{LEDGER_FILE} is no ledger that this version can read without changing it."
+            )
+        case (readers, head):
+            return ReadableBook(readers, head.epoch, head.seq, head.hash, guard)
+
+
+def _open(path: Path, settings: Settings, *, alone: bool) -> tuple[Engine, _Head] | _NotOurs | StoreError:
+    # One more connection than reading threads: the proof of the whole book has its own.
+    readers = open_reading(path, settings.readers + 1, settings.write_busy_ms, alone=alone)
+    found: _Head | _NotOurs | StoreError
+    try:
+        with snapshot(readers, settings.read_ms_max) as connection:
+            found = _head(connection)
+    except DBAPIError as error:
+        found = store_error(error)
+    if isinstance(found, _Head):
+        return readers, found
+    readers.dispose()
+    return found
+
+
+def _head(connection: Connection) -> _Head | _NotOurs:
+    names = set(connection.exec_driver_sql("SELECT name FROM sqlite_master WHERE type = 'table'").scalars())
+    if "meta" not in names:
+        return _NotOurs()
+    row = queries.head(connection)
+    if row.schema_version != schema.SCHEMA_VERSION:
+        return _NotOurs()
+    return _Head(row.epoch, row.head_seq, row.head_hash)
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether all of the book is in its file: nothing is left in the log. Looked at from outside."""
+    log = path.with_name(f"{path.name}-wal")
+    return not log.exists() or log.stat().st_size == 0
+
+
+def _unread(error: StoreError) -> Departure:
+    match error.fault:
+        case StoreFault.DAMAGED:
+            return departure.corrupt(f"not even its head can be read ({error.text})")
+        case StoreFault.BUSY:
+            return departure.locked(error.text)
+        case StoreFault.NO_ROOM | StoreFault.READ_ONLY | StoreFault.OTHER:
+            return departure.no_room(f"and the ledger can't be read without one: {error.text}")
+        case _:
+            assert_never(error.fault)

@@ -1,0 +1,130 @@
+"""Reading only: how a living core stops taking writes, and how it takes them again.
+
+Two may say so: the store, when it takes a write no longer, and the guard, when it sees from outside that a restart
+would not help. What stands in the writer's line then is finished; what comes later is refused before it is begun,
+and reads go on. The way back is a write without effect: only a store that has committed one is believed. A core
+that nobody guards tries that by itself from time to time. One that was started to read only has no writer, and no
+way back: another core has to be started. Not chosen: one flag inside the writer's thread, because whoever asks
+during a stalled write must be refused at once.
+"""
+
+import asyncio
+import logging
+from typing import Final, NoReturn, assert_never
+
+from core.guarded.beacon import Beacon
+from core.guarded.recorder import FlightRecorder
+from core.journal.answers import (
+    Answer,
+    DecisionFailed,
+    Done,
+    KeyTaken,
+    KeyUnknown,
+    Leaving,
+    OutcomeUnknown,
+    ReadOnly,
+    Refused,
+    StoreBusy,
+    Touch,
+)
+from core.journal.append import SHUT
+from core.journal.store import StoreError, StoreFault
+from core.journal.writer import Writer
+from core.service import Draining, NoSlot, Service
+
+TOUCH: Final = "store.touch"
+NOT_DONE: Final = 503
+
+logger = logging.getLogger("core")
+
+
+class Safety:
+    """The switch of one service. All methods on the loop's thread."""
+
+    def __init__(
+        self, service: Service, writer: Writer | None, recorder: FlightRecorder, beacon: Beacon
+    ) -> None:
+        """Take the parts. `writer` None: this core was started to read only."""
+        self._service = service
+        self._writer = writer
+        self._recorder = recorder
+        self._beacon = beacon
+        self._told = False  # the guard knows of the store's fault from us
+        self._orders = 0
+
+    def shut(self, error: StoreError) -> None:
+        """Take no more writes: the store has just refused one, and nothing of it was done."""
+        if not self._told:
+            self._told = True
+            self._beacon.store("READ_ONLY" if error.fault is StoreFault.READ_ONLY else "FULL")
+        if self._service.safe is None:
+            logger.warning("The store takes no write (%s): this core serves reads only.", error.text)
+            self._set(SHUT[error.fault])
+
+    async def switch(self, reason: str | None) -> str | None:
+        """Serve reads only because of `reason`, or (None) everything again.
+
+        Return why that could not be done; None: it is done.
+        """
+        self._orders += 1
+        if reason is None:
+            return await self._take_writes_again(self._orders)
+        self._set(reason)
+        return None
+
+    async def keep_trying(self, every_ms: int) -> NoReturn:
+        """Try to take writes again, every `every_ms`, for a core that nobody tells to."""
+        while True:
+            await asyncio.sleep(every_ms / 1000)
+            await self.switch(None)
+
+    async def _take_writes_again(self, order: int) -> str | None:
+        if self._service.safe is None:
+            return None
+        if self._writer is None:
+            return "This core was started to read only: start another one."
+        slot = self._service.begin(TOUCH, b"")
+        if isinstance(slot, NoSlot):
+            return "Every slot is taken: there is none to try a write with."
+        if isinstance(slot, Draining):
+            return "The core is leaving."
+        status = NOT_DONE
+        try:
+            answer = await self._writer.submit(Touch(slot))
+            status = answer.status if isinstance(answer, Done) else NOT_DONE
+        finally:
+            self._service.finish(slot, status)
+        fault = _why_not(answer)
+        if fault is None and order != self._orders:
+            return "Another order came meanwhile."
+        if fault is None:
+            self._open()
+        return fault
+
+    def _open(self) -> None:
+        self._set(None)
+        if self._told:
+            self._told = False
+            self._beacon.store("OK")
+        logger.info("The store takes writes again.")
+
+    def _set(self, reason: str | None) -> None:
+        if reason != self._service.safe:
+            self._recorder.event("SAFE_OFF" if reason is None else "SAFE_ON", reason or "")
+        self._service.safe = reason
+
+
+def _why_not(answer: Answer) -> str | None:
+    match answer:
+        case Done():
+            return None
+        case ReadOnly(reason):
+            return f"The store still takes no write ({reason})."
+        case StoreBusy():
+            return "Somebody else holds the store's lock."
+        case Leaving() | OutcomeUnknown():
+            return "The core is leaving."
+        case Refused() | KeyTaken() | KeyUnknown() | DecisionFailed():
+            raise AssertionError("a write without effect is not decided")
+        case _:
+            assert_never(answer)
