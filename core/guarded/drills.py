@@ -27,9 +27,10 @@ EXIT_CODE: Final = 3
 OOM_STEP_BYTES: Final = 8 << 20
 #: The guard's memory limit is far below it. Whoever gets here has none, and the machine is not to fall over.
 OOM_BYTES_MAX: Final = 4 << 30
-#: A collection over so many objects takes seconds, and all of them together some 250 MB.
-GC_OBJECTS: Final = 3_000_000
-_GC_SLICE: Final = 20_000
+#: What a collection costs are the references it follows to places far apart: so many objects with so many each take
+#: it a second or two, and all of them together some 200 MB.
+GC_OBJECTS: Final = 500_000
+GC_REFERENCES: Final = 40
 #: The thread that takes part in a deadlock has begun long before, on any machine.
 _HANDSHAKE_S_MAX: Final = 10.0
 _MUTEX_BYTES: Final = 128  # more than a mutex has on any machine
@@ -99,11 +100,14 @@ def _eat_memory() -> None:
 
 
 def _collect_much() -> None:
-    """Make a heap of millions of objects in small steps, collect once, and forget it."""
-    heap: list[list[object]] = []
-    while len(heap) < GC_OBJECTS:
-        heap.extend([] for _ in range(_GC_SLICE))
+    """Make a heap of millions of references in small steps, collect once, and forget it."""
+    heap: list[list[object]] = [[] for _ in range(GC_OBJECTS)]
+    apart = GC_OBJECTS // GC_REFERENCES
+    for place, made in enumerate(heap):
+        made.extend(heap[place % apart :: apart])
     gc.collect()
+    for made in heap:
+        made.clear()  # they name each other in circles, and would be there until a collection finds them
 
 
 def _in_background(run: Callable[[], None]) -> None:
