@@ -9,7 +9,6 @@ import os
 import re
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
@@ -22,9 +21,11 @@ from hardcore.model.observations import Conduct
 
 #: Findings of one kind that are told.
 TOLD_MAX = 8
-#: Where the kernel does not list a process's children, all processes are asked for their parent, this often.
-SCAN_EVERY_NS = 5_000_000_000
+#: Where the kernel does not list a process's children, all processes are asked for their parent.
+CHILDREN_EVERY_NS = 5_000_000_000
 CODE_EVERY_NS = 10_000_000_000
+#: The kernel walks all its connections to list those that listen: milliseconds.
+PORTS_EVERY_NS = 10_000_000_000
 FILES_MAX = 4096
 HANDLES_MAX = 4096
 PROC_BYTES_MAX = 1 << 20
@@ -43,56 +44,72 @@ _SOCKET = re.compile(r"socket:\[(\d+)\]")
 Stamp = tuple[int, int, int, int]
 
 
-@dataclass(slots=True)
 class ConductWatch:
     """Watches the conduct of one life of the core. Used from one thread."""
 
-    pid: int
-    _children: tuple[str, ...] = ()
-    _once: frozenset[int] = frozenset()
-    _scanned_ns: int | None = None
-    _listed: bool = True
-    _code: "CodeWatch" = field(init=False)
-    _threads: deque[int] = field(default_factory=lambda: deque(maxlen=LOOKS_KEPT))
-    _fds: deque[int] = field(default_factory=lambda: deque(maxlen=LOOKS_KEPT))
-
-    def __post_init__(self) -> None:
-        self._code = CodeWatch(self.pid)
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self._children = Errand("children", _ChildrenWatch(pid).look)
+        self._code = Errand("code", _CodeWatch(pid).look)
+        self._due_ns: dict[str, int] = {}
+        self._ports: tuple[str, ...] = ()
+        self._threads: deque[int] = deque(maxlen=LOOKS_KEPT)
+        self._fds: deque[int] = deque(maxlen=LOOKS_KEPT)
 
     def look(self, now_ns: int, threads: int | None, fds: int | None) -> Conduct:
         """Return what is strange now. `threads` and `fds` are the newest counts, None if there are none."""
+        if self._is_due("children", now_ns, CHILDREN_EVERY_NS):
+            self._children.send(now_ns)
+        if self._is_due("code", now_ns, CODE_EVERY_NS):
+            self._code.send(now_ns)
+        if self._is_due("ports", now_ns, PORTS_EVERY_NS):
+            self._ports = listening(self._pid)
         jumps = (
             _jump(self._threads, threads, THREADS_JUMP, "threads"),
             _jump(self._fds, fds, FDS_JUMP, "open files"),
         )
         return Conduct(
-            children=self._strange_children(now_ns),
-            code=self._code.look(now_ns),
-            ports=listening(self.pid),
+            children=self._newest(self._children),
+            code=self._newest(self._code),
+            ports=self._ports,
             jumps=tuple(jump for jump in jumps if jump),
         )
 
-    def _strange_children(self, now_ns: int) -> tuple[str, ...]:
-        pids = _listed_children(self.pid) if self._listed else None
+    def _is_due(self, what: str, now_ns: int, every_ns: int) -> bool:
+        if now_ns < self._due_ns.get(what, 0):
+            return False
+        self._due_ns[what] = now_ns + every_ns
+        return True
+
+    @staticmethod
+    def _newest(errand: Errand[tuple[str, ...]]) -> tuple[str, ...]:
+        errand.back(0)
+        return errand.last or ()
+
+
+class _ChildrenWatch:
+    """Finds children that a core does not have. An errand: a command line waits for a lock of its process."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self._known: frozenset[int] = frozenset()
+
+    def look(self) -> tuple[str, ...]:
+        """Return the strange children."""
+        pids = _listed_children(self._pid)
         if pids is None:
-            self._listed = False
-            if self._scanned_ns is not None and now_ns - self._scanned_ns < SCAN_EVERY_NS:
-                return self._children
-            self._scanned_ns = now_ns
-            pids = _found_children(self.pid)
-        ours, strange, once = _command(self.pid), [], set()
+            pids = _found_children(self._pid)
+        own, strange, known = _command(self._pid), [], set()
         for pid in pids:
             command = _command(pid)
-            if _EXPECTED.search(command) or not command:
+            if not command or _EXPECTED.search(command):
                 continue
+            known.add(pid)
             # Between its fork and its exec every child looks like the core itself; one that stays so is a child.
-            if command == ours and pid not in self._once:
-                once.add(pid)
-                continue
-            once.add(pid)
-            strange.append(f"process {pid} ({name_of(pid)})")
-        self._once, self._children = frozenset(once), tuple(strange[:TOLD_MAX])
-        return self._children
+            if command != own or pid in self._known:
+                strange.append(f"process {pid} ({name_of(pid)})")
+        self._known = frozenset(known)
+        return tuple(strange[:TOLD_MAX])
 
 
 def _listed_children(pid: int) -> list[int] | None:
@@ -173,25 +190,16 @@ def _held_sockets(pid: int) -> set[str]:
     return held
 
 
-class CodeWatch:
-    """Compares a core's program on disk with what it was when the core began. Used from one thread."""
+class _CodeWatch:
+    """Compares a core's program on disk with what it was when the core began. An errand: the disk may hang."""
 
     def __init__(self, pid: int, package: str = "core") -> None:
         self._pid = pid
         self._package = _folder_of(package)
         self._known: dict[str, Stamp | None] = {}
-        self._errand = Errand("code", self._compare)
-        self._asked_ns: int | None = None
 
-    def look(self, now_ns: int) -> tuple[str, ...]:
-        """Return what has changed, as of the last comparison."""
-        if self._asked_ns is None or now_ns - self._asked_ns >= CODE_EVERY_NS:
-            self._asked_ns = now_ns
-            self._errand.send(now_ns)
-        self._errand.back(0)
-        return self._errand.last or ()
-
-    def _compare(self) -> tuple[str, ...]:
+    def look(self) -> tuple[str, ...]:
+        """Return what has changed."""
         first = not self._known
         changed = []
         ours = set(_sources(self._package)) if self._package else set()

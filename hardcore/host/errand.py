@@ -48,7 +48,9 @@ class Errand(Generic[T]):
     def _settle(self) -> bool:
         if self._began_ns is not None and self._done.is_set():
             self._began_ns = None
-            self.last = self._fresh.pop() if self._fresh else None
+            self.last = (
+                self._fresh.pop() if self._fresh else None
+            )  # none: it has raised, which is our own bug
         return self._began_ns is None
 
     def _run(self) -> None:
