@@ -37,8 +37,8 @@ _STAGE, _STAGE_SINCE, _THREAD, _ORDINAL, _PROGRESS = 8, 9, 10, 11, 12
 # An entry is made elsewhere and copied into its place in one go: its CRC and what the CRC covers, except that
 # a slot's single words stand between the two parts of that.
 _CRC = Struct("<Q")
-_SLOT_NUMBERS = Struct("<3Q24x")  # started, limit, payload length
-_SLOT_SINGLES = Struct("<5Q24x")
+_SLOT_NUMBERS = Struct("<3Q24x5Q24x")  # started, limit, payload length; then the single words
+_COVERED_BYTES = 48  # of these numbers: the CRC ends before the single words
 _FINISHED_NUMBERS = Struct("<4Q80x")  # finished, outcome, index, started
 _TEXTS = Struct("40s32s32s40s240s512s")
 _TEXTS_KEPT_BYTES = page.FINISHED_BYTES - page.TEXTS_AT
@@ -107,10 +107,9 @@ class CommandTable:
             payload[: page.PAYLOAD_BYTES_MAX],
         )
         self._begun[slot] = now_ns, texts[:_TEXTS_KEPT_BYTES]
-        numbers = _SLOT_NUMBERS.pack(now_ns, limit_ns, len(payload))
-        singles = _SLOT_SINGLES.pack(_QUEUED, now_ns, _own.thread, 0, 0)
-        crc = _CRC.pack(zlib.crc32(texts, zlib.crc32(numbers)))
-        self._put(page.SLOTS_AT + slot * page.SLOT_BYTES, crc + numbers + singles + texts)
+        numbers = _SLOT_NUMBERS.pack(now_ns, limit_ns, len(payload), _QUEUED, now_ns, _own.thread, 0, 0)
+        crc = _CRC.pack(zlib.crc32(texts, zlib.crc32(numbers[:_COVERED_BYTES])))
+        self._put(page.SLOTS_AT + slot * page.SLOT_BYTES, crc + numbers + texts)
         self._submitted += 1
         self._words[page.SUBMITTED_AT >> 3] = self._submitted
         return slot

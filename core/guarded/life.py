@@ -15,6 +15,7 @@ from pathlib import Path
 
 from core.guarded.beacon import Beacon
 from core.guarded.beats import BEAT_MS, LoopBeat, ThreadBeat, note_collections
+from core.guarded.census import CENSUS_MS, CensusTaker
 from core.guarded.control import ControlServer, Guarded
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.last_words import keep_last_words, keep_loop_errors
@@ -65,6 +66,7 @@ async def guarded_life(
     guarded: Guarded,
     on_term: Callable[[int], None],
     beat_ms: int = BEAT_MS,
+    census_ms: int = CENSUS_MS,
 ) -> AsyncIterator[None]:
     """Be seen and be reachable until the block ends.
 
@@ -82,6 +84,9 @@ async def guarded_life(
         thread_beat = ThreadBeat(recorder, beat_ms)
         thread_beat.start()
         ending.callback(thread_beat.stop)
+        census = CensusTaker(recorder, census_ms, environment.memory_bytes)
+        census.start()
+        ending.callback(census.stop)
         _Watchdog(loop, beacon, environment.watchdog_usec, ending).start()
         if environment.control is not None:
             control = ControlServer(environment.control, guarded, recorder.event)
