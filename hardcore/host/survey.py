@@ -14,7 +14,7 @@ from hardcore.host import clock
 from hardcore.host.conduct import ConductWatch
 from hardcore.host.disk import DiskWatch
 from hardcore.host.lives import Life
-from hardcore.model.observations import Surveyed
+from hardcore.model.observations import Conduct, Surveyed
 
 
 @dataclass(slots=True)
@@ -94,7 +94,13 @@ class Survey:
             return None
         if self._watched is None or self._watched.life is not life:
             self._watched = _Watched(life, ConductWatch(life.handle.pid))
-        threads = life.sample.threads if life.sample is not None else None
-        conduct = self._watched.conduct.look(clock.now_ns(), threads, life.fds)
+        # A core that is gone has no conduct, but its disk is what its successor will need.
+        conduct = _conduct(self._watched) if life.handle.signal(0) else None
         disk = self._disk.look(clock.now_ns(), now=now)
         return Surveyed(clock.now_ns(), life.number, disk, conduct, life.oom_kills())
+
+
+def _conduct(watched: _Watched) -> Conduct:
+    life = watched.life
+    threads = life.sample.threads if life.sample is not None else None
+    return watched.conduct.look(clock.now_ns(), threads, life.fds)

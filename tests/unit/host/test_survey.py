@@ -1,0 +1,133 @@
+"""The survey: once a second, at once when asked, and never in anybody's way."""
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hardcore.host import disk, processes
+from hardcore.host.folders import Folders
+from hardcore.host.lives import Life
+from hardcore.host.survey import Survey
+from hardcore.model.observations import Surveyed
+from tests.waiting import WAIT_S, until
+
+NEVER_S = 3600.0
+
+
+@pytest.fixture
+def life(tmp_path: Path) -> Iterator[Life]:
+    argv = [sys.executable, "-c", "import sys; sys.stdin.read()"]
+    with subprocess.Popen(argv, stdin=subprocess.PIPE) as process:
+        handle = processes.find(processes.Identity(process.pid, processes.start_of(process.pid) or 0))
+        assert handle is not None
+        yield Life(7, "0" * 16, Folders(tmp_path, tmp_path), None, handle)
+        process.kill()
+        handle.close()
+
+
+@pytest.fixture
+def facts() -> "queue.SimpleQueue[Surveyed]":
+    return queue.SimpleQueue()
+
+
+@pytest.fixture
+def survey(tmp_path: Path, facts: "queue.SimpleQueue[Surveyed]") -> Iterator[Survey]:
+    troubles: list[str] = []
+    made = Survey(tmp_path, tmp_path, NEVER_S, facts.put, troubles.append)
+    yield made
+    assert made.close(WAIT_S)
+    assert troubles == []
+
+
+def test_a_life_is_surveyed_under_its_number_with_disk_and_conduct(
+    survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]"
+) -> None:
+    survey.watch(life)
+    survey.begin()
+    told = facts.get(timeout=WAIT_S)
+    assert told.life == 7
+    assert told.disk is not None
+    assert told.disk.free_bytes > 0
+    assert told.conduct is not None
+    assert told.oom_kills is None
+
+
+def test_who_asks_need_not_wait_for_the_next_round(
+    survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]"
+) -> None:
+    survey.watch(life)
+    survey.begin()
+    facts.get(timeout=WAIT_S)
+    survey.ask()
+    assert facts.get(timeout=WAIT_S).disk is not None
+
+
+def test_of_a_core_that_is_gone_the_disk_alone_is_told(
+    survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]"
+) -> None:
+    assert life.handle is not None
+    life.handle.kill_tree()
+    os.waitpid(life.handle.pid, 0)
+    survey.watch(life)
+    survey.begin()
+    told = facts.get(timeout=WAIT_S)
+    assert told.conduct is None
+    assert told.disk is not None
+
+
+def test_a_disk_that_hangs_keeps_nobody_from_hearing_of_the_rest_and_is_told_by_its_length(
+    survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    let_go = threading.Event()
+
+    def hang(_path: Path) -> str:
+        let_go.wait(WAIT_S)
+        return ""
+
+    monkeypatch.setattr(disk, "write_once", hang)
+    survey.watch(life)
+    survey.begin()
+
+    def stalled() -> bool:
+        survey.ask()
+        told = facts.get(timeout=WAIT_S)
+        assert told.conduct is not None
+        return told.disk is not None and told.disk.pending_ns > 0
+
+    try:
+        until(stalled, "the stall to be told")
+    finally:
+        let_go.set()
+
+
+def test_a_look_that_fails_is_told_once_and_the_next_one_is_tried(
+    tmp_path: Path, life: Life, monkeypatch: pytest.MonkeyPatch, facts: "queue.SimpleQueue[Surveyed]"
+) -> None:
+    troubles: list[str] = []
+    tries: list[int] = []
+
+    def fail(_self: object, _now_ns: int, *, now: bool) -> None:
+        tries.append(1)
+        raise RuntimeError(f"no thread {now}"[:9])
+
+    survey = Survey(tmp_path, tmp_path, NEVER_S, facts.put, troubles.append)
+    with monkeypatch.context() as broken:
+        broken.setattr(disk.DiskWatch, "look", fail)
+        survey.watch(life)
+        survey.begin()
+
+        def failed_thrice() -> bool:
+            survey.ask()
+            return len(tries) >= 3
+
+        until(failed_thrice, "three looks")
+        assert troubles == ["RuntimeError: no thread"]
+    survey.ask()
+    assert facts.get(timeout=WAIT_S).life == 7
+    assert survey.close(WAIT_S)
