@@ -23,6 +23,43 @@ def test_what_a_restart_would_not_heal_is_not_tried_again(diagnosis: Diagnosis) 
     assert plan.hopeless(Policy(), diagnosis, spent=False) is diagnosis
 
 
+@pytest.mark.parametrize(
+    "diagnosis", [Diagnosis.STORE_CORRUPT, Diagnosis.DISK_FULL, Diagnosis.DISK_READ_ONLY]
+)
+def test_a_core_may_serve_reads_where_the_policy_says_so_and_it_was_not_just_tried(
+    diagnosis: Diagnosis,
+) -> None:
+    assert plan.may_read(Policy(), diagnosis, tried=False)
+    assert not plan.may_read(Policy(), diagnosis, tried=True)
+    waits = Policy(actions={diagnosis: frozenset({Word.AWAIT_OPERATOR})})
+    assert not plan.may_read(waits, diagnosis, tried=False)
+
+
+@pytest.mark.parametrize(
+    "reason", [None, Diagnosis.CONFIG_INVALID, Diagnosis.CRASH_LOOP, Diagnosis.DB_LOCKED]
+)
+def test_nothing_else_makes_a_core_that_only_reads(reason: Diagnosis | None) -> None:
+    assert not plan.may_read(Policy(), reason, tried=False)
+
+
+def test_a_person_is_waited_for_where_only_a_person_helps() -> None:
+    assert plan.waits_for(Phase.RUNNING, None, Diagnosis.STORE_CORRUPT) == "STORE_CORRUPT"
+    assert plan.waits_for(Phase.RUNNING, None, Diagnosis.DISK_FULL) is None
+    assert plan.waits_for(Phase.FATAL, Diagnosis.DISK_FULL, None) == "DISK_FULL"
+
+
+def test_every_number_of_the_watch_reaches_the_bench() -> None:
+    patience = plan.patience(Policy())
+    assert (patience.gc_grace_ms, patience.transaction_ms, patience.disk_slow_ms) == (5000, 5000, 2000)
+    assert (patience.memory_bytes, patience.disk_floor_bytes) == (512 << 20, 16 << 20)
+
+
+def test_an_image_of_the_memory_has_its_own_time_beside_the_evidence() -> None:
+    policy = Policy(snapshot_budget_ms=400, memory_image_budget_ms=3000)
+    limit_ns = plan.limit_ns(policy, Phase.SNAPSHOT_LIVE, 0, None, imaged=True)
+    assert limit_ns == (3400 + plan.EVIDENCE_SLACK_MS) * NS_PER_MS
+
+
 def test_the_policy_says_what_is_not_tried_again() -> None:
     policy = Policy(actions={Diagnosis.CRASHED: frozenset({Word.SEND_ALERT})})
     assert plan.hopeless(policy, Diagnosis.CRASHED, spent=False) is Diagnosis.CRASHED

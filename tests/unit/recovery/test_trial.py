@@ -2,6 +2,7 @@ import pytest
 
 from hardcore.model.recorder import CommandNote, SlotStage
 from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.suspicion import GREW_BYTES, Growth
 from hardcore.recovery.trial import FROM_INSIDE, suspects
 
 
@@ -43,3 +44,14 @@ def test_a_command_without_a_key_can_not_be_named() -> None:
 def test_the_whole_batch_is_suspect() -> None:
     batch = [_note(SlotStage.WRITING, "a"), _note(SlotStage.WRITING, "b"), _note(SlotStage.QUEUED, "c")]
     assert suspects(Diagnosis.LOOP_BLOCKED, batch) == ("a", "b")
+
+
+def test_a_death_for_memory_has_a_suspect_only_if_the_core_grew_during_the_command() -> None:
+    note = _note(SlotStage.DECIDING)
+    grown, large = Growth(), Growth()
+    for at_ns, share in ((0, 1), (2, 2)):
+        grown.look(at_ns, share * GREW_BYTES)
+        large.look(at_ns, 2 * GREW_BYTES)
+    assert suspects(Diagnosis.OUT_OF_MEMORY, [note], grown) == ("k",)
+    assert suspects(Diagnosis.OUT_OF_MEMORY, [note], large) == ()
+    assert suspects(Diagnosis.OUT_OF_MEMORY, [_note(SlotStage.QUEUED)], grown) == ()
