@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -66,6 +67,12 @@ class Watched:
         assert found is not None
         return found
 
+    def events(self) -> list[str]:
+        """What has happened in the core so far, by its codes."""
+        page = self.reader.read()
+        assert isinstance(page, Page), page
+        return [event.code for event in page.events]
+
     def post(self, amount: int = 5) -> "Future[Answer | None]":
         """Send a booking from a thread of its own; None if the core was gone before it answered."""
 
@@ -84,9 +91,12 @@ class Watched:
 
 
 @contextmanager
-def watched(folder: Path, **environ: str) -> Iterator[Watched]:
+def watched(folder: Path, **environ: Any) -> Iterator[Watched]:
     make_page(folder / "page", NONCE, "boot")
-    wires = {"HARDCORE_RECORDER": str(folder / "page"), "HARDCORE_CONTROL": str(folder / "control")}
+    wires: dict[str, Any] = {
+        "HARDCORE_RECORDER": str(folder / "page"),
+        "HARDCORE_CONTROL": str(folder / "control"),
+    }
     with started(folder / "data", sock=folder / "sock", **wires, **environ) as core:
         guard = Watched(core, folder)
         try:
@@ -235,9 +245,7 @@ def test_a_term_is_obeyed_also_while_a_command_is_stuck_for_ever(tmp_path: Path)
         watch.decided("drill")
         watch.core.process.terminate()
         assert watch.core.ends_with() == 0
-        page = watch.reader.read()
-        assert isinstance(page, Page)
-        assert [e.code for e in page.events][-2:] == ["DRAIN_INCOMPLETE", "CLOSE_INCOMPLETE"]
+        assert watch.events()[-2:] == ["DRAIN_INCOMPLETE", "CLOSE_INCOMPLETE"]
 
 
 @pytest.mark.parametrize("fault", ["slow-tx", "deadlock"])
@@ -253,6 +261,35 @@ def test_what_a_drill_has_stuck_leaves_no_trace_in_the_ledger(watch: Watched, fa
         assert core.ask("GET", "/api/ledger/verify").body["ok"]
 
 
+def safe(watch: Watched, generation: int, *, on: bool) -> str:
+    return watch.order(verb="safe", on=on, reason="DISK_FULL", generation=generation)
+
+
+def test_a_disk_that_is_full_for_a_while_makes_the_core_read_only_without_anybodys_write(
+    watch: Watched,
+) -> None:
+    assert watch.order(verb="drill", fault="diskfull", generation=1, seconds=60) == ""
+    until(lambda: "SAFE_ON" in watch.events(), "the core to read only")
+    refused = watch.core.move(5, "food", "cash", Idempotency_Key="k-1")
+    assert (refused.status, refused.body["outcome"]) == (503, "not_done")
+    assert watch.core.ask("GET", "/api/ledger/accounts").status == 200
+    assert "takes no write" in safe(watch, 2, on=False)
+
+
+def test_a_disk_that_has_room_again_is_written_to_once_the_guard_says_so(watch: Watched) -> None:
+    assert watch.order(verb="drill", fault="diskfull", generation=1, seconds=1) == ""
+    until(lambda: "SAFE_ON" in watch.events(), "the core to read only")
+    until(lambda: safe(watch, 2, on=False) == "", "the store to take a write")
+    assert watch.core.move(5, "food", "cash", Idempotency_Key="k-1").status == 201
+
+
+def test_a_healthy_core_reads_only_and_writes_again_as_it_is_told(watch: Watched) -> None:
+    assert safe(watch, 1, on=True) == ""
+    assert watch.core.move(5, "food", "cash", Idempotency_Key="k-1").status == 503
+    assert safe(watch, 1, on=False) == ""
+    assert watch.core.move(5, "food", "cash", Idempotency_Key="k-1").status == 201
+
+
 def test_no_drill_is_begun_for_an_older_generation(watch: Watched) -> None:
     assert watch.drill("slow-tx", generation=7) == ""
     note = watch.decided("drill")
@@ -261,13 +298,10 @@ def test_no_drill_is_begun_for_an_older_generation(watch: Watched) -> None:
     assert watch.core.process.poll() is None
 
 
-def test_the_policys_limit_is_that_of_a_write_and_a_read_has_more(tmp_path: Path) -> None:
+def test_the_policys_limit_is_that_of_a_write(tmp_path: Path) -> None:
     with watched(tmp_path, HARDCORE_LIMIT_MS="250") as watch:
         ready(watch.core)
         assert watch.core.open("cash").status == 201
-        assert watch.core.ask("GET", "/api/ledger/accounts").status == 200
-        page = watch.reader.read()
-        assert isinstance(page, Page)
         assert watch.drill("slow-tx") == ""
         assert watch.decided("drill").limit_ns == 250_000_000
 
