@@ -71,7 +71,8 @@ def open_trouble(c: Course, now_ns: int) -> None:
     trouble = _take(c)
     death = trouble.death
     c.troubled = death.diagnosis
-    joins = c.story is not None and (_goes_on(c) or c.story.diagnosis is death.diagnosis)
+    ours = c.troubles.on or c.reader is not None
+    joins = c.story is not None and (ours or c.story.diagnosis is death.diagnosis)
     if not joins:
         close(c, now_ns, recovered=True)
         _begin(c, trouble, now_ns, down=False).drill = c.drill.take(now_ns)

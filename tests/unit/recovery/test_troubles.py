@@ -22,7 +22,6 @@ def test_a_trouble_that_comes_and_goes_is_one() -> None:
     troubles.meets(LOCKED)
     troubles.look(100, quiet=True)
     troubles.look(105, quiet=False)
-    assert troubles.due_ns is None
     troubles.look(106, quiet=True)
     assert troubles.due_ns == 116
     assert not troubles.meets(LOCKED)
