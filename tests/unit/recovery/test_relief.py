@@ -426,7 +426,7 @@ def test_a_hang_names_the_commands_that_its_evidence_names() -> None:
 
 def test_what_the_judge_wishes_is_asked_once_at_a_time() -> None:
     play = _running()
-    given = [order for _ in range(5) for order in _overdue(play)]
+    given = [order for _ in range(3) for order in _overdue(play)]
     assert kinds(given) == ["SampleStacks"]
 
 
