@@ -36,7 +36,9 @@ def app() -> ASGIApp:
     book = open_book(data, GuardedEnvironment(), settings, Telling(recorder, Beacon(None)))
     assert not isinstance(book, Departure), book
     loop = asyncio.get_running_loop()
-    writer = Writer(book.journal, recorder, loop, on_failed=print, on_fenced=print, on_bug=print)
+    writer = Writer(
+        book.journal, recorder, loop, on_failed=print, on_fenced=print, on_bug=print, on_shut=print
+    )
     writer.start()
     readers = open_reading(data / LEDGER_FILE, settings.readers + 1, settings.write_busy_ms)
     service = Service(writer, readers, recorder, settings, book.epoch)

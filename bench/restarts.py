@@ -22,7 +22,9 @@ SAY_EVERY = 100
 
 def measure(folder: Path, *, restarts: int, say: Callable[[str], None]) -> list[Figure]:
     """Kill the core so many times and return how the sentinel has grown."""
-    sizes, descriptors, threads = [], [], []
+    sizes: list[float] = []
+    descriptors: list[float] = []
+    threads: list[float] = []
     with Watched(folder / "restarts") as instance:
         fill(instance, 10)
         sentinel = psutil.Process(instance.running()["sentinel"]["pid"])

@@ -14,7 +14,7 @@ from typing import Final
 from core.guarded.control import Standing
 from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
 from core.guarded.orders import DrillOrder, SafeOrder
-from core.journal.answers import Done, Exercise
+from core.journal.answers import Done, Exercise, StoreBusy
 from core.journal.writer import Writer
 from core.safety import Safety
 from core.service import Draining, NoSlot, Service
@@ -22,6 +22,7 @@ from core.service import Draining, NoSlot, Service
 KIND: Final = "drill"
 ACCOUNT: Final = "system:drill"
 NOT_DONE: Final = 503
+KNOCKS_MAX: Final = 60  # each waits for the lock as long as any batch would
 NOT_OPEN: Final = "The core has not opened its book yet."
 
 
@@ -73,13 +74,19 @@ class Obedience:
     def _begin(self, order: DrillOrder, work: Exercise, service: Service, writer: Writer) -> None:
         if order.drill is Drill.DISKFULL:
             writer.pretend_full(monotonic_ns() + order.seconds * 1_000_000_000)
-        task = asyncio.get_running_loop().create_task(_exercise(work, service, writer), name=KIND)
+        knocks = KNOCKS_MAX if order.drill is Drill.DBLOCK else 1
+        task = asyncio.get_running_loop().create_task(_exercise(work, service, writer, knocks), name=KIND)
         self._exercises.add(task)
         task.add_done_callback(self._exercises.discard)
 
 
-async def _exercise(work: Exercise, service: Service, writer: Writer) -> None:
-    """Stand in the writer's line with a drill, and give its slot back should it ever end."""
+async def _exercise(work: Exercise, service: Service, writer: Writer, knocks: int) -> None:
+    """Stand in the writer's line with a drill, and give its slot back should it ever end.
+
+    At a store that somebody else has locked it knocks so often before it takes no for an answer.
+    """
     transaction_id, account_id = work.transaction_id, work.account_id  # noqa: F841  for whoever asks for tasks
     answer = await writer.submit(work)
+    while isinstance(answer, StoreBusy) and (knocks := knocks - 1):
+        answer = await writer.submit(work)
     service.finish(work.slot, answer.status if isinstance(answer, Done) else NOT_DONE)

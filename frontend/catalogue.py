@@ -136,12 +136,16 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "Not what was expected: {outcome}, diagnosis {diagnosis}. See `hardcore incidents show {incident}`.",
     ),
     "replay_same": (
-        "기록된 사실 {facts}건을 다시 넣었더니 똑같이 했어요.",
-        "{facts} recorded facts were given again, and every order was the same.",
+        "기록된 사실 {facts}건을 다시 넣었더니 똑같이 했어요 (명령 {orders}건).",
+        "{facts} recorded facts were given again, and all {orders} orders were the same.",
     ),
     "replay_other": (
-        "기록된 사실 {facts}건을 다시 넣었더니 다르게 했어요. 처음 달라진 곳: {where}",
-        "{facts} recorded facts were given again, and an order was different: {where}",
+        "기록된 사실 {facts}건을 다시 넣었더니 다르게 했어요.",
+        "{facts} recorded facts were given again, and the orders were not the same.",
+    ),
+    "replay_where": (
+        "처음 달라진 곳: {line}번째 줄, {fact}\n  기록: {recorded}\n  지금: {given}",
+        "First at line {line}, {fact}\n  recorded: {recorded}\n  given now: {given}",
     ),
     "replay_unreadable": (
         "사건 {incident}의 기록을 다시 넣어 볼 수 없어요: {why}. `hardcore incidents`에서 번호를 확인하세요.",

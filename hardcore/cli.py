@@ -23,10 +23,11 @@ from hardcore import up as starting
 from hardcore.asked import WAIT_S as STOP_S
 from hardcore.asked import Asked, come_back, is_held, keep, operator, options, status_of, until
 from hardcore.drilling import drill
+from hardcore.examination import doctor
 from hardcore.host import lives
 from hardcore.host.files import take_lock
 from hardcore.host.folders import Folders
-from hardcore.looking_back import incidents
+from hardcore.looking_back import incidents, replay
 from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, notes
 from hardcore.status_page import printed_status
@@ -261,7 +262,7 @@ def policy_check(asked: Asked, file: Path) -> None:
     asked.tell({"ok": True, "notes": notes(found)})
 
 
-for command in (incidents, drill):
+for command in (incidents, replay, drill, doctor):
     main.add_command(command)
 
 

@@ -17,7 +17,7 @@ from typing import Any, Protocol, assert_never
 import psutil
 
 from hardcore import standing, status
-from hardcore.control.protocol import Ask, Request, write_line
+from hardcore.control.protocol import PEACEFUL, Ask, Request, write_line
 from hardcore.host import clock, lives, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
@@ -28,6 +28,8 @@ from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 
 CORE_ANSWER_S = 2.0
+#: How long the drill `dblock` keeps the ledger's lock: long enough to be told from a busy moment.
+LOCK_HELD_S = 4
 LINE_BYTES_MAX = 4096
 REQUESTS_MAX = 2048
 Answer = tuple[Mapping[str, object], list[int]]
@@ -57,6 +59,12 @@ class House(Protocol):
 
     async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
         """Run blocking work on a hand's thread."""
+
+    async def confine(self, life: Life) -> str | None:
+        """Put the core into a memory cgroup of its own; return why that can't be done here."""
+
+    async def hold_lock(self, seconds: int) -> str | None:
+        """Have another process take the ledger's lock for so long; return why it could not."""
 
 
 def _refuse(code: str, error: str) -> Answer:
@@ -99,7 +107,9 @@ class Door:
 
     def _order(self, verb: seen.Verb, request: Request) -> Answer:
         before = self._house.reading()
-        asked = seen.OperatorAsked(clock.now_ns(), verb, request.reason, accept_ledger=request.accept_ledger)
+        asked = seen.OperatorAsked(
+            clock.now_ns(), verb, request.reason, accept_ledger=request.accept_ledger, image=request.image
+        )
         self._house.feed(asked)
         after = self._house.reading()
         told = {"ok": True, "incident": after.incident or before.incident, "phase": str(after.phase)}
@@ -141,17 +151,31 @@ class Door:
             return _refuse(
                 "others", f"{others} connections are open. Add --yes to break the core under them."
             )
-        self._house.feed(seen.DrillStarted(clock.now_ns(), request.fault))
+        unable = await self._prepare(request.fault, life)
+        if unable is not None:
+            return _refuse("not-here", unable)
+        if request.fault not in PEACEFUL:
+            self._house.feed(seen.DrillStarted(clock.now_ns(), request.fault))
         refused = await self._tell_core(life, request.fault)
         if refused:
             self._house.feed(seen.DrillStarted(0, ""))
             return _refuse("core-refused", refused)
         return {"ok": True, "fault": request.fault, "since": clock.wall(clock.now_ns())}, []
 
+    async def _prepare(self, fault: str, life: Life) -> str | None:
+        """Do what a drill needs around the core; return why it can't be done on this machine."""
+        if fault == "oom":
+            return await self._house.confine(life)
+        if fault == "dblock":
+            return await self._house.hold_lock(LOCK_HELD_S)
+        return None
+
     async def _tell_core(self, life: Life, fault: str) -> str:
         """Have the core break itself; return why it would not, or an empty text."""
         path = self._house.folders.core_control(life.nonce)
         order = {"verb": "drill", "fault": fault, "generation": self._house.generation}
+        if fault == "oom":
+            order["armed"] = True
         try:
             return await asyncio.wait_for(_ask_core(path, order), CORE_ANSWER_S)
         except (OSError, ValueError, TimeoutError) as error:

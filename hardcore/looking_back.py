@@ -1,12 +1,14 @@
 """What has happened: the commands that read the black boxes. All of them work with everything stopped."""
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 
 from hardcore.asked import Asked, keep, operator, options, until
+from hardcore.replay import Replayed, replay_incident
 from postmortem import cli as incidents_cli
 
 
@@ -56,6 +58,30 @@ def incidents_export(asked: Asked, incident: str, out: Path) -> None:
         asked.fail(refused.sentence)
     asked.say("exported", path=out)
     asked.tell({"ok": True, "path": str(out)})
+
+
+@click.command()
+@click.argument("incident")
+@operator
+def replay(asked: Asked, incident: str) -> None:
+    """Give an incident's recorded facts to the same code again: would it do the same?
+
+    Exit code 0: every order is the same. 1: another order, or a record that can't be read.
+    """
+    found = replay_incident(asked.folders.incidents / incident) if _is_name(incident) else None
+    if not isinstance(found, Replayed):
+        asked.fail(asked.words("replay_unreadable", incident=incident, why=found or asked.words("no_such")))
+    other = found.first_difference
+    asked.say("replay_same" if found.same else "replay_other", facts=found.facts, orders=found.orders)
+    if other is not None:
+        asked.say("replay_where", **asdict(other))
+    asked.tell({"ok": found.same, **asdict(found)})
+    sys.exit(0 if found.same else 1)
+
+
+def _is_name(incident: str) -> bool:
+    """Tell whether it can be the name of one incident's folder, and of nothing else."""
+    return bool(incident) and not incident.startswith(".") and "/" not in incident
 
 
 def told_incident(asked: Asked, incident: str) -> dict[str, Any]:

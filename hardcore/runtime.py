@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from hardcore import standing
+from hardcore import rehearsal, standing
 from hardcore.control.server import ControlServer
 from hardcore.door import Door
 from hardcore.executor import Executor
@@ -231,6 +231,14 @@ class Runtime:
     async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
         """Run blocking work on a hand's thread."""
         return await self.executor.in_hand(work, *args)
+
+    async def confine(self, life: Life) -> str | None:
+        """Put the core into a memory cgroup of its own, for a drill."""
+        return await self.executor.confine(life)
+
+    async def hold_lock(self, seconds: int) -> str | None:
+        """Have another process hold the ledger's lock, for a drill."""
+        return await rehearsal.hold_lock(self.executor, self.folders, seconds)
 
     def life(self) -> Life | None:
         """Return the present life of the core, if its process has been made."""

@@ -50,6 +50,7 @@ class Drill(StrEnum):
     DEADLOCK = "deadlock"  # a command and another thread wait for each other's lock
     OOM = "oom"  # takes memory until the kernel ends it
     DISKFULL = "diskfull"  # the store takes no write for a while
+    DBLOCK = "dblock"  # somebody else holds the store's lock; the core only asks for it, and goes on asking
     GC = "gc"  # a long collection, which is no fault
 
 
@@ -134,4 +135,5 @@ BY_COMMAND: Final[Mapping[Drill, Callable[[], object] | None]] = {
     Drill.SLOW_TX: partial(time.sleep, BLOCK_S),
     Drill.DEADLOCK: _embrace,
     Drill.DISKFULL: None,
+    Drill.DBLOCK: None,
 }

@@ -1,0 +1,209 @@
+"""`hardcore doctor`: what this machine lets the guard see, do and keep, before the night it is needed.
+
+Each finding is a fact with a next step where there is one: well, worth knowing, or bad. Looking changes nothing
+but for one short-lived child of our own, which is dumped to see whether dumping works here. Everything that the
+guard does works without what is only worth knowing; a `bad` is what would lose evidence or the ledger's room.
+"""
+
+import os
+import resource
+import shutil
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from frontend.catalogue_doctor import doctor_text
+from hardcore import standing
+from hardcore.asked import Asked, is_held, operator, status_of
+from hardcore.host import capability, clock, files
+from hardcore.host.folders import Folders
+from hardcore.model.verdicts import Colour
+from hardcore.recovery.policy import Policy, PolicyFault
+from hardcore.snapshot import stacks
+
+KERNEL_MIN = (5, 4)
+FREE_BYTES_GOOD = 1 << 30
+FREE_BYTES_MIN = 64 << 20
+FILES_MIN = 1024
+MB = 1 << 20
+DUMP_MS = 1000
+#: File systems that live in memory: what lies there is gone when the machine is switched off.
+_IN_MEMORY = frozenset({"tmpfs", "ramfs"})
+#: File systems on which SQLite's locks can't be trusted.
+_FAR = frozenset({"nfs", "nfs4", "cifs", "smb3", "fuse.sshfs", "9p"})
+_MARKS = {Colour.GREEN: "ok  ", Colour.YELLOW: "note", Colour.RED: "BAD "}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was looked at: its name, how it is, and the text that says so, with its values."""
+
+    name: str
+    colour: Colour
+    text: str
+    values: tuple[tuple[str, object], ...] = ()
+
+
+def _found(name: str, colour: Colour, text: str, **values: object) -> Finding:
+    return Finding(name, colour, text, tuple(values.items()))
+
+
+@click.command()
+@operator
+def doctor(asked: Asked) -> None:
+    """Say what this machine lets the guard see and do. Exit code 1 if something is bad."""
+    findings = examine(asked.folders)
+    bad = any(finding.colour is Colour.RED for finding in findings)
+    if not asked.json:
+        for finding in findings:
+            words = doctor_text(finding.text, asked.lang, **dict(finding.values))
+            click.echo(f"{_MARKS[finding.colour]}  {words}")
+        click.echo(doctor_text("sum_bad" if bad else "sum_good", asked.lang))
+    asked.tell(
+        {
+            "ok": not bad,
+            "findings": [
+                {
+                    "name": finding.name,
+                    "colour": str(finding.colour),
+                    "text": doctor_text(finding.text, asked.lang, **dict(finding.values)),
+                    **{name: value for name, value in finding.values if isinstance(value, str | int | float)},
+                }
+                for finding in findings
+            ],
+        }
+    )
+    sys.exit(1 if bad else 0)
+
+
+def examine(folders: Folders) -> list[Finding]:
+    """Look at everything, in the order in which it matters."""
+    looks: Iterable[Callable[[Folders], Iterable[Finding]]] = (
+        _machine,
+        _disk,
+        _policy,
+        _guard,
+        _evidence,
+        _limits,
+    )
+    return [finding for look in looks for finding in look(folders)]
+
+
+def _machine(_: Folders) -> Iterable[Finding]:
+    release = os.uname().release
+    numbers = tuple(int(part) for part in release.split("-")[0].split(".")[:2] if part.isdigit())
+    colour = Colour.GREEN if numbers >= KERNEL_MIN else Colour.RED
+    text = "kernel" if colour is Colour.GREEN else "kernel_old"
+    yield _found("kernel", colour, text, release=release, python=".".join(map(str, sys.version_info[:3])))
+    sleeping = _readable("/proc/self/wchan") and _readable("/proc/self/schedstat")
+    yield _found(
+        "threads",
+        Colour.GREEN if sleeping else Colour.YELLOW,
+        "threads" if sleeping else "threads_hidden",
+    )
+
+
+def _disk(folders: Folders) -> Iterable[Finding]:
+    data = folders.data
+    if not data.is_dir():
+        yield _found("data", Colour.YELLOW, "data_missing", path=data)
+        return
+    if not os.access(data, os.W_OK | os.X_OK):
+        yield _found("data", Colour.RED, "data_not_writable", path=data)
+        return
+    free, kind = shutil.disk_usage(data).free, _file_system(data)
+    if free < FREE_BYTES_MIN:
+        yield _found("room", Colour.RED, "room_none", free_mb=free // MB, path=data)
+    else:
+        colour = Colour.GREEN if free >= FREE_BYTES_GOOD else Colour.YELLOW
+        yield _found("room", colour, "room", free_mb=free // MB, path=data)
+    if kind in _IN_MEMORY:
+        yield _found("file system", Colour.YELLOW, "in_memory", kind=kind)
+    elif kind in _FAR:
+        yield _found("file system", Colour.RED, "far", kind=kind)
+    else:
+        yield _found("file system", Colour.GREEN, "file_system", kind=kind or "?")
+
+
+def _policy(folders: Folders) -> Iterable[Finding]:
+    if not folders.policy.exists():
+        yield _found("policy", Colour.GREEN, "policy_default")
+        return
+    found = standing.load_policy_file(folders.policy)
+    if isinstance(found, Policy):
+        yield _found("policy", Colour.GREEN, "policy")
+        return
+    first: PolicyFault = found[0]
+    yield _found("policy", Colour.RED, "policy_faulty", fault=str(first), path=folders.policy)
+
+
+def _guard(folders: Folders) -> Iterable[Finding]:
+    if not is_held(folders):
+        yield _found("guard", Colour.YELLOW, "guard_off")
+        return
+    told = status_of(Asked(folders.data, json=True, lang="en"))
+    if told["sentinel"]["pid"] is None:
+        yield _found("guard", Colour.RED, "guard_silent")
+        return
+    yield _found("guard", Colour.GREEN, "guard", state=told["state"], pid=told["sentinel"]["pid"])
+
+
+def _evidence(folders: Folders) -> Iterable[Finding]:
+    able = files.read_json(folders.capability) if is_held(folders) else {}
+    able = able or _try()
+    if able.get("can_dump"):
+        yield _found("stacks", Colour.GREEN, "stacks")
+    else:
+        text = "stacks_forbidden" if able.get("py_spy") else "stacks_missing"
+        yield _found("stacks", Colour.YELLOW, text, why=able.get("why"))
+    image = "image" if able.get("gcore") else "image_missing"
+    yield _found("memory image", Colour.GREEN if able.get("gcore") else Colour.YELLOW, image)
+    counter = able.get("oom_counter", "none")
+    if counter == "none":
+        yield _found("out of memory", Colour.YELLOW, "oom_hidden")
+    else:
+        yield _found("out of memory", Colour.GREEN, "oom", source=counter)
+
+
+def _try() -> dict[str, object]:
+    """Try it ourselves where no sentinel has: one short-lived child is made and looked at."""
+    tools = stacks.find_tools()
+
+    def dump(pid: int) -> str:
+        found = stacks.sample(pid, tools, clock.now_ns() + DUMP_MS * 1_000_000)
+        return found if isinstance(found, str) else ""
+
+    return capability.examine(tools.py_spy, tools.gcore, dump)
+
+
+def _limits(_: Folders) -> Iterable[Finding]:
+    soft = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    text, colour = ("files", Colour.GREEN) if soft >= FILES_MIN else ("files_few", Colour.YELLOW)
+    yield _found("open files", colour, text, soft=soft, least=FILES_MIN)
+
+
+def _readable(path: str) -> bool:
+    try:
+        return bool(Path(path).read_text().strip())
+    except OSError:
+        return False
+
+
+def _file_system(path: Path) -> str | None:
+    """Return the kind of file system that `path` lies on, as the kernel's table of mounts names it."""
+    best, kind = "", None
+    where = str(path.resolve())
+    try:
+        lines = Path("/proc/self/mounts").read_text("utf-8", "replace").splitlines()
+    except OSError:
+        return None
+    for line in lines:
+        _, mount, name, *_ = line.split(" ")
+        mount = mount.replace("\\040", " ")
+        inside = where == mount or where.startswith(mount.rstrip("/") + "/")
+        if inside and len(mount) >= len(best):
+            best, kind = mount, name
+    return kind
