@@ -33,7 +33,7 @@ class Probe:
     def hear(self, fact: Probed) -> None:
         """Take in one probe; one that was asked before the last sign of life says nothing."""
         if fact.answered:
-            self._probes = 0
+            self._probes, self._quiet_ns = 0, max(self._quiet_ns, fact.at_ns)
         elif fact.asked_ns >= self._quiet_ns:
             self._since_ns = self._since_ns if self._probes else fact.asked_ns
             self._probes += 1

@@ -54,6 +54,8 @@ class Processor:
     _last: ProcessSample | None = None
     _last_ns: int = 0
     _beats: Beats = field(default_factory=Beats)
+    _loop_moved: bool = False
+    _any_moved: bool = False
     _loop_burned_ns: int = 0
     _loop_all_ns: int = 0
     _held_burned_ns: int = 0
@@ -91,15 +93,18 @@ class Processor:
         """Forget what was burned before a sign of life; what is completed is one, whatever the beats say."""
         last, self._beats = self._beats, beats
         moved = amnesty or beats.completed != last.completed
-        if moved or beats.loop_ns != last.loop_ns:
+        self._loop_moved = moved or beats.loop_ns != last.loop_ns
+        self._any_moved = self._loop_moved or beats.thread_ns != last.thread_ns
+        if self._loop_moved:
             self._loop_burned_ns = self._loop_all_ns = 0
-        if moved or beats.loop_ns != last.loop_ns or beats.thread_ns != last.thread_ns:
+        if self._any_moved:
             self._held_burned_ns = self._held_all_ns = 0
             self._idle.since_ns = 0
 
     def _charge(self, span: "Span", *, collecting: bool) -> None:
-        loop_ns = _burned(span.last.loop, span.now.loop)
-        process_ns = min(max(0, span.now.cpu_ns - span.last.cpu_ns), span.for_ns)
+        """Add what this interval burned; one in which there was a sign of life does not belong to a silence."""
+        loop_ns = 0 if self._loop_moved else min(_burned(span.last.loop, span.now.loop), span.for_ns)
+        process_ns = 0 if self._any_moved else min(max(0, span.now.cpu_ns - span.last.cpu_ns), span.for_ns)
         self._loop_all_ns += loop_ns
         self._held_all_ns += process_ns
         if not collecting:

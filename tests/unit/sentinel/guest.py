@@ -90,6 +90,7 @@ def _begin(recorder: Recorder, run: Callable[[int], object]) -> None:
 
 async def _live(recorder: Recorder, fault: str) -> None:
     loop = asyncio.get_running_loop()
+    gc.disable()  # the one collection shall be ours
     # Some three million objects that a full collection has to look at, one by one.
     heap: list[object] = [{"n": [[n]]} for n in range(1_000_000)] if "collection" in fault else []
     note_collections(recorder)

@@ -86,9 +86,6 @@ class Recording:
 def record(fault: str) -> list[Fact]:
     with contextlib.ExitStack() as ending:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory()))
-        if fault.startswith("neighbours"):
-            for _ in range(NEIGHBOURS):
-                _begin(ending, [sys.executable, "-c", "while True: pass"])
         life = lives.conceive(Folders(folder, folder), 1)
         page = Folders(folder, folder).recorder(life.nonce)
         guest = _begin(ending, [sys.executable, "-m", "tests.unit.sentinel.guest", str(page), fault])
@@ -97,6 +94,9 @@ def record(fault: str) -> list[Fact]:
         life.handle = processes.find(processes.Identity(guest.pid, start))
         ending.callback(life.let_go)
         until(lambda: (b := life.look().beats) is not None and b.thread_count > 4, "its beats", 60)
+        if fault.startswith("neighbours"):
+            for _ in range(NEIGHBOURS):
+                _begin(ending, [sys.executable, "-c", "while True: pass"])
         recording = Recording(life)
         ending.callback(recording.finish)
         began_ns = clock.now_ns()

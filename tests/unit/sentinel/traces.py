@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass, replace
 
-from hardcore.model.observations import ProcessSample, Sampled, ThreadSample
-from hardcore.model.recorder import Beats, CommandNote, LifeState, SlotStage, Threads
+from hardcore.model.observations import Clocks, ProcessSample, Sampled, ThreadSample
+from hardcore.model.recorder import Beats, CommandNote, LifeState, SlotStage, Threads, Witness
 from hardcore.model.verdicts import Colour, Verdict
 from hardcore.sentinel.verdict import Bench, Patience
 
 MS = 1_000_000
 #: The watch begins here: zero means "never" on a recorder page.
 BEGAN_MS = 1000
+#: The thread that decides a command in these traces.
+DECIDER = 9
 PATIENCE = Patience(interval_ms=100, late_ms=300, conclusive_ms=400, hang_ms=1500)
 
 EPOLL = ThreadSample("S", 5, "ep_poll")
@@ -27,6 +29,31 @@ def running(at_ms: int) -> ThreadSample:
     return ThreadSample("R", at_ms * MS, "")
 
 
+def asking(at_ms: int) -> ThreadSample:
+    """A thread that waits for the interpreter: asleep on a lock, awake every 5 ms to ask for it."""
+    return ThreadSample("S", at_ms * 10_000, "futex_wait_queue", 0, at_ms // 5)
+
+
+def unlet(at_ms: int) -> ThreadSample:
+    """A thread that is ready all the time and is not let."""
+    return ThreadSample("R", 5, "", at_ms * MS, at_ms // 100)
+
+
+def deciding_since(
+    at_ms: int, limit_ms: int = 1000, progress_ms: int = 0, kind: str = "transaction"
+) -> tuple[CommandNote, ...]:
+    """One command that is being decided."""
+    return (
+        CommandNote(
+            SlotStage.DECIDING, "c1", "k1", kind, "t1", (), 1,
+            limit_ns=limit_ms * MS,
+            stage_ns=(BEGAN_MS + at_ms) * MS,
+            progress_ns=progress_ms and (BEGAN_MS + progress_ms) * MS,
+            thread=DECIDER,
+        ),
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class Look:
     """One tick. Beats are given by their age; None for `loop` means that nobody looked closer."""
@@ -42,6 +69,15 @@ class Look:
     in_store_ms: int = 0
     notes: tuple[CommandNote, ...] | None = None
     quiet: bool = False
+    beat: ThreadSample | None = None
+    busy: int | None = None
+    deciding: ThreadSample | None = None
+    gc_since_ms: int = 0
+    answered_seq: int = 0
+    witness_seq: int | None = None
+    slept_ms: int = 0
+    set_by_ms: int = 0
+    burned_ms: int | None = None
 
     def sampled(self) -> Sampled:
         """As the manager would be told."""
@@ -52,12 +88,28 @@ class Look:
             submitted=self.submitted,
             completed=self.completed,
             in_store_since_ns=self.in_store_ms and (BEGAN_MS + self.in_store_ms) * MS,
+            gc_since_ns=self.gc_since_ms and (BEGAN_MS + self.gc_since_ms) * MS,
             epoch=4,
             state=LifeState.READY,
+            answered_seq=self.answered_seq,
         )
         spent_ns = 5 if self.quiet else at_ns // 2
-        process = ProcessSample(self.state, spent_ns, 1, 4, None, self.loop, self.writer)
-        return Sampled(at_ns, 1, beats, Threads(1, 2, 3), process, self.notes)
+        process = ProcessSample(
+            self.state,
+            spent_ns if self.burned_ms is None else self.burned_ms * MS,
+            1,
+            4,
+            None,
+            self.loop,
+            self.writer,
+            self.beat,
+            ((DECIDER, self.deciding),) if self.deciding else (),
+            self.busy,
+        )
+        witness = None if self.witness_seq is None else Witness(self.witness_seq, 4, "ab", 1)
+        boot_ns = at_ns + self.slept_ms * MS
+        clocks = Clocks(boot_ns, boot_ns + self.set_by_ms * MS)
+        return Sampled(at_ns, 1, beats, Threads(1, 2, 3), process, self.notes, witness, clocks)
 
 
 def queued(
