@@ -170,6 +170,7 @@ class Life:
                 self._beacon,
                 guarded=self._obedience,
                 on_term=lambda _: self._end(None),
+                census_ms=self._settings.census_ms,
             ):
                 return await self._live(loop)
         except ControlUnboundError as error:

@@ -80,6 +80,7 @@ class Settings:
         "rest before a core that serves reads only tries to write again, where no guard tells it to",
     )
     safe_retry_after_s: int = _setting(30, 1, 3_600, "what Retry-After says while only reads are served")
+    census_ms: int = _setting(60_000, 10, 3_600_000, "rest between two counts of the largest types in memory")
     retry_after_s: int = _setting(1, 1, 3_600, "what Retry-After says")
 
     @classmethod

@@ -1,5 +1,6 @@
 """The recorder page: what the core writes into it, the guard reads out of it."""
 
+import ast
 import os
 import stat
 import threading
@@ -64,6 +65,20 @@ def test_both_sides_give_the_same_numbers_to_stages_and_states() -> None:
 def test_both_sides_mean_the_same_file() -> None:
     assert core_page.FILE_BYTES == host_page.FILE_BYTES
     assert core_page.MAGIC == host_page.MAGIC
+
+
+def test_nothing_on_the_cores_side_packs_into_the_shared_page() -> None:
+    sources = Path(core_page.__file__).parent.glob("*.py")
+    calls = [
+        node
+        for source in sources
+        for node in ast.walk(ast.parse(source.read_text("utf-8")))
+        if isinstance(node, ast.Attribute)
+    ]
+    assert calls
+    assert not [call for call in calls if call.attr == "pack_into"], (
+        "it zeroes its target first, for readers to see"
+    )
 
 
 def test_a_page_is_owner_only_allocated_and_never_made_over_another(path: Path) -> None:

@@ -74,6 +74,46 @@ def test_a_file_of_any_bytes_is_no_page(tmp_path_factory: pytest.TempPathFactory
     reader.close()
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(st.integers(host_page.MADE_BYTES, 4096), st.integers(364_544, 368_600)),
+            st.binary(min_size=1, max_size=64),
+        ),
+        max_size=20,
+    )
+)
+def test_a_reader_of_a_page_that_was_tampered_with_gets_values_or_none(
+    used_page: bytes, tmp_path_factory: pytest.TempPathFactory, changes: list[tuple[int, bytes]]
+) -> None:
+    raw = bytearray(used_page)
+    for at, new in changes:
+        raw[at : at + len(new)] = new
+    path = tmp_path_factory.mktemp("tampered") / "page"
+    path.write_bytes(raw[: host_page.FILE_BYTES])
+    reader = PageReader(path, "nonce-1")
+    look, found = reader.look(), reader.read()
+    assert (look is None) == isinstance(found, PageUnusable)
+    if look is not None and isinstance(found, Page):
+        assert look == (found.beats, found.witness)
+        assert len(found.components) <= host_page.COMPONENTS
+        assert len(found.censuses) <= host_page.CENSUSES.count
+        assert all(len(census.types) <= host_page.CENSUS_TYPES for census in found.censuses)
+    reader.close()
+
+
+@pytest.mark.parametrize("version", [0, 1, 3, 2**64 - 1])
+def test_a_page_of_another_version_is_no_page(tmp_path: Path, used_page: bytes, version: int) -> None:
+    path = tmp_path / "page"
+    path.write_bytes(used_page[:8] + version.to_bytes(8, "little") + used_page[16:])
+    reader = PageReader(path, "nonce-1")
+    assert reader.read() == PageUnusable("The recorder page is not a page of this version.")
+    assert reader.look() is None
+    assert reader.witness() is None
+    reader.close()
+
+
 def test_a_stage_that_no_core_writes_counts_as_torn(used_page: bytes) -> None:
     raw = bytearray(used_page)
     raw[host_page.SLOTS.at + 64] = 99

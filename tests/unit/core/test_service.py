@@ -4,14 +4,17 @@ import asyncio
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from sqlalchemy import Connection
 from starlette.requests import Request
 
 from core.guarded.recorder import NoRecorder
+from core.journal.answers import Done
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.verify import Verdict
 from core.service import Draining, Service
@@ -19,7 +22,7 @@ from core.settings import Settings
 from core.web.asking import working
 from core.web.problems import Problem, ProblemError
 from tests import waiting
-from tests.unit.core.books import Pen
+from tests.unit.core.books import Pen, opening
 from tests.unit.core.test_writer import Heard, writing
 
 
@@ -66,6 +69,21 @@ def test_a_slot_comes_back_with_the_status_of_the_answer_however_the_work_ends(t
             assert len(notes.finished) == 5
             await service.close()
             notes.close()
+
+    asyncio.run(scenario())
+
+
+def test_what_a_new_answer_claims_is_told_and_a_replay_claims_nothing_of_this_life(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with serving(tmp_path) as service:
+            told: list[int] = []
+            notes: Any = SimpleNamespace(answered=told.append)
+            service._recorder = notes
+            command = opening("a")
+            first, again = [await service.carry_out(command, "key", b"d" * 32, "c", 0) for _ in range(2)]
+            assert isinstance(first, Done)
+            assert again == replace(first, replayed=True)
+            assert told == [service.head_seq]
 
     asyncio.run(scenario())
 
