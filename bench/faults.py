@@ -117,7 +117,11 @@ def _over(instance: Watched, before: object, fault: str) -> str:
     give_up_at = time.monotonic() + OVER_S
     while True:
         told = instance.status()
-        if told["last_incident"] != before and told["incident"] is None and told["phase"] == "RUNNING":
+        if (
+            told["last_incident"] != before
+            and told["incident"] is None
+            and told["phase"] in {"RUNNING", "SUSPECT"}
+        ):
             instance.quiet()
             return str(told["last_incident"])
         if time.monotonic() > give_up_at:

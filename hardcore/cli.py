@@ -35,6 +35,8 @@ from hardcore.up import held
 
 STATE_CODES = {"OPERATIONAL": 0, "STARTING": 3, "DEGRADED": 3, "RECOVERY": 3, "SAFE_MODE": 3}
 NEEDS_A_PERSON = 4
+#: A core serves and has proven itself; a worry is no reason to wait.
+SERVING = {"RUNNING", "SUSPECT"}
 VERIFY_TIMEOUT_S = 600.0
 
 
@@ -169,7 +171,7 @@ def restart(asked: Asked, reason: str, *, hard: bool) -> None:
     asked.say("restarting")
     began = time.monotonic()
     incident = answer.get("incident")
-    come_back(asked, lambda told: told["phase"] == "RUNNING" and told["incident"] is None)
+    come_back(asked, lambda told: told["phase"] in SERVING and told["incident"] is None)
     asked.say("restarted", seconds=f"{time.monotonic() - began:.1f}", incident=incident or "-")
     asked.tell({"ok": True, "incident": incident})
 
@@ -189,9 +191,10 @@ def resume(asked: Asked, *, accept_ledger: bool) -> None:
         asked.tell(answer)
         return
     asked.say("resumed")
-    told = come_back(asked, lambda told: told["phase"] in {"RUNNING", "FATAL"})
-    asked.tell({"ok": told["phase"] == "RUNNING", "phase": told["phase"]})
-    sys.exit(0 if told["phase"] == "RUNNING" else 1)
+    told = come_back(asked, lambda told: told["phase"] in SERVING | {"FATAL"})
+    serves = told["phase"] in SERVING
+    asked.tell({"ok": serves, "phase": told["phase"]})
+    sys.exit(0 if serves else 1)
 
 
 @main.command()

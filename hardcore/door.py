@@ -144,7 +144,7 @@ class Door:
         reading, life = self._house.reading(), self._house.life()
         if not self._house.policy.drills:
             return _refuse("drills-off", "The policy forbids drills (`drills` is false).")
-        if reading.phase is not Phase.RUNNING or life is None:
+        if reading.phase not in {Phase.RUNNING, Phase.SUSPECT} or life is None:
             return _refuse("not-running", f"A drill needs a core that runs; it is {reading.phase} now.")
         others = self._stats.get("connections", 0)
         if others and not request.yes:
