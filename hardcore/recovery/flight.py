@@ -74,8 +74,12 @@ def state_of(manager: FailoverManager) -> Json:
 
 def resume(manager: FailoverManager, state: dict[str, Any]) -> str | None:
     """Give a new manager what another one remembered, decoded; return what is wrong with that, if anything is."""
-    if strange := set(manager.state()) ^ set(state):
+    own = manager.state()
+    if strange := set(own) ^ set(state):
         return f"it remembers other things than this version: {', '.join(sorted(map(str, strange)))}"
+    for name, value in state.items():
+        if own[name] is not None and type(value) is not type(own[name]):
+            return f"its {name} is a {type(value).__name__}"
     manager.resume(state)
     return None
 

@@ -4,26 +4,38 @@ The checkers know the truth of the world, which the guard does not: whether a pr
 was one, whether a command was being decided when its core died. They never ask the guard's own books.
 """
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery import transitions
+from hardcore.recovery import transitions, trial
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.policy import Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.transitions import Step, Trigger
-from tests.simulation.conditions import WELL, Judged
-from tests.simulation.machine import BEAT_NS, Life, Stage
+from tests.simulation.conditions import WELL
+from tests.simulation.looks import BEAT_NS
+from tests.simulation.machine import Life, Stage
 
 if TYPE_CHECKING:  # the world owns its checkers
     from tests.simulation.guard import Guard
     from tests.simulation.workload import Request
     from tests.simulation.world import World
 
-OUTCOMES = frozenset({"recovered", "manual"})
+OUTCOMES = frozenset({"recovered", "manual", "safe_mode"})
+#: What a restart would not help: the core lives on, and perhaps reads only.
+TROUBLES = frozenset(
+    {
+        Diagnosis.DB_LOCKED,
+        Diagnosis.DISK_FULL,
+        Diagnosis.DISK_READ_ONLY,
+        Diagnosis.DISK_STALLED,
+        Diagnosis.STORE_CORRUPT,
+    }
+)
 #: A death is counted when it is judged and checked when it is heard of: this much may lie between.
 SLACK_NS = 3 * NS_PER_S
 #: A fact is told so long after it became true.
@@ -47,6 +59,7 @@ class Checkers:
     def __init__(self, world: "World") -> None:
         self.world = world
         self.rows: set[tuple[Phase, Trigger]] = set()
+        self.named: Counter[tuple[str, Diagnosis]] = Counter()
         self.closed: dict[str, str] = {}
         self.given_up: set[str] = set()
         self._deaths_ns: list[int] = []
@@ -63,6 +76,7 @@ class Checkers:
         self._taken: set[int] = set()
         self._judged: dict[int, Diagnosis] = {}
         self._sent_away: set[int] = set()
+        self._renewed: set[int] = set()
         self._counts = False  # whether the last end was an accident
         self._asked_by_operator = False
         self._way_in: Transition | None = None
@@ -129,6 +143,8 @@ class Checkers:
                 self._way_in = move
             if row is not None and Step.FORGET in row[1]:
                 self._deaths_ns.clear()
+            if move.trigger is Trigger.RENEW and guard.life is not None:
+                self._renewed.add(guard.life.number)
             if move.trigger is Trigger.LOST:
                 self._lost(guard, move)
             elif move.trigger is Trigger.DEADLINE and move.before in {Phase.STARTING, Phase.PROVING}:
@@ -139,20 +155,21 @@ class Checkers:
         life = guard.life
         _hold(life is not None and life.alive, "a verdict needs a living core")
         assert life is not None, "held just now"
-        needed_ms = {
-            Judged.NEVER: None,
-            Judged.CONCLUSIVE: guard.policy.confirm_deadlock_ms,
-            Judged.HANG: guard.policy.confirm_hang_ms,
-        }[life.condition.judged]
+        needed_ms = life.condition.judged.needs_ms(guard.policy)
         lasted_ns = move.at_ns - life.since_ns + BEAT_NS
         _hold(
             needed_ms is not None and lasted_ns >= needed_ms * NS_PER_MS,
             f"a core that was {life.condition.name} for {lasted_ns // NS_PER_MS} ms was judged: {move.reason}",
         )
         diagnosis = Diagnosis(move.reason.split(":")[0])
+        self.named[life.condition.name, diagnosis] += 1
+        _hold(
+            diagnosis in life.condition.right,
+            f"a core that was {life.condition.name} was called {diagnosis}: {move.reason}",
+        )
         self._judged[life.number] = diagnosis
         self._count_verdict(move.at_ns)
-        life.asked, life.blamed = True, diagnosis is Diagnosis.LOOP_BLOCKED
+        life.asked, life.blamed = True, diagnosis in trial.FROM_INSIDE
 
     def _too_slow(self, guard: "Guard") -> None:
         waited_ns = self.world.clock.now_ns - self._spawned_ns
@@ -190,6 +207,8 @@ class Checkers:
                 self._sent_away.add(action.life)
             case orders.TakeEvidence(living=True):
                 self._evidence[action.life] = self.world.clock.now_ns
+            case orders.SetSafe():
+                self._set_safe(action)
             case orders.Release():
                 self._release(guard, action)
             case orders.CloseIncident():
@@ -215,7 +234,14 @@ class Checkers:
             since_ns = self.world.clock.now_ns - guard.policy.restart_window_sec * NS_PER_S + SLACK_NS
             recent = [at_ns for at_ns in self._deaths_ns if at_ns > since_ns]
             _hold(len(recent) <= guard.policy.max_restart_count, "restarts stay within the budget")
+        _hold(order.safe is None or order.safe in self.world.truths, f"{order.safe} was never the matter")
         self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
+
+    def _set_safe(self, order: orders.SetSafe) -> None:
+        _hold(
+            not order.on or order.reason in self.world.truths,
+            f"a core is told to read only for {order.reason}, which was never the matter",
+        )
 
     def _kill(self, guard: "Guard", order: orders.Kill) -> None:
         life = guard.life
@@ -224,7 +250,8 @@ class Checkers:
             return
         diagnosis = self._judged.get(order.life)
         if diagnosis is None:
-            _hold(self._asked_by_operator, "a living core is killed for a verdict or by the operator's word")
+            changed = self._asked_by_operator or order.life in self._renewed
+            _hold(changed, "a living core is killed for a verdict, by the operator's word, or to be changed")
             return
         if not guard.policy.asks(diagnosis, Word.SNAPSHOT):
             return
@@ -248,18 +275,24 @@ class Checkers:
         _hold(told.id not in self.closed, f"{told.id} is closed twice")
         _hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
         over = self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
-        _hold(told.outcome == "recovered" or over, "nothing is given up while somebody still tries")
+        _hold(
+            told.outcome in {"recovered", "safe_mode"} or over,
+            "nothing is given up while somebody still tries",
+        )
         # A core that was proven and released ends the story too, even if it dies before it has lasted: its
         # death is the next one.
-        served = told.outcome == "recovered" and told.next_epoch is not None
+        troubled = told.diagnosis in TROUBLES and not told.deaths
+        served = troubled or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
         _hold(over or served, "an incident is over when a proven core has served")
         steps = dict(told.timeline)
         _hold({"fault", "detected", "closed"} <= set(steps), "each incident says when it began and ended")
         _hold(steps["fault"] <= steps["detected"] <= steps["closed"], "nothing is found before it is there")
-        if told.outcome == "recovered":
+        if told.diagnosis in TROUBLES:
+            _hold(told.diagnosis in self.world.truths, f"{told.diagnosis} was never the matter")
+        if told.outcome == "recovered" and (told.deaths or told.planned):
             _hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
             _hold(max(self._ready, default=-1) > told.life, "recovered means that a successor served")
-        _hold(told.planned or told.deaths, "an incident nobody planned has a death")
+        _hold(told.planned or told.deaths or troubled, "an incident nobody planned has a death or a trouble")
         self.closed[told.id] = told.outcome
 
     # ---- the ledger and its clients ----
@@ -278,6 +311,7 @@ class Checkers:
         elif guard.phase is Phase.RUNNING:
             well = guard.life is not None and guard.life.alive and guard.life.condition is WELL
             _hold(well and guard.life is not None and guard.life.stage is Stage.READY, "what runs, serves")
+            self._writes_again(guard)
         elif guard.phase is Phase.UNKILLABLE:
             _hold(world.stuck_for_ever and living, "UNKILLABLE lasts only while a core does not die")
         else:
@@ -286,11 +320,21 @@ class Checkers:
         self._incidents_at_end()
         self._ledger_at_end()
 
+    def _writes_again(self, guard: "Guard") -> None:
+        """A mode that was entered for a disk's sake is left when the disk is well; a damaged ledger waits."""
+        if Diagnosis.STORE_CORRUPT in self.world.truths:
+            return
+        assert guard.life is not None, "it serves"
+        _hold(not guard.life.safe, "a core goes on reading only, for no reason any more")
+        _hold(guard.manager.reading().safe is None, "reading only is shown, and everything is served")
+
     def _incidents_at_end(self) -> None:
         for guard in self.world.guards:
             for name in guard.ids:
                 done = name in self.closed or name in self.given_up
-                still = guard is self.world.guard and guard.phase is Phase.UNKILLABLE
+                here = guard is self.world.guard
+                damaged = guard.phase in SERVING and Diagnosis.STORE_CORRUPT in self.world.truths
+                still = here and (guard.phase is Phase.UNKILLABLE or damaged)
                 _hold(done or still, f"incident {name} is open in the quiet")
 
     def _ledger_at_end(self) -> None:
@@ -309,5 +353,9 @@ class Checkers:
             said.setdefault(request.key, set()).add(request.outcome)
             _hold(request.keyed or len(request.decided_in) <= 1, "what has no key runs once")
         for key, outcomes in said.items():
-            _hold("done" not in outcomes or key in world.store.keys, f"{key} was acknowledged and is lost")
+            lied_to = any(request.lied_to for request in world.gateway.requests if request.key == key)
+            _hold(
+                "done" not in outcomes or lied_to or key in world.store.keys,
+                f"{key} was acknowledged and is lost",
+            )
             _hold(outcomes != {"not_done"} or key not in world.store.keys, f"{key} was denied and is there")

@@ -13,8 +13,9 @@ from hardcore.model.recorder import CommandNote, SlotStage
 from tests.simulation import conditions
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import Condition
-from tests.simulation.machine import BootPlan, Harm, Stage
-from tests.simulation.switches import Taking
+from tests.simulation.looks import Spoilt
+from tests.simulation.machine import REFUSALS, BootPlan, Disk, Harm, Rot, Stage
+from tests.simulation.switches import Looking, Order, Taking
 from tests.simulation.world import World
 
 Fault = Callable[[World], None]
@@ -120,20 +121,23 @@ def _freezes_in_boot(world: World) -> None:
     world.clock.after(wait_ns, freeze)
 
 
-def _gil_is_held(world: World) -> None:
+def _gil_is_held(holding: Condition, low_ms: int, high_ms: int) -> Fault:
     """A long call into C; then the thread's beat comes a moment before the loop's."""
-    core = world.core
-    if core is None or core.condition is not conditions.WELL:
-        return
-    for_ns = world.rng.randrange(100, 5000) * MS
-    world.worry()
-    core.befall(conditions.GIL_HELD)
 
-    def returned() -> None:
-        if core.condition is conditions.GIL_HELD:
-            core.befall(conditions.GIL_RETURNED, world.rng.randrange(1, 40) * MS)
+    def fault(world: World) -> None:
+        core = world.core
+        if core is None or core.condition is not conditions.WELL:
+            return
+        world.worry()
+        core.befall(holding)
 
-    world.clock.after(for_ns, returned)
+        def returned() -> None:
+            if core.condition is holding:
+                core.befall(conditions.GIL_RETURNED, world.rng.randrange(1, 40) * MS)
+
+        world.later(low_ms, high_ms, returned)
+
+    return fault
 
 
 def _slow_reads(world: World) -> None:
@@ -164,6 +168,149 @@ def _writer(condition: Condition) -> Fault:
         for n in range(2):
             key = f"behind-the-writer-{world.clock.now_ns}-{n}"
             world.clock.after((120 + 50 * n) * MS, partial(world.gateway.submit, key))
+
+    return fault
+
+
+def _deadlocked(world: World) -> None:
+    """Two locks in two orders. Where nobody sees the stacks it is a command that takes too long."""
+    seen_ = world.switches.looking is Looking.WORKS
+    world.befall(conditions.DEADLOCKED if seen_ else conditions.DEADLOCKED_UNSEEN)
+
+
+def _answers_falsely(condition: Condition) -> Fault:
+    """The core goes on as if all was well, and some ask it."""
+
+    def fault(world: World) -> None:
+        world.befall(condition)
+        for n in range(3):
+            key = f"believed-{world.clock.now_ns}-{n}"
+            world.clock.after((120 + 90 * n) * MS, partial(world.gateway.submit, key))
+
+    return fault
+
+
+def _asked_meanwhile(world: World) -> None:
+    """Clients ask while something is the matter with the store."""
+    for n in range(3):
+        key = f"at-the-store-{world.clock.now_ns}-{n}"
+        world.later(1, 900, partial(world.gateway.submit, key))
+
+
+def _disk(disk: Disk, low_ms: int, high_ms: int) -> Fault:
+    """The ledger's disk takes no write for a while, or until somebody makes room at the end."""
+
+    def fault(world: World) -> None:
+        if world.store.ill:
+            return
+        world.store_befalls(disk)
+        _asked_meanwhile(world)
+        if high_ms and world.rng.random() < 0.7:
+            world.later(low_ms, high_ms, partial(_heals, world, disk))
+
+    return fault
+
+
+def _heals(world: World, disk: Disk) -> None:
+    if world.store.disk is disk:
+        world.store_befalls()
+
+
+def _disk_flickers(world: World) -> None:
+    """There is room, there is none, there is: one trouble, not ten."""
+    if world.store.ill:
+        return
+    disk = world.rng.choice(list(REFUSALS))
+    at_ms = 0
+    for n in range(world.rng.randrange(2, 6)):
+        world.clock.after(at_ms * MS, partial(world.store_befalls, disk if n % 2 == 0 else Disk.WELL))
+        world.clock.after((at_ms + 20) * MS, partial(_asked_meanwhile, world))
+        at_ms += world.rng.randrange(50, 4000)
+    world.clock.after(at_ms * MS, world.store_befalls)
+
+
+def _at_the_fence(disk: Disk) -> Fault:
+    """A core begins while the disk takes no write."""
+
+    def fault(world: World) -> None:
+        if world.store.ill:
+            return
+        world.store_befalls(disk)
+        if (core := world.core) is not None:
+            core.signal(9)
+        if world.rng.random() < 0.7:
+            world.later(300, 30_000, partial(_heals, world, disk))
+
+    return fault
+
+
+def _locked(world: World) -> None:
+    """Another program holds the ledger's lock, while clients ask or while a core begins."""
+    if world.store.ill:
+        return
+    world.store_befalls(Disk.WELL, seen.LockHolder(4711, "backup"))
+    _asked_meanwhile(world)
+    if world.rng.random() < 0.3:
+        world.later(10, 2000, partial(_end_the_present_one, world))
+    world.later(200, 20_000, lambda: world.store_befalls(world.store.disk))
+
+
+def _rots(rot: Rot) -> Fault:
+    """The ledger is damaged; the next core finds it, at its start or behind its serving."""
+
+    def fault(world: World) -> None:
+        if world.store.ill:
+            return
+        world.store_befalls(rot=rot)
+        if (core := world.core) is not None:
+            core.signal(9)
+
+    return fault
+
+
+def _out_of_memory(world: World) -> None:
+    if (core := world.core) is not None:
+        core.rss_bytes += world.rng.randrange(1 << 30)
+        core.oom_kills = 1
+        core.signal(9)
+
+
+def _grows(world: World) -> None:
+    """Its memory grows above the limit: worth saying, and no reason to end anybody."""
+    if (core := world.core) is not None:
+        core.rss_bytes += 1 << 30
+        world.worry()
+
+
+def _safe_orders(order: Order) -> Fault:
+    """An order to read only, or to write again, does not come through as it should."""
+
+    def fault(world: World) -> None:
+        for _ in range(world.rng.randrange(1, 4)):
+            world.switches.safe_orders.append(order)
+        _disk(world.rng.choice(list(REFUSALS)), 300, 9000)(world)
+
+    return fault
+
+
+def _suspends(world: World) -> None:
+    """The machine is suspended: two clocks go on and the one that counts stands still."""
+    world.slept_ns += world.rng.choice([1, 60, 28_800]) * NS_PER_S
+    world.worry()
+
+
+def _wall_jumps(world: World) -> None:
+    world.wall_shift_ns += world.rng.choice([-3600, -1, 1, 3600]) * NS_PER_S
+    world.worry()
+
+
+def _page_is_spoilt(*, torn: bool) -> Fault:
+    """For a moment the page can't be read, or shows what stood there a while ago."""
+
+    def fault(world: World) -> None:
+        for_ns = world.rng.randrange(50, 900) * MS
+        world.spoilt = Spoilt(world.clock.now_ns + for_ns, torn=torn)
+        world.worry()
 
     return fault
 
@@ -287,11 +434,21 @@ LOAD: Mapping[str, Fault] = {
     "blocked for a moment": _befalls(conditions.BLOCKED_TIMER, 20, 250),
     "waiting for a moment": _befalls(conditions.BLOCKED_POLL, 20, 1200),
     "disk wait": _befalls(conditions.BLOCKED_DISK, 100, 6000),
-    "spinning": _befalls(conditions.SPINNING, 100, 6000),
+    "computing for a moment": _befalls(conditions.SPINNING, 100, 1200),
     "busy with progress": _befalls(conditions.BUSY, 100, 6000),
-    "GIL held": _gil_is_held,
-    "GIL held asleep": _befalls(conditions.GIL_ASLEEP, 100, 6000),
-    "loop over for a moment": _befalls(conditions.LOOP_OVER, 20, 1200),
+    "GIL held for a moment": _gil_is_held(conditions.GIL_HELD, 100, 1200),
+    "GIL held by the loop for a moment": _gil_is_held(conditions.GIL_HELD_BY_LOOP, 100, 1200),
+    "GIL held asleep for a moment": _befalls(conditions.GIL_ASLEEP, 20, 250),
+    "long collection": _gil_is_held(conditions.COLLECTING, 100, 4500),
+    "loop over for a moment": _befalls(conditions.LOOP_OVER, 20, 250),
+    "transaction with progress": _befalls(conditions.LONG_TRANSACTION, 1000, 20_000),
+    "transaction of some seconds": _befalls(conditions.SLOW_TRANSACTION, 100, 4500),
+    "silent to questions for a moment": _befalls(conditions.DEAF, 100, 1200),
+    "memory grows": _grows,
+    "machine is suspended": _suspends,
+    "wall clock jumps": _wall_jumps,
+    "page torn": _page_is_spoilt(torn=True),
+    "page late": _page_is_spoilt(torn=False),
     "starved": _befalls(conditions.STARVED, 100, 6000),
     "store slow": _befalls(conditions.STORE_SLOW, 100, 6000),
     "disk slow": _befalls(conditions.DISK_SLOW, 100, 6000),
@@ -315,6 +472,29 @@ CRISIS: Mapping[str, Fault] = {
     "blocked on a lock": _befalls(conditions.BLOCKED_LOCK),
     "blocked in a wait": _befalls(conditions.BLOCKED_POLL),
     "loop over": _befalls(conditions.LOOP_OVER),
+    "spinning": _befalls(conditions.SPINNING),
+    "GIL held": _befalls(conditions.GIL_HELD),
+    "GIL held by the loop": _befalls(conditions.GIL_HELD_BY_LOOP),
+    "GIL held asleep": _befalls(conditions.GIL_ASLEEP),
+    "collection without end": _befalls(conditions.COLLECTING),
+    "deadlock": _deadlocked,
+    "slow transaction": _befalls(conditions.SLOW_TRANSACTION),
+    "lying core": _answers_falsely(conditions.LYING),
+    "deaf core": _befalls(conditions.DEAF),
+    "ledger locked": _locked,
+    "disk fills": _disk(Disk.FULL, 100, 20_000),
+    "disk read-only": _disk(Disk.READ_ONLY, 100, 20_000),
+    "disk stalls": _disk(Disk.STALLED, 100, 20_000),
+    "disk flickers": _disk_flickers,
+    "disk full at the fence": _at_the_fence(Disk.FULL),
+    "disk read-only at the fence": _at_the_fence(Disk.READ_ONLY),
+    "disk stalls at the fence": _at_the_fence(Disk.STALLED),
+    "ledger damaged deep inside": _rots(Rot.DEEP),
+    "ledger damaged at its head": _rots(Rot.HEAD),
+    "out of memory": _out_of_memory,
+    "order to read only lost": _safe_orders(Order.LOST),
+    "order to read only refused": _safe_orders(Order.REFUSED),
+    "order to read only late": _safe_orders(Order.LATE),
     "writer asleep": _writer(conditions.WRITER_ASLEEP),
     "writer gone": _writer(conditions.WRITER_GONE),
     "boot crashes": _boots(Stage.BORN, signal=11, times=2),
@@ -323,7 +503,7 @@ CRISIS: Mapping[str, Fault] = {
     "crash loop": _crash_loop,
     "proof fails": _boots(Stage.FENCED, code=65, words="STORE_CORRUPT"),
     "store locked": _boots(Stage.BORN, code=69, words="DB_LOCKED"),
-    "disk full": _boots(Stage.BORN, code=73, words="DISK_FULL"),
+    "no room at one fence": _boots(Stage.BORN, code=73, words="DISK_FULL"),
     "configuration bad": _boots(Stage.BORN, code=78, words="CONFIG_INVALID"),
     "boot hangs before its fence": _boot_hangs(Stage.BORN),
     "boot hangs after its fence": _boot_hangs(Stage.FENCED),

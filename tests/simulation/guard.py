@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING, Phase, Wanted
+from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.policy import Policy
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.conditions import FROZEN, WELL
-from tests.simulation.machine import THREADS, Life
-from tests.simulation.switches import Taking
+from tests.simulation.looks import THREADS, notes, page, process, stacks
+from tests.simulation.machine import REFUSALS, Disk, Life
+from tests.simulation.switches import Looking, Order, Taking
 
 if TYPE_CHECKING:  # the world starts guards
     from tests.simulation.world import World
@@ -27,6 +29,11 @@ STALE_NS = 80 * NS_PER_MS
 LOOK_CLOSER_NS = 200 * NS_PER_MS
 TICKS_AT_LEAST = 3
 HANDS_NS = 20 * NS_PER_MS
+#: Surveys and probes come with every so many ticks; a probe that is not answered is given up after its time.
+SURVEY_EVERY = 10
+PROBE_NS = 500 * NS_PER_MS
+#: A look at stacks, or at the store's lock.
+LOOKING_MS = 60
 #: The real guard stamps a fact when it notices it: one that waited longer than this gets a new stamp.
 NOTICED_NS = 5 * NS_PER_MS
 
@@ -59,6 +66,7 @@ class Guard:
         self._ringing_ns: int | None = None
         self._ticking = False
         self._ticks_left = 0
+        self._ticks = 0
 
     def _new_id(self) -> str:
         self.ids.append(f"g{self.number}-{len(self.ids) + 1}")
@@ -152,10 +160,10 @@ class Guard:
         self._ticking = self.works and self.phase in SERVING and life is not None and life.alive
         if not self._ticking or life is None:
             return
+        self._survey(life, now_ns)
         self.hear(self._look(life, now_ns))
         self._ticks_left -= 1
-        sick = life.condition is not WELL or life.extra_waiting
-        if sick or self._ticks_left > 0 or self.phase is Phase.SUSPECT:
+        if self._is_sick(life) or self._ticks_left > 0 or self.phase is Phase.SUSPECT:
             self.world.clock.after(self._interval_ns(), self._tick)
         else:
             self._ticking = False
@@ -165,13 +173,50 @@ class Guard:
         late_ns = self.world.switches.tick_late_ns
         return every_ns + self.world.rng.randrange(late_ns or 5 * NS_PER_MS)
 
+    def _is_sick(self, life: Life) -> bool:
+        """Whether the next tick may matter: only then it is simulated."""
+        world = self.world
+        open_ = bool(self.ids) and self.ids[-1] not in world.checkers.closed
+        lasts = world.quiet and Diagnosis.STORE_CORRUPT in world.truths  # nobody says resume in the quiet
+        return bool(
+            life.condition is not WELL
+            or life.extra_waiting
+            or life.in_store_ns
+            or (not lasts and (world.store.ill or life.safe or open_))
+        )
+
     def _look(self, life: Life, now_ns: int) -> seen.Sampled:
-        beats = life.beats()
-        waits = beats.waiting and now_ns - beats.completed_ns > LOOK_CLOSER_NS
-        notes = life.notes() if waits else None
-        closer = now_ns - beats.loop_ns > STALE_NS or notes is not None
-        process = life.sample(self.policy.health_check_interval_ms * NS_PER_MS, closer=closer)
-        return seen.Sampled(now_ns, life.number, beats, THREADS, process, notes)
+        beats = self.world.spoilt.look(life)
+        flying = None
+        if beats is not None and beats.waiting and now_ns - beats.completed_ns > LOOK_CLOSER_NS:
+            flying = notes(life)
+        closer = beats is not None and (
+            now_ns - min(beats.loop_ns, beats.thread_ns) > STALE_NS or flying is not None
+        )
+        world = self.world
+        clocks = seen.Clocks(now_ns + world.slept_ns, now_ns + world.slept_ns + world.wall_shift_ns)
+        return seen.Sampled(
+            now_ns, life.number, beats, THREADS, process(life, closer=closer), flying, life.witness, clocks
+        )
+
+    def _survey(self, life: Life, now_ns: int) -> None:
+        """Once a second: the disk, the counters, and whether the core answers."""
+        self._ticks += 1
+        self.world.note_truths()
+        if self._ticks % SURVEY_EVERY:
+            return
+        store = self.world.store
+        disk = seen.DiskFacts(
+            free_bytes=0 if store.disk is Disk.FULL else 1 << 34,
+            read_only=store.disk is Disk.READ_ONLY,
+            write_ns=None if store.disk is Disk.STALLED else NS_PER_MS,
+            pending_ns=now_ns - store.stalled_ns if store.disk is Disk.STALLED else 0,
+            fault=store.disk.value if store.disk in REFUSALS else "",
+        )
+        self.tell(seen.Surveyed(now_ns, life.number, disk, seen.Conduct(), life.oom_kills))
+        answers = life.condition.loop_works
+        asked = seen.Probed(now_ns, life.number, now_ns, answers, life.epoch if answers else None)
+        self.tell(asked, NS_PER_MS if answers else PROBE_NS)
 
     # ---- the hands ----
 
@@ -197,6 +242,14 @@ class Guard:
                 self.world.disk_deaths_ns = action.deaths_ns
             case orders.Halt():
                 self._end()
+            case orders.SampleStacks(life=number):
+                self._with(number, self._look_at_stacks)
+            case orders.LookAtStore(life=number):
+                holder = self.world.store.holder
+                told = (holder,) if holder is not None else ()
+                self.tell(seen.StoreLooked(self.world.clock.now_ns, number, told), soon)
+            case orders.SetSafe(life=number):
+                self._with(number, lambda life: self._set_safe(life, action))
             case orders.CloseIncident() | orders.AddAudit() | orders.Alert():
                 pass  # the checkers have looked at it
 
@@ -233,7 +286,7 @@ class Guard:
         if self.world.switches.spawn_fails():
             self.tell(seen.SpawnFailed(now_ns, order.life, "no more processes"))
             return
-        life = self.world.make_life(order.life, order.expected_epoch)
+        life = self.world.make_life(order.life, order.expected_epoch, order.safe)
         self.life = self._lives[order.life] = life
         self.tell(seen.CoreSpawned(now_ns, order.life, 1000 + life.serial))
 
@@ -251,8 +304,8 @@ class Guard:
             self._leftovers_gone()
 
     def _leftovers_gone(self) -> None:
-        pages = [page for life in self._found if (page := life.page()) is not None]
-        last = max(pages, key=lambda page: page.beats.epoch, default=None)
+        pages = [left for life in self._found if (left := page(life)) is not None]
+        last = max(pages, key=lambda left: left.beats.epoch, default=None)
         self.tell(seen.CoreExited(self.world.clock.now_ns, 0, seen.Exit(signal=9), last))
 
     def died(self, life: Life) -> None:
@@ -264,18 +317,46 @@ class Guard:
         elif life.guard == self.number:
             assert life.exit is not None, "a dead core has an end"
             how = seen.Exit() if life.status_lost else life.exit
-            self.tell(seen.CoreExited(self.world.clock.now_ns, life.number, how, life.page()))
+            now_ns = self.world.clock.now_ns
+            self.tell(seen.CoreExited(now_ns, life.number, how, page(life), life.oom_kills))
+
+    def _look_at_stacks(self, life: Life) -> None:
+        looking, now_ns = self.world.switches.looking, self.world.clock.now_ns
+        if looking is Looking.NEVER:
+            return
+        wait_ns = self.world.rng.randrange(10, LOOKING_MS) * NS_PER_MS
+        denied = looking is Looking.DENIED
+        self.tell(
+            seen.StacksSampled(
+                now_ns, life.number, () if denied else stacks(life), "may not be traced" if denied else ""
+            ),
+            wait_ns,
+        )
+
+    def _set_safe(self, life: Life, order: orders.SetSafe) -> None:
+        now_ns, wait_ns = self.world.clock.now_ns, self.world.rng.randrange(1, 20) * NS_PER_MS
+        match self.world.switches.safe_order():
+            case Order.OBEYED:
+                pass
+            case Order.LOST:
+                return
+            case Order.REFUSED:
+                self.tell(seen.SafeSwitched(now_ns, life.number, order.on, done=False, reason="no"), wait_ns)
+                return
+            case Order.LATE:
+                wait_ns = self.world.rng.randrange(1000, 9000) * NS_PER_MS
+        self._soon(wait_ns, lambda: life.on_loop(lambda: life.set_safe(order)))
 
     def _stop_for_evidence(self, order: orders.TakeEvidence) -> None:
         life = self._lives.get(order.life)
         if life is None:
             self.tell(seen.EvidenceTaken(self.world.clock.now_ns, order.life, complete=False, page=None))
             return
-        if order.living and life.alive and not life.in_kernel:
+        if order.living and order.stop and life.alive and not life.in_kernel:
             life.befall(FROZEN)
         took_ns = self._evidence_takes_ns(life, order)
         if took_ns is not None:
-            self._soon(took_ns, lambda: self._evidence_taken(life))
+            self._soon(took_ns, lambda: self._evidence_taken(life, stopped=order.stop))
 
     def _evidence_takes_ns(self, life: Life, order: orders.TakeEvidence) -> int | None:
         """How long the evidence takes; None: it never comes."""
@@ -288,13 +369,16 @@ class Guard:
                 return (order.budget_ms + rng.randrange(200, 3000)) * NS_PER_MS
             case Taking.NEVER:
                 return None
-            case Taking.DIES:
+            case Taking.DIES if order.stop:
                 self.world.clock.after(rng.randrange(50) * NS_PER_MS, lambda: life.signal(9))
                 return in_time
+            case Taking.DIES:
+                return in_time
 
-    def _evidence_taken(self, life: Life) -> None:
+    def _evidence_taken(self, life: Life, *, stopped: bool) -> None:
         now_ns = self.world.clock.now_ns
-        self.tell(seen.EvidenceTaken(now_ns, life.number, complete=True, page=life.page()))
+        fact = seen.EvidenceTaken(now_ns, life.number, complete=True, page=page(life), stopped=stopped)
+        self.tell(fact)
 
 
 def _kill(life: Life) -> None:

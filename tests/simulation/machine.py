@@ -1,8 +1,8 @@
 """The guarded side of the simulated machine: the ledger's store, and cores that live and die on it.
 
 A core boots, fences, proves, serves, leaves or dies, as the plan of its boot and the conditions that befall
-it say. Its beats are not events: they are computed when somebody looks, from when they stopped, so that a
-core that is well costs nothing. Work that can't go on in a condition waits until it passes.
+it say. Work that can't go on in a condition waits until it passes; work that the store keeps waiting (a stalled
+disk, another program's lock) waits there. What somebody outside sees of a core is in `looks.py`.
 """
 
 from collections.abc import Callable
@@ -12,31 +12,25 @@ from random import Random
 from typing import TYPE_CHECKING, Protocol
 
 from hardcore.model import observations as seen
-from hardcore.model.recorder import (
-    Beats,
-    CommandNote,
-    LastWords,
-    LifeState,
-    Page,
-    SlotStage,
-    Threads,
-    Witness,
-)
+from hardcore.model.actions import SetSafe
+from hardcore.model.recorder import CommandNote, LastWords, SlotStage, Witness
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.policy import Policy
 from tests.simulation.clock import NS_PER_MS, Clock
-from tests.simulation.conditions import FROZEN, WELL, Condition, ThreadLook
+from tests.simulation.conditions import FROZEN, WELL, Condition
 
 if TYPE_CHECKING:  # the workload knows the machine; the machine only hands its requests around
     from tests.simulation.workload import Request
 
-BEAT_NS = 50 * NS_PER_MS
 #: How long after READY the whole ledger is proven.
 AUDIT_NS = 300 * NS_PER_MS
-FENCED, LOCKED = 75, 69
+CORRUPT, LOCKED, NO_ROOM, FENCED = 65, 69, 73, 75
+#: A resident memory that nothing is wrong with.
+RSS_BYTES = 61 << 20
 #: Now and then nobody can read how a process ended.
 STATUS_LOST = 0.02
 #: What a death from inside makes suspect.
 TOUCHED = frozenset({SlotStage.DECIDING, SlotStage.WRITING})
-THREADS = Threads(loop=1, writer=2, beat=3)
 
 
 class Harm(Enum):
@@ -57,6 +51,30 @@ class Stage(Enum):
     DEAD = "dead"
 
 
+class Disk(Enum):
+    """How the ledger's file system is; the value is what a write says."""
+
+    WELL = ""
+    FULL = "ENOSPC"
+    READ_ONLY = "EROFS"
+    STALLED = "stalled"
+
+
+class Rot(Enum):
+    """How damaged the ledger is."""
+
+    NONE = "whole"
+    DEEP = "damaged where only the proof of all of it looks"
+    HEAD = "damaged where every start looks"
+
+
+#: What a core that can't write says of its store, and what that is called.
+REFUSALS = {
+    Disk.FULL: (seen.StoreFault.FULL, Diagnosis.DISK_FULL),
+    Disk.READ_ONLY: (seen.StoreFault.READ_ONLY, Diagnosis.DISK_READ_ONLY),
+}
+
+
 @dataclass(slots=True)
 class Store:
     """The ledger: an epoch that only grows, and each command at most once."""
@@ -64,6 +82,30 @@ class Store:
     epoch: int = 3
     commits: list[tuple[int, int, str]] = field(default_factory=list)
     keys: dict[str, int] = field(default_factory=dict)
+    disk: Disk = Disk.WELL
+    stalled_ns: int = 0
+    holder: seen.LockHolder | None = None
+    rot: Rot = Rot.NONE
+    waiting: list[Callable[[], None]] = field(default_factory=list)
+
+    @property
+    def blocked(self) -> bool:
+        """Whether a write waits, for nobody knows how long."""
+        return self.disk is Disk.STALLED or self.holder is not None
+
+    @property
+    def ill(self) -> bool:
+        """Whether anything is wrong with it."""
+        return self.blocked or self.disk is not Disk.WELL or self.rot is not Rot.NONE
+
+    def befall(self, now_ns: int, disk: Disk, holder: seen.LockHolder | None = None) -> None:
+        """Something begins or ends; when nothing blocks any more, what waited goes on."""
+        self.disk, self.holder = disk, holder
+        self.stalled_ns = now_ns if disk is Disk.STALLED else 0
+        if not self.blocked:
+            waiting, self.waiting = self.waiting, []
+            for work in waiting:
+                work()
 
     def raise_epoch(self, expected: int | None) -> bool:
         """Compare and set."""
@@ -105,12 +147,12 @@ class Slot:
     stage: SlotStage = SlotStage.QUEUED
     stage_ns: int = 0
 
-    def note(self) -> CommandNote:
+    def note(self, limit_ns: int) -> CommandNote:
         """As the recorder shows it."""
         request = self.request
         return CommandNote(
             self.stage, request.command_id, request.key_hash, request.kind, "", (),
-            self.started_ns, stage_ns=self.stage_ns,
+            self.started_ns, limit_ns, self.stage_ns,
         )  # fmt: skip
 
 
@@ -120,8 +162,11 @@ class Surroundings(Protocol):
     clock: Clock
     rng: Random
     store: Store
+    policy: Policy
 
     def tell(self, life: "Life", fact: seen.Observation) -> None: ...
+    def refused(self, life: "Life", request: "Request") -> None: ...
+    def is_true(self, diagnosis: Diagnosis) -> None: ...
     def answered(self, life: "Life", request: "Request") -> None: ...
     def died(self, life: "Life") -> None: ...
     def worry(self) -> None: ...
@@ -131,7 +176,13 @@ class Life:
     """One core process. `number` is its guard's, `serial` the world's own: no two are alike."""
 
     def __init__(
-        self, world: Surroundings, number: int, serial: int, expected: int | None, plan: BootPlan
+        self,
+        world: Surroundings,
+        number: int,
+        serial: int,
+        expected: int | None,
+        plan: BootPlan,
+        safe: Diagnosis | None = None,
     ) -> None:
         self.world = world
         self.number = number
@@ -143,7 +194,6 @@ class Life:
         self.epoch: int | None = None
         self.condition = WELL
         self.since_ns = world.clock.now_ns
-        self.stopped_by_guard = False
         self.slots: dict[str, Slot] = {}
         self.submitted = self.completed = self.completed_ns = 0
         self.witness: Witness | None = None
@@ -159,11 +209,15 @@ class Life:
         self.completed_boot = False
         self.extra_waiting = 0
         self.extra_notes: tuple[CommandNote, ...] = ()
-        self._phase_ns = world.rng.randrange(BEAT_NS)
-        self._loop_silent_ns: int | None = None
-        self._thread_silent_ns: int | None = None
+        self.unfenced = safe is not None  # it reads only, for ever
+        self.safe = safe is not None
+        self.claimed_seq = 0
+        self.in_store_ns = 0
+        self.rss_bytes = RSS_BYTES
+        self.oom_kills = 0
+        self.loop_silent_ns: int | None = None
+        self.thread_silent_ns: int | None = None
         self._waiting: list[tuple[bool, Callable[[], None]]] = []
-        self._spent_ns = 0
         self._turn = 0
         world.clock.after(plan.fence_ns, lambda: self.on_loop(self._fence))
         if plan.extends_ns:
@@ -202,7 +256,7 @@ class Life:
     def on_writer(self, work: Callable[[], None]) -> None:
         """Do what the writer's thread does, now or when it can again."""
         if self.alive:
-            if self.condition.writer_works:
+            if self._works(on_loop=False):
                 work()
             else:
                 self._waiting.append((False, work))
@@ -214,11 +268,14 @@ class Life:
         now_ns = self.world.clock.now_ns
         self._turn += 1
         self.condition, self.since_ns = condition, now_ns
-        self._loop_silent_ns = None if condition.loop_beats else self._loop_silent_ns or now_ns
-        self._thread_silent_ns = None if condition.thread_beats else self._thread_silent_ns or now_ns
+        self.loop_silent_ns = None if condition.loop_beats else self.loop_silent_ns or now_ns
+        self.thread_silent_ns = None if condition.thread_beats else self.thread_silent_ns or now_ns
         if for_ns is not None:
             turn = self._turn
             self.world.clock.after(for_ns, lambda: self._pass(turn))
+        self._go_on()
+
+    def _go_on(self) -> None:
         ready = [w for on_loop, w in self._waiting if self._works(on_loop)]
         self._waiting = [(on_loop, w) for on_loop, w in self._waiting if not self._works(on_loop)]
         for work in ready:
@@ -230,7 +287,9 @@ class Life:
             self.befall(WELL)
 
     def _works(self, on_loop: bool) -> bool:
-        return self.condition.loop_works if on_loop else self.condition.writer_works
+        if on_loop:
+            return self.condition.loop_works
+        return self.condition.writer_works and not self.in_store_ns
 
     # ---- boot ----
 
@@ -239,8 +298,19 @@ class Life:
 
     def _fence(self) -> None:
         plan, store = self.plan, self.world.store
-        if plan.fails_at is Stage.BORN:
+        if self.unfenced:
+            self.epoch = store.epoch
+            self.world.clock.after(plan.prove_ns, lambda: self.on_loop(self._prove))
+        elif plan.fails_at is Stage.BORN:
             self._fail()
+        elif store.holder is not None:
+            self._tell(seen.FenceBlocked(self.world.clock.now_ns, self.number))
+            self.die(seen.Exit(code=LOCKED), "DB_LOCKED")
+        elif store.disk is Disk.STALLED:
+            store.waiting.append(lambda: self.on_loop(self._fence))
+        elif store.disk in REFUSALS:
+            self.world.is_true(Diagnosis.DISK_FULL)  # at the fence it is all one to the core
+            self.die(seen.Exit(code=NO_ROOM), "DISK_FULL")
         elif not store.raise_epoch(self.expected):
             self.die(seen.Exit(code=FENCED), "FENCED")
         else:
@@ -250,20 +320,24 @@ class Life:
             self.world.clock.after(plan.prove_ns, lambda: self.on_loop(self._prove))
 
     def _prove(self) -> None:
-        if self.plan.fails_at is Stage.FENCED:
+        if self.plan.fails_at is Stage.FENCED and not self.unfenced:
             self._fail()
+            return
+        if self.world.store.rot is Rot.HEAD and not self.unfenced:
+            self.die(seen.Exit(code=CORRUPT), "STORE_CORRUPT")
             return
         assert self.epoch is not None, "a core proves after its fence"
         self.stage, self.completed_boot = Stage.READY, True
         seq = len(self.world.store.commits)
-        proof = seen.Proof("chain" if self.expected is None else "witness", 0, seq, f"{seq:x}")
+        kind = "none" if self.unfenced else "chain" if self.expected is None else "witness"
+        proof = seen.Proof(kind, 0, seq, f"{seq:x}")
         self._tell(seen.CoreReady(self.world.clock.now_ns, self.number, self.epoch, proof))
         self.world.clock.after(AUDIT_NS, lambda: self.on_loop(lambda: self._audited(seq)))
 
     def _audited(self, seq: int) -> None:
-        """The whole ledger was looked at behind the serving; every fifth length of it is found not to be whole."""
+        """The whole ledger was looked at behind the serving."""
         if self.stage is Stage.READY:
-            fault = "not whole" if seq % 5 == 4 else ""
+            fault = "" if self.world.store.rot is Rot.NONE else "event 3: the sums are not zero"
             fact = seen.LedgerAudited(self.world.clock.now_ns, self.number, None if fault else seq, fault)
             self._tell(fact)
 
@@ -273,6 +347,8 @@ class Life:
         assert self.plan.end is not None, "a boot that fails ends or hangs"
         if self.plan.end.code == LOCKED:
             self._tell(seen.FenceBlocked(self.world.clock.now_ns, self.number))
+        if self.plan.words in Diagnosis.__members__:
+            self.world.is_true(Diagnosis(self.plan.words))
         self.die(self.plan.end, self.plan.words)
 
     def _tell(self, fact: seen.Observation) -> None:
@@ -281,7 +357,10 @@ class Life:
     # ---- commands ----
 
     def accept(self, request: "Request") -> None:
-        """Take a command in: from here on it is on the recorder."""
+        """Take a command in: from here on it is on the recorder. One that reads only refuses it at the door."""
+        if self.safe:
+            self.world.refused(self, request)
+            return
         now_ns = self.world.clock.now_ns
         self.slots[request.command_id] = Slot(request, now_ns, stage_ns=now_ns)
         self.submitted += 1
@@ -306,11 +385,25 @@ class Life:
 
     def _write(self, request: "Request") -> None:
         self._reach(request, SlotStage.WRITING)
+        if self.condition.lies:
+            request.lied_to = True
+            self.claimed_seq = max(self.claimed_seq, len(self.world.store.commits)) + 1
+            self._answer_soon(request)
+            return
         self._later(8, lambda: self.on_writer(lambda: self._commit(request)))
 
     def _commit(self, request: "Request") -> None:
         assert self.epoch is not None, "only a core that has fenced takes commands"
         store = self.world.store
+        assert not self.unfenced, "a core without a fence writes nothing"
+        if store.blocked:
+            self.in_store_ns = self.in_store_ns or self.world.clock.now_ns
+            store.waiting.append(lambda: self._comes_back(request))
+            self.world.worry()
+            return
+        if store.disk in REFUSALS:
+            self._refuse(request, store.disk)
+            return
         if request.key not in store.keys:  # the same key may have been on its way twice
             if not store.commit(self.epoch, self.serial, request.key):
                 self.die(seen.Exit(code=FENCED), "FENCED")
@@ -320,6 +413,35 @@ class Life:
         self._reach(request, SlotStage.COMMITTED)
         self._answer_soon(request)
 
+    def _comes_back(self, request: "Request") -> None:
+        """The store answers: what waited in it goes on, and what waited behind it."""
+        if self.alive:
+            self.in_store_ns = 0
+            self.on_writer(lambda: self._commit(request))
+            self._go_on()
+
+    def _refuse(self, request: "Request", disk: Disk) -> None:
+        """The store took no write: nothing was done, and from now on nothing is tried."""
+        self.safe = True
+        self._tell(seen.StoreTold(self.world.clock.now_ns, self.number, REFUSALS[disk][0]))
+        del self.slots[request.command_id]
+        self.completed += 1
+        self.world.refused(self, request)
+        self.world.worry()
+
+    def set_safe(self, order: SetSafe) -> None:
+        """Obey an order to read only, or to write again, which is tried first."""
+        store, now_ns = self.world.store, self.world.clock.now_ns
+        if not order.on and store.blocked:
+            store.waiting.append(lambda: self.on_loop(lambda: self.set_safe(order)))
+            return
+        refused = not order.on and (self.unfenced or store.disk in REFUSALS)
+        if not refused:
+            self.safe = order.on
+        self._tell(seen.SafeSwitched(now_ns, self.number, order.on, not refused, "no" if refused else ""))
+        if not refused and not order.on:
+            self._tell(seen.StoreTold(now_ns, self.number, seen.StoreFault.OK))
+
     def _answer_soon(self, request: "Request") -> None:
         self._later(2, lambda: self.on_loop(lambda: self._answer(request)))
 
@@ -327,6 +449,8 @@ class Life:
         del self.slots[request.command_id]
         self.completed += 1
         self.completed_ns = self.world.clock.now_ns
+        if not request.lied_to:
+            self.claimed_seq = max(self.claimed_seq, self.witness.seq if self.witness else 0)
         self.world.answered(self, request)
 
     # ---- the end ----
@@ -364,46 +488,3 @@ class Life:
             self.words = LastWords(self.world.clock.now_ns, words, "as planned")
         self.exit, self.stage = how, Stage.DEAD
         self.world.died(self)
-
-    # ---- what a look from outside finds ----
-
-    def beats(self) -> Beats:
-        """The beat block now."""
-        now_ns = self.world.clock.now_ns
-        loop_ns = self._beat(self._loop_silent_ns, now_ns)
-        thread_ns = self._beat(self._thread_silent_ns, now_ns)
-        in_store = self.since_ns if self.condition.in_store and self.slots else 0
-        return Beats(
-            loop_ns, loop_ns // BEAT_NS, thread_ns, thread_ns // BEAT_NS,
-            self.submitted + self.extra_waiting, self.completed, self.completed_ns,
-            in_store, 0, self.epoch or 0, LifeState.READY,
-        )  # fmt: skip
-
-    def _beat(self, silent_ns: int | None, now_ns: int) -> int:
-        last_ns = now_ns if silent_ns is None else min(now_ns, silent_ns)
-        return last_ns - (last_ns - self._phase_ns) % BEAT_NS
-
-    def sample(self, tick_ns: int, *, closer: bool) -> seen.ProcessSample:
-        """The process as the kernel shows it; threads only when somebody looks closer."""
-        row = self.condition
-        self._spent_ns += 0 if row.quiet else tick_ns // 2
-        loop = self._thread(row.loop) if closer else None
-        writer = self._thread(row.writer) if closer else None
-        return seen.ProcessSample(row.state, self._spent_ns, 61 << 20, 4, None, loop, writer)
-
-    def _thread(self, look: ThreadLook) -> seen.ThreadSample:
-        spent_ns = self.world.clock.now_ns if look.burns else 5
-        return seen.ThreadSample(look.state, spent_ns, look.waits_in)
-
-    def notes(self) -> tuple[CommandNote, ...]:
-        """The commands in flight."""
-        return (*(slot.note() for slot in self.slots.values()), *self.extra_notes)
-
-    def page(self) -> Page | None:
-        """The whole recorder page."""
-        if self.page_lost:
-            return None
-        return Page(
-            f"{self.serial:016x}", "boot", 1000 + self.serial, 1, THREADS, self.beats(), self.witness,
-            self.words, self.notes(), (), (),
-        )  # fmt: skip

@@ -6,26 +6,21 @@ mended by the guard alone. Only a core that the kernel never lets go may stay as
 
 from functools import partial
 
-from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy, Word
 from tests.simulation.clock import NS_PER_S
-from tests.simulation.conditions import FROZEN, WELL, WRITER_ASLEEP, WRITER_GONE, Condition, Judged
-from tests.simulation.machine import Life
+from tests.simulation.conditions import WELL, Condition, Judged
+from tests.simulation.machine import RSS_BYTES, Life
 from tests.simulation.world import World
 
 STUCK_FOR_EVER = 0.1
 ASKED_AT_S = (0, 0, 60, 900)
-_DIAGNOSES = {
-    FROZEN: Diagnosis.FROZEN,
-    WRITER_ASLEEP: Diagnosis.NO_PROGRESS,
-    WRITER_GONE: Diagnosis.NO_PROGRESS,
-}
 
 
 def calm_down(world: World) -> None:
     """Begin the quiet."""
     world.quiet = True
     world.switches.clear()
+    world.store_befalls()  # somebody makes room; what is damaged stays damaged
     for life in [life for life in world.lives if life.alive]:
         _heal(world, life)
     for number, wait_s in enumerate(ASKED_AT_S):
@@ -38,8 +33,9 @@ def _heal(world: World, life: Life) -> None:
             world.stuck_for_ever = True
         else:
             life.let_go()
-    life.extra_notes, life.extra_waiting = (), 0
-    if _nobody_else_heals(world.policy, life.condition):
+    life.extra_notes, life.extra_waiting, life.rss_bytes = (), 0, RSS_BYTES
+    idle = life.safe and life.condition.loop_works  # nothing is asked of a writer that may not write
+    if idle or _nobody_else_heals(world.policy, life.condition):
         life.befall(WELL)
 
 
@@ -47,8 +43,7 @@ def _nobody_else_heals(policy: Policy, condition: Condition) -> bool:
     """Whether the guard may not call this a hang, or the policy does nothing about it."""
     if condition.judged is Judged.NEVER:
         return True
-    diagnosis = _DIAGNOSES.get(condition, Diagnosis.LOOP_BLOCKED)
-    return not policy.asks(diagnosis, Word.REBOOT_PROCESS)
+    return not all(policy.asks(diagnosis, Word.REBOOT_PROCESS) for diagnosis in condition.right)
 
 
 def _ask_for_service(world: World, number: int) -> None:

@@ -22,6 +22,23 @@ class Taking(Enum):
     DIES = "the core dies in the middle of it"
 
 
+class Looking(Enum):
+    """How a look at a core's stacks goes."""
+
+    WORKS = "works"
+    DENIED = "nobody may look"
+    NEVER = "it never comes back"
+
+
+class Order(Enum):
+    """How the next order to read only, or to write again, goes."""
+
+    OBEYED = "obeyed"
+    LOST = "lost"
+    REFUSED = "refused"
+    LATE = "late"
+
+
 @dataclass(slots=True)
 class Switches:
     """See the module. `tick_late_ns`: the guard's ticks come up to so much late."""
@@ -33,18 +50,20 @@ class Switches:
     failing_spawns: int = 0
     tick_late_ns: int = 0
     orders_until_death: int | None = None
+    safe_orders: deque[Order] = field(default_factory=deque)
+    looking: Looking = Looking.WORKS
 
     def clear(self) -> None:
         """Everything goes well from now on."""
-        for prepared in (self.boot_plans, self.slow_spawns_ns, self.evidence):
+        for prepared in (self.boot_plans, self.slow_spawns_ns, self.evidence, self.safe_orders):
             prepared.clear()
         self.failing_spawns, self.tick_late_ns, self.orders_until_death = 0, 0, None
 
-    def boot_plan(self) -> BootPlan:
-        """How the next boot goes."""
+    def boot_plan(self, *, prepared: bool) -> BootPlan:
+        """How the next boot goes; without what faults have `prepared`: well."""
         ms = NS_PER_MS
         plan = BootPlan(self.rng.randrange(20, 200) * ms, self.rng.randrange(1, 60) * ms)
-        return self.boot_plans.popleft() if self.boot_plans else plan
+        return self.boot_plans.popleft() if prepared and self.boot_plans else plan
 
     def spawn_takes_ns(self) -> int:
         """How long it takes to make a process, or to find out that none can be made."""
@@ -62,6 +81,10 @@ class Switches:
     def taking(self) -> Taking:
         """How taking the next evidence goes."""
         return self.evidence.popleft() if self.evidence else Taking.IN_TIME
+
+    def safe_order(self) -> Order:
+        """How the next order to read only goes."""
+        return self.safe_orders.popleft() if self.safe_orders else Order.OBEYED
 
     def guard_dies_now(self) -> bool:
         """Whether the next order is never carried out, because the guard dies before it."""

@@ -47,6 +47,9 @@ class Request:
     life: Life | None = None
     suspect: bool = False
     excused: bool = False  # nobody could know that it is a suspect
+    lied_to: bool = False  # a core said that it was done, and it was not
+    refused: bool = False  # by the core that it was sent to
+    tries: int = 0
     decided_in: list[int] = field(default_factory=list)
 
     @property
@@ -112,6 +115,7 @@ class Gateway:
     def _forward(self, request: Request) -> None:
         assert self.serving is not None, "nothing is forwarded to nobody"
         life = self.serving
+        request.tries += 1
         request.at, request.life = At.FORWARDED, life
         life.on_loop(lambda: self._arrives(request, life))
         self.world.clock.after(UPSTREAM_NS, lambda: self._upstream_is_over(request, life))
@@ -132,7 +136,7 @@ class Gateway:
 
     def settle(self, request: Request, outcome: str) -> None:
         """Give a request its answer; some clients try again."""
-        if outcome == "not_done" and request.life is not None and not request.suspect:
+        if outcome == "not_done" and request.life is not None and not (request.suspect or request.refused):
             outcome = "unknown"  # it once was with a core: only a look-up could say more
         request.at, request.outcome = At.SETTLED, outcome
         self.open.remove(request)
@@ -147,6 +151,12 @@ class Gateway:
         """A core has answered; only the serving one is believed."""
         if life is self.serving and request.at is At.FORWARDED and request.life is life:
             self.settle(request, "done")
+
+    def refused(self, life: Life, request: Request) -> None:
+        """A core that reads only, or whose store takes no write, has said that nothing was done."""
+        if request.at is At.FORWARDED and request.life is life:
+            request.refused = request.tries == 1  # what an earlier core did with it, this one can't know
+            self.settle(request, "not_done")
 
     def died(self, life: Life) -> None:
         """A core's connections broke."""

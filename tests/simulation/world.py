@@ -4,20 +4,24 @@ The world owns what outlives any process (the store, what a guard wrote to disk,
 the switches that faults turn. What it knows is the truth; the guard inside only hears what it would hear.
 """
 
+from collections.abc import Callable
 from random import Random
 
 from hardcore.model import observations as seen
 from hardcore.model.phases import Wanted
+from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
 from tests.simulation.checkers import Checkers
 from tests.simulation.clock import NS_PER_MS, Clock
-from tests.simulation.conditions import WELL, WRITER_ASLEEP, WRITER_GONE, Condition
+from tests.simulation.conditions import WELL, Condition
 from tests.simulation.guard import Guard
-from tests.simulation.machine import Life, Store
-from tests.simulation.switches import Switches
+from tests.simulation.looks import Spoilt, page
+from tests.simulation.machine import REFUSALS, Disk, Life, Rot, Store
+from tests.simulation.switches import Looking, Switches
 from tests.simulation.workload import Gateway, Request
 
-WRITER_STOPS = frozenset({WRITER_ASLEEP, WRITER_GONE})
+#: How often nobody may look at stacks, and how often a look never comes back.
+DENIED, NEVER = 0.15, 0.1
 
 
 class World:
@@ -35,7 +39,13 @@ class World:
         self.stuck_for_ever = False
         self.disk_wanted = Wanted.UP
         self.disk_deaths_ns: tuple[int, ...] = ()
+        self.slept_ns = self.wall_shift_ns = 0
+        self.truths: dict[Diagnosis, int] = {}
+        self.spoilt = Spoilt()
         self.switches = Switches(self.rng)
+        dice = self.rng.random()
+        if dice < DENIED + NEVER:
+            self.switches.looking = Looking.DENIED if dice < DENIED else Looking.NEVER
         self.checkers = Checkers(self)
         self.gateway = Gateway(self)
 
@@ -58,8 +68,8 @@ class World:
         self.checkers.began(guard)
         if guard.number > 1:
             self.gateway.renewed()
-        pages = [page for life in self.lives if (page := life.page()) is not None and page.witness]
-        last = max(pages, key=lambda page: page.witness.seq if page.witness else 0, default=None)
+        pages = [left for life in self.lives if (left := page(life)) is not None and left.witness]
+        last = max(pages, key=lambda left: left.witness.seq if left.witness else 0, default=None)
         guard.hear(seen.SentinelBegan(self.clock.now_ns, self.core is not None, last))
 
     def kill_guard(self) -> None:
@@ -86,10 +96,10 @@ class World:
 
     # ---- what the machine does for the guard ----
 
-    def make_life(self, number: int, expected: int | None) -> Life:
-        """A core process begins."""
-        plan = self.switches.boot_plan()
-        life = Life(self, number, len(self.lives) + 1, expected, plan)
+    def make_life(self, number: int, expected: int | None, safe: Diagnosis | None = None) -> Life:
+        """A core process begins; one that reads only has no fence at which it could fail."""
+        plan = self.switches.boot_plan(prepared=safe is None)
+        life = Life(self, number, len(self.lives) + 1, expected, plan, safe)
         life.guard = self.guard.number
         self.lives.append(life)
         return life
@@ -109,6 +119,10 @@ class World:
         """A core answers."""
         self.gateway.answered(life, request)
 
+    def refused(self, life: Life, request: Request) -> None:
+        """A core has said that it did nothing."""
+        self.gateway.refused(life, request)
+
     def died(self, life: Life) -> None:
         """A core is gone."""
         self.gateway.died(life)
@@ -121,6 +135,37 @@ class World:
             self.guard.watch()
 
     # ---- what faults do ----
+
+    def is_true(self, diagnosis: Diagnosis) -> None:
+        """Remember that this was the matter just now."""
+        self.truths[diagnosis] = self.clock.now_ns
+
+    def store_befalls(
+        self, disk: Disk = Disk.WELL, holder: seen.LockHolder | None = None, rot: Rot | None = None
+    ) -> None:
+        """Something befalls the ledger's store, or is over."""
+        if rot is not None:
+            self.store.rot = rot
+        self.note_truths()
+        self.store.befall(self.clock.now_ns, disk, holder)
+        self.note_truths()
+        self.worry()
+
+    def note_truths(self) -> None:
+        """Remember what is the matter with the store at this moment."""
+        store = self.store
+        if store.disk in REFUSALS:
+            self.is_true(REFUSALS[store.disk][1])
+        elif store.disk is Disk.STALLED:
+            self.is_true(Diagnosis.DISK_STALLED)
+        if store.holder is not None:
+            self.is_true(Diagnosis.DB_LOCKED)
+        if store.rot is not Rot.NONE:
+            self.is_true(Diagnosis.STORE_CORRUPT)
+
+    def later(self, low_ms: int, high_ms: int, deed: Callable[[], object]) -> None:
+        """Do something after a time that is left to chance."""
+        self.clock.after(self.rng.randrange(low_ms, high_ms) * NS_PER_MS, deed)
 
     def befall(self, condition: Condition, for_ns: int | None = None) -> None:
         """Something befalls the living core, between two ticks of the watch."""
@@ -135,8 +180,8 @@ class World:
     def _begin(self, life: Life, condition: Condition, for_ns: int | None) -> None:
         if self.quiet or life.condition is not WELL:
             return  # something else came first
-        if condition in WRITER_STOPS and life.taken:
-            # Asleep in the middle of a command is another fault, which this guard does not judge yet.
+        if condition.loop_works and not condition.writer_works and (life.taken or life.in_store_ns):
+            # What the writer has in its hands is said by the condition: it begins between two commands.
             self.clock.after(3 * NS_PER_MS, lambda: self._begin(life, condition, for_ns))
             return
         life.befall(condition, for_ns)

@@ -1,0 +1,148 @@
+"""What somebody outside sees of a simulated core: its page, what the kernel says of it, its stacks.
+
+Beats are not events: they are computed when somebody looks, from when they stopped, so that a core that is well
+costs nothing. A look may also be spoilt: torn, so that nothing can be read, or late, so that it shows what was
+there a while ago.
+"""
+
+from dataclasses import dataclass
+
+from hardcore.model import observations as seen
+from hardcore.model.recorder import Beats, CommandNote, LifeState, Page, SlotStage, Threads
+from tests.simulation.clock import NS_PER_MS
+from tests.simulation.conditions import DISK_SLOW, STORE_SLOW, WELL, Condition, ThreadLook, Wait
+from tests.simulation.machine import Disk, Life
+
+BEAT_NS = 50 * NS_PER_MS
+THREADS = Threads(loop=1, writer=2, beat=3)
+#: The other thread of a deadlock.
+WORKER = 4
+
+
+def row_of(life: Life) -> Condition:
+    """Return what is the matter with it, as far as anybody outside could see."""
+    if life.condition is WELL and life.in_store_ns:
+        return DISK_SLOW if life.world.store.disk is Disk.STALLED else STORE_SLOW
+    return life.condition
+
+
+def beats(life: Life) -> Beats:
+    """The beat block now."""
+    now_ns = life.world.clock.now_ns
+    loop_ns, thread_ns = _beat(life, life.loop_silent_ns), _beat(life, life.thread_silent_ns)
+    row = row_of(life)
+    stuck = _stuck(life, row)
+    in_store_ns = life.in_store_ns or (life.since_ns if row.wait is Wait.STORE and life.slots else 0)
+    return Beats(
+        loop_ns, loop_ns // BEAT_NS, thread_ns, thread_ns // BEAT_NS,
+        life.submitted + life.extra_waiting + len(stuck), life.completed, life.completed_ns,
+        in_store_ns, min(life.since_ns, now_ns) if row.collects else 0, life.epoch or 0, LifeState.READY,
+        life.claimed_seq,
+    )  # fmt: skip
+
+
+def _beat(life: Life, silent_ns: int | None) -> int:
+    now_ns = life.world.clock.now_ns
+    last_ns = now_ns if silent_ns is None else min(now_ns, silent_ns)
+    return last_ns - (last_ns - life.serial * 7_000_003) % BEAT_NS
+
+
+def _stuck(life: Life, row: Condition) -> tuple[CommandNote, ...]:
+    """The command that the writer has in its hands and does not finish."""
+    if row.wait not in {Wait.DECIDING, Wait.PROGRESS}:
+        return ()
+    progress_ns = life.world.clock.now_ns - 30 * NS_PER_MS if row.wait is Wait.PROGRESS else 0
+    return (
+        CommandNote(
+            SlotStage.DECIDING, f"stuck-{life.serial}", "", "drill", "tx-1", ("acc-1",), life.since_ns,
+            life.world.policy.transaction_timeout_ms * NS_PER_MS, life.since_ns, progress_ns, THREADS.writer,
+        ),
+    )  # fmt: skip
+
+
+def notes(life: Life) -> tuple[CommandNote, ...]:
+    """The commands in flight."""
+    limit_ns = life.world.policy.transaction_timeout_ms * NS_PER_MS
+    own = (slot.note(limit_ns) for slot in life.slots.values())
+    return (*own, *_stuck(life, row_of(life)), *life.extra_notes)
+
+
+def process(life: Life, *, closer: bool) -> seen.ProcessSample:
+    """The process as the kernel shows it; threads only when somebody looks closer."""
+    row, now_ns = row_of(life), life.world.clock.now_ns
+    spent_ns = life.since_ns // 2 if row.quiet else now_ns // 2
+    if not closer:
+        return seen.ProcessSample(row.state, spent_ns, life.rss_bytes, 4)
+    writer = _thread(row.writer, now_ns)
+    deciding = ((THREADS.writer, writer),) if row.wait in {Wait.DECIDING, Wait.PROGRESS} else ()
+    return seen.ProcessSample(
+        row.state, spent_ns, life.rss_bytes, 4, None,
+        _thread(row.loop, now_ns), writer, _thread(row.beat, now_ns), deciding,
+    )  # fmt: skip
+
+
+def _thread(look: ThreadLook, now_ns: int) -> seen.ThreadSample:
+    spent_ns = now_ns if look.burns else now_ns // 2_000 if look.wakes else 5
+    return seen.ThreadSample(
+        look.state, spent_ns, look.waits_in,
+        now_ns if look.starves else now_ns // 5_000 if look.wakes or look.burns else 0,
+        now_ns // (5 * NS_PER_MS) if look.wakes or look.burns else 7,
+    )  # fmt: skip
+
+
+def stacks(life: Life) -> tuple[seen.ThreadStack, ...]:
+    """All threads' frames."""
+    row = row_of(life)
+    busy = not row.loop_works or row.loop.burns
+    # Whoever is busy and gets on is met somewhere else each time.
+    line = 10 if not row.loop_works else life.world.rng.randrange(10, 500)
+    loop = _frames("run", row.innermost if busy else "select", line)
+    writer = _frames("write", row.innermost if not row.writer_works else "get", 20)
+    threads = [
+        seen.ThreadStack(THREADS.loop, "loop", row.loop.burns, row.loop.burns, loop),
+        seen.ThreadStack(THREADS.writer, "writer", row.writer.burns, row.writer.burns, writer),
+        seen.ThreadStack(THREADS.beat, "beat", False, False, _frames("beat", "wait", 5)),
+    ]
+    if row.cycle:
+        threads[1] = seen.ThreadStack(THREADS.writer, "writer", False, False, _waiting("accounts", WORKER))
+        threads.append(seen.ThreadStack(WORKER, "worker", False, False, _waiting("rates", THREADS.writer)))
+    return tuple(threads)
+
+
+def _frames(*functions: str | int) -> tuple[seen.StackFrame, ...]:
+    outer, inner, line = functions
+    return (seen.StackFrame(str(inner), "core.py", int(line)), seen.StackFrame(str(outer), "core.py", 1))
+
+
+def _waiting(lock: str, holder: int) -> tuple[seen.StackFrame, ...]:
+    names = (("lock_name", lock), ("held_by", str(holder)))
+    return (seen.StackFrame("wait_for_lock", "locks.py", 30, names), seen.StackFrame("decide", "core.py", 1))
+
+
+def page(life: Life) -> Page | None:
+    """The whole recorder page."""
+    if life.page_lost:
+        return None
+    return Page(
+        f"{life.serial:016x}", "boot", 1000 + life.serial, 1, THREADS, beats(life), life.witness,
+        life.words, notes(life), (), (),
+    )  # fmt: skip
+
+
+@dataclass(slots=True)
+class Spoilt:
+    """How the next looks at the page go wrong. `until_ns`: from then on all is well."""
+
+    until_ns: int = 0
+    torn: bool = False
+    old: Beats | None = None
+
+    def look(self, life: Life) -> Beats | None:
+        """Return the beats that are read now."""
+        if life.world.clock.now_ns >= self.until_ns:
+            return beats(life)
+        if self.torn:
+            return None
+        if self.old is None:
+            self.old = beats(life)
+        return self.old
