@@ -185,7 +185,9 @@ def add_image(path: Path, written: Path) -> str | BundleFailed:
                 return BundleFailed(f"this incident has {IMAGES_MAX} memory images already")
             size_bytes = written.stat().st_size
             written.rename(path / name)
-            _write_manifest(path, replace(before, images={**before.images, name: size_bytes}))
+            missing = {other: why for other, why in before.missing.items() if other != IMAGE}
+            images = {**before.images, name: size_bytes}
+            _write_manifest(path, replace(before, images=images, missing=missing))
             placing.sync_folder(path)
     except OSError as error:
         return BundleFailed(placing.why(error, "the memory image could not be kept"))
@@ -452,6 +454,7 @@ def _put_all(
 ) -> Manifest:
     """Write the files that fit and return the manifest that tells of them and of the rest."""
     entries, absent = dict(manifest.files), {**manifest.missing, **missing}
+    fitting: dict[str, bytes] = {}
     for name, data in files.items():
         assert _NAME.fullmatch(name) is not None, name
         assert name != MANIFEST, name
@@ -463,9 +466,10 @@ def _put_all(
         elif name not in entries and len(entries) >= FILES_MAX:
             absent[name] = f"the bundle has {FILES_MAX} files already"
         else:
-            placing.replace(folder, name, data)
+            fitting[name] = data
             entries[name] = Entry(placing.digest(data), len(data))
             absent.pop(name, None)
+    placing.replace_all(folder, fitting)
     return replace(manifest, files=entries, missing=absent)
 
 

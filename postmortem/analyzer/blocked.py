@@ -53,11 +53,12 @@ def ids_of(frames: Iterable[Frame]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     accounts: list[str] = []
     transactions: list[str] = []
     for frame in frames:
+        # A frame that is about several names them in one text, with commas between.
         accounts += [
-            plain(frame.shown.get("account_id", "")),
+            *plain(frame.shown.get("account_id", "")).split(","),
             *_ITEM.findall(frame.shown.get("account_ids", "")),
         ]
-        transactions.append(plain(frame.shown.get("transaction_id", "")))
+        transactions += plain(frame.shown.get("transaction_id", "")).split(",")
     return unique(accounts), unique(transactions)
 
 

@@ -136,6 +136,21 @@ print(bundle.write_bundle(Path(sys.argv[1]), sys.argv[3], {"log.txt": b"x" * 100
 """
 
 
+#: Ends itself, as a guard would that is killed, when the second file is to be synced.
+CUT_SHORT = """
+import os, signal, sys
+from pathlib import Path
+from postmortem import bundle
+sync, synced = os.fsync, []
+def sync_once(handle):
+    if synced:
+        os.kill(os.getpid(), signal.SIGKILL)
+    synced.append(sync(handle))
+os.fsync = sync_once
+bundle.write_bundle(Path(sys.argv[1]), sys.argv[2], {"log.txt": b"x" * 100, "recorder.bin": b"x" * 9000}, {})
+"""
+
+
 def write_with_little_room(parent: Path, on_the_limit: str) -> "subprocess.CompletedProcess[str]":
     argv = [sys.executable, "-c", WRITE, str(parent), on_the_limit, ID]
     return subprocess.run(argv, capture_output=True, text=True, timeout=50, check=False)
@@ -340,7 +355,8 @@ def test_a_removal_that_was_cut_short_is_finished_and_shown_to_nobody(tmp_path: 
 
 
 def test_a_half_written_bundle_is_completed_with_what_is_whole_in_it(tmp_path: Path) -> None:
-    assert write_with_little_room(tmp_path, "die").returncode == -signal.SIGXFSZ
+    argv = [sys.executable, "-c", CUT_SHORT, str(tmp_path), ID]
+    assert subprocess.run(argv, timeout=50, check=False).returncode == -signal.SIGKILL
     (found,) = writer.find_abandoned(tmp_path)
     path = writer.close_abandoned(found, "2026-11-21T14:08:18.500Z")
     assert isinstance(path, Path), path
@@ -348,3 +364,48 @@ def test_a_half_written_bundle_is_completed_with_what_is_whole_in_it(tmp_path: P
     assert bundle.verify_bundle(path) == ["its evidence was never finished"]
     assert json.loads((path / bundle.FACTS).read_text())["outcome"] == "open"
     assert writer.find_abandoned(tmp_path) == ()
+
+
+def image(path: Path, size_bytes: int = 5_000) -> str:
+    written = path / ".core.4711"
+    written.write_bytes(b"x" * size_bytes)
+    name = bundle.add_image(path, written)
+    assert isinstance(name, str), name
+    return name
+
+
+def test_a_memory_image_stands_in_the_manifest_with_its_size(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    assert [image(path), image(path)] == ["core.1", "core.2"]
+    assert manifest_of(path).images == {"core.1": 5_000, "core.2": 5_000}
+    assert bundle.verify_bundle(path) == []
+    (path / "core.1").write_bytes(b"x")
+    (path / "core.2").unlink()
+    assert bundle.verify_bundle(path) == [
+        "core.1 has 1 bytes, its manifest says 5000",
+        "core.2 is not readable: No such file or directory",
+    ]
+
+
+def test_an_incident_has_only_so_many_memory_images(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    for _ in range(bundle.IMAGES_MAX):
+        image(path)
+    (path / ".core.1").write_bytes(b"x")
+    assert isinstance(bundle.add_image(path, path / ".core.1"), BundleFailed)
+
+
+def test_old_images_go_before_any_story_does(tmp_path: Path) -> None:
+    names = [closed(tmp_path, number) for number in range(3)]
+    for name in names:
+        image(tmp_path / name)
+    assert bundle.prune(tmp_path, keep=names[2], images_bytes_max=5_000) == []
+    assert [sorted(manifest_of(tmp_path / name).images) for name in names] == [[], [], ["core.1"]]
+    assert "core.1" in manifest_of(tmp_path / names[0]).missing
+    assert bundle.verify_bundle(tmp_path / names[0]) == []
+
+
+def test_an_image_drives_no_story_out(tmp_path: Path) -> None:
+    names = [closed(tmp_path, number) for number in range(3)]
+    image(tmp_path / names[2], 100_000)
+    assert bundle.prune(tmp_path, keep=names[2], bytes_max=50_000) == []
