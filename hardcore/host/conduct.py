@@ -24,8 +24,8 @@ TOLD_MAX = 8
 #: Where the kernel does not list a process's children, all processes are asked for their parent.
 CHILDREN_EVERY_NS = 5_000_000_000
 CODE_EVERY_NS = 10_000_000_000
-#: The kernel walks all its connections to list those that listen: milliseconds.
-PORTS_EVERY_NS = 10_000_000_000
+#: The kernel walks all its connections to list those that listen, which takes it 10 ms.
+PORTS_EVERY_NS = 30_000_000_000
 FILES_MAX = 4096
 HANDLES_MAX = 4096
 PROC_BYTES_MAX = 1 << 20

@@ -2,12 +2,18 @@
 
 import os
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from core.guarded.beacon import KEPT_MAX, Beacon
+from hardcore.host import notify
+from hardcore.host.notify import NotifySocket, Tally
+from hardcore.model.observations import StoreFault
 from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, Notice, read_notice
 
 HASH = "ab" * 32
@@ -123,3 +129,41 @@ def test_a_closed_beacon_keeps_silent(ear: tuple[socket.socket, str]) -> None:
     beacon.epoch_raised(1)
     beacon.close()
     assert heard(listening) == []
+
+
+STRANGER = """
+import array, socket, sys
+handed = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array.array("i", [0, 1]))]
+with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mouth:
+    for _ in range(int(sys.argv[2])):
+        mouth.sendmsg([b"READY=1"], handed, 0, sys.argv[1])
+"""
+
+
+def test_a_stranger_is_known_by_the_number_that_the_kernel_vouches_for_and_can_hand_us_no_descriptors(
+    tmp_path: Path,
+) -> None:
+    argv = [sys.executable, "-c", STRANGER, str(tmp_path / "notify"), "3"]
+    with closing(NotifySocket(tmp_path / "notify", NOTICE_BYTES_MAX)) as ear:
+        before = len(list(Path("/proc/self/fd").iterdir()))
+        with subprocess.Popen(argv) as stranger:
+            assert stranger.wait() == 0
+        assert [pid for pid, _ in ear.waiting()] == [stranger.pid] * 3
+        assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+def test_a_flood_is_told_at_once_and_then_seldom_with_its_number() -> None:
+    tally = Tally()
+    said = [tally.count(at_ns) for at_ns in range(1000)]
+    assert said == [1] + [0] * 999
+    assert tally.count(notify.TELL_EVERY_NS) == 1000
+
+
+@pytest.mark.parametrize("fault", list(StoreFault))
+def test_what_a_core_says_of_its_store_is_understood(fault: StoreFault) -> None:
+    assert read_notice(f"X_STORE={fault}".encode()) == Notice(store=fault)
+
+
+def test_a_core_that_serves_reads_only_says_that_it_has_proven_nothing() -> None:
+    said = f"READY=1\nX_EPOCH=7\nX_SEQ=1234\nX_HASH={HASH}\nX_PROOF=none\nX_TAIL=0".encode()
+    assert read_notice(said) == Notice(ready=True, epoch=7, seq=1234, hash=HASH, proof="none", tail=0)
