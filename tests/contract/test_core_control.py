@@ -322,6 +322,17 @@ def test_the_lock_of_a_drill_is_seen_by_the_kernel_and_changes_nothing(watch: Wa
     assert watch.core.ask("GET", "/healthz").body["seq"] == head + 1
 
 
+def test_a_core_that_is_drilled_for_a_locked_store_knocks_until_it_is_let_in(watch: Watched) -> None:
+    with holding_lock(watch.data, 60) as holder:
+        assert watch.drill("dblock") == ""
+        until(lambda: watch.events().count("STORE_BUSY") > 1, "it to have been turned away twice")
+        assert "drill" in watch.in_flight()
+        holder.terminate()
+        assert holder.wait(WAIT_S) == 0
+    until(lambda: not watch.in_flight(), "the drill to have ended")
+    assert watch.core.move(5, "food", "cash").status == 201
+
+
 def test_the_lock_of_a_drill_is_let_go_in_time_by_itself(watch: Watched) -> None:
     with holding_lock(watch.data, 1) as holder:
         assert holder.wait(WAIT_S) == 0

@@ -70,7 +70,6 @@ def test_only_what_changes_something_has_a_generation() -> None:
         drill("melt"),
         drill(None),
         drill(["crash"]),
-        drill("dblock"),
         drill(generation=None),
         drill(generation="4"),
         drill(generation=True),
