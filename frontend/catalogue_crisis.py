@@ -8,6 +8,7 @@ what has to be known before it is said. In Korean no particle stands right after
 
 from typing import Final
 
+from frontend.catalogue_problems import READ_ONLY
 from frontend.render import Language
 
 LANGUAGES: Final[tuple[Language, ...]] = ("ko", "en")
@@ -75,7 +76,19 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
     "R3c": ("{n}밀리초 동안 끊겼다가 돌아왔어요", "Interrupted for {n} ms"),
     "R3c.seconds": ("{t}초 동안 끊겼다가 돌아왔어요", "Interrupted for {t} seconds"),
     "R3c.verified": ("잃은 내역은 없어요.", "Nothing was lost."),
+    # The ledger is served, and takes no changes.
+    "R9": ("읽기 전용이에요", "Read-only"),
+    "R9.line": (
+        "지금은 입력할 수 없어요. 저장된 내역은 볼 수 있어요.",
+        "Changes are off for now. You can look at what is stored.",
+    ),
+    # In the words in which a refused change is answered.
+    **{f"R9.{why}": (said["ko"], said["en"]) for why, said in READ_ONLY.items() if why.startswith("DISK_")},
     "R10": ("잔액이 맞지 않는 부분을 찾았어요", "A balance does not match"),
+    "R10.safe": (
+        "더 틀어지지 않도록 입력을 막았어요.",
+        "Changes are blocked so it cannot get worse.",
+    ),
     "R10.line": ("관리자 확인이 필요해요.", "The administrator must look at it."),
     # It takes longer, or nobody tries any more.
     "R7": ("평소보다 오래 걸리고 있어요", "Taking longer than usual"),
@@ -199,7 +212,9 @@ FACTS: Final[dict[str, str]] = {
     "R3c": "the outage's length: from the back frame, counted on from the guard's own elapsed time, or how long our own line was gone",
     "R3c.seconds": "the outage's length: from the back frame, counted on from the guard's own elapsed time, or how long our own line was gone",
     "R3c.verified": "proof B of the serving epoch: verified is true",
-    "R10": "proof B found a fault: ok, verified or sound is false",
+    "R9": "the state frame's text is null and its safe names a diagnosis: the core refuses changes and serves reads",
+    "R10": "proof B found a fault: ok, verified or sound is false, or safe is STORE_CORRUPT",
+    "R10.safe": "the state frame's safe names a diagnosis: the core refuses changes",
     "R7b.line": "the state frame's text is R7b: no alert was delivered",
     "R8": "the state frame's text is R8: the guard has stopped trying",
     "OFF": "the state frame's text is OFF: the operator stopped it",

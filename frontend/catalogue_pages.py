@@ -41,6 +41,11 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
         "ko": "서버를 다시 켜고 있어요. 쓰던 내용은 이 화면에 그대로 있어요.",
         "en": "The server is being restarted. What you typed is still on this page.",
     },
+    "state_safe": {"ko": "읽기 전용", "en": "Read-only"},
+    "state_safe_more": {
+        "ko": "지금은 입력할 수 없어요. 저장된 내역은 볼 수 있어요.",
+        "en": "Changes are off for now. You can look at what is stored.",
+    },
     "state_off": {"ko": "꺼짐", "en": "Off"},
     "state_off_more": {
         "ko": "관리자가 서버를 꺼 두었어요. 다시 켜지면 이 화면이 스스로 알려 드려요.",
@@ -314,6 +319,14 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
         "ko": "서버의 답을 기다리고 있어요. 이 창을 열어 두면 한 번만 처리할게요. 다시 누르지 않아도 돼요.",
         "en": "Waiting for the server's answer. Keep this window open; it is handled once, no need to press again.",
     },
+    "safe_kept": {
+        "ko": "저장하지 않았고, 쓴 내용은 그대로 있어요. 나중에 다시 눌러 주세요.",
+        "en": "It was not saved, and what you typed is still here. Please press again later.",
+    },
+    "safe_over": {
+        "ko": "다시 입력할 수 있어요. 아직 저장하지 않았으니 한 번 더 눌러 주세요.",
+        "en": "Changes are possible again. This has not been saved yet; please press once more.",
+    },
     "unsaid": {
         "ko": "저장하지 못했어요. 잠시 뒤 다시 눌러 주세요.",
         "en": "It could not be saved. Please press again in a moment.",
@@ -362,6 +375,8 @@ SCRIPT_WORDS: Final = (
     "sending",
     "waiting",
     "unsaid",
+    "safe_kept",
+    "safe_over",
     "import_commit",
     "import_commit_none",
     "import_drop",

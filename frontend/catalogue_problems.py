@@ -210,8 +210,8 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
         ),
     },
     "safe-mode": {
-        "ko": ("지금은 읽기만 할 수 있어요", "이 요청은 처리하지 않았어요. {why}"),
-        "en": ("Read-only for now", "This request was not done. {why}"),
+        "ko": ("지금은 읽기만 할 수 있어요", "지금은 입력을 받지 않아요. {why}"),
+        "en": ("Read-only for now", "No changes are taken for now. {why}"),
     },
     "store-unreadable": {
         "ko": ("지금은 장부를 읽을 수 없어요", "잠시 뒤에 다시 시도해 주세요."),

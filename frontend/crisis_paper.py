@@ -37,6 +37,7 @@ CLIENT_MODULES: Final = (
     *PAGE_MODULES[:-1],
     "place.js",
     "screen.js",
+    "bar.js",
     "drafts.js",
     "slowness.js",
     "typing.js",

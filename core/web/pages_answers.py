@@ -16,7 +16,7 @@ from starlette.responses import HTMLResponse, Response
 from core.web.asking import service_of
 from core.web.problems import PROBLEM_JSON, PROBLEM_KINDS, Problem, headers_of, problem_json
 from frontend.paper import Reader, draw, page_text, reader_language
-from frontend.render import problem_text
+from frontend.render import problem_text, read_only_because
 
 LANGUAGE_COOKIE: Final = "lang"
 ACCOUNT_COOKIE: Final = "account"  # what this browser booked on last: the next form begins with it
@@ -66,7 +66,7 @@ def show(
         here=here,
         # Before the page was read: what is booked in between is told twice rather than never.
         seq=values.pop("seq", service.head_seq),
-        safe=service.safe,
+        safe=read_only_because(service.safe, reader_of(request).lang) if service.safe else None,
         fresh_key=lambda: key or service.new_id(),
         **values,
     )

@@ -199,6 +199,8 @@ async def _granted(
             return response
         lang = reader_of(request).lang
         _title, detail = problem_text(problem.slug, lang, **problem.values)
+        if problem.slug == "safe-mode":
+            detail = f"{detail} {page_text('safe_kept', lang)}"
         faults = sentences(request, problem.faults)
         at_a_field = any(name in pages.EMPTY_FORM for name in faults)
         drawn = Drawn({**pages.EMPTY_FORM, **form.fields}, faults, "" if at_a_field else detail, wrong=True)

@@ -8,6 +8,7 @@ import { openChannel } from "./channel.js";
 import { CALM, RESULT_STAY_MS, next } from "./outage.js";
 import { face } from "./wording.js";
 import { makeScreen } from "./screen.js";
+import { makeBar } from "./bar.js";
 import { keepDrafts } from "./drafts.js";
 import { watchRequests } from "./slowness.js";
 import { watchTyping } from "./typing.js";
@@ -30,6 +31,7 @@ let shownTitle = null;
 let restored = null;
 
 const screen = makeScreen({ close: () => hear({ type: "dismiss" }), keep, other, undo, leave });
+const sayBar = makeBar();
 const drafts = keepDrafts(() => paint());
 const requests = watchRequests(() => {
   if (requests.isSlow()) askNow();  // slow, or nobody there: the gateway answers at once if it can
@@ -98,8 +100,11 @@ function paint() {
   const shown = face(view, facts, performance.now(), words);
   const isOut = view.mode === "sign" || view.mode === "card";
   const downs = { OFF: "off", R8: "stopped" };
-  mark(isOut ? downs[view.frame.text] ?? "down" : view.mode === "lost" ? "down" : facts.slow && view.mode === "calm" ? "slow" : "serving");
-  if (window.parent === window) screen.show(shown, words, lang, view.mode === "card", drafts.asText() !== "");
+  mark(isOut ? downs[view.frame.text] ?? "down" : view.mode === "lost" ? "down" : shown.bar ? "safe" : facts.slow && view.mode === "calm" ? "slow" : "serving");
+  if (window.parent === window) {
+    screen.show(shown, words, lang, view.mode === "card", drafts.asText() !== "");
+    sayBar(shown.bar, lang);
+  }
   nameTab(shown.title);
 }
 

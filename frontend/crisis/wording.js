@@ -145,6 +145,15 @@ function lostStrip(view, facts, words) {
   return { head: words[code], line: [words[`${code}.line`], ...kept].join(" "), tone: "warn" };
 }
 
+// Reads only: said for as long as it lasts. Where the ledger itself is the reason, nothing is claimed of what is shown.
+function barOf(view, words) {
+  const { frame } = view;
+  if (view.mode === "lost" || !frame || frame.text !== null || !frame.safe) return null;
+  const unsound = frame.safe === "STORE_CORRUPT" || frame.sound === false;
+  const lines = unsound ? [words["R10.safe"], words["R10.line"]] : [words[`R9.${frame.safe}`], words["R9.line"]];
+  return { head: words[unsound ? "R10" : "R9"], line: lines.filter(Boolean).join(" ") };
+}
+
 function stripOf(view, facts, words) {
   switch (view.mode) {
     case "sign": return { head: headOf(view.frame, words), line: null, tone: isFinal(view.frame) ? "warn" : "busy" };
@@ -159,6 +168,7 @@ function stripOf(view, facts, words) {
 function cardOf(view, facts, strip, now_ms, words) {
   if (view.mode === "card") return downCard(view, facts, now_ms, words);
   if (view.mode === "result") return resultCard(view, facts, words);
+  if (view.mode === "unsound" && facts.alive && view.frame?.safe) return null;  // the bar says it, and stays
   if (view.mode === "unsound") return shortCard(words.R10, [words["R10.line"]], "warn", askedOf(view, facts, words));
   // Where no page lives under it, there is nothing that a strip could stay out of the way of.
   return strip && !facts.alive
@@ -171,8 +181,10 @@ function cardOf(view, facts, strip, now_ms, words) {
 export function face(view, facts, now_ms, words) {
   const strip = stripOf(view, facts, words);
   const card = cardOf(view, facts, strip, now_ms, words);
-  const status = card ? card.status : strip ? [strip.head, strip.line].filter(Boolean).join(". ") : "";
+  const bar = barOf(view, words);
+  const said = strip ?? bar;
+  const status = card ? card.status : said ? [said.head, said.line].filter(Boolean).join(". ") : "";
   const down = view.mode === "sign" || view.mode === "card";
   const title = down ? TITLES[view.frame.text] ?? "title.down" : view.mode === "result" || view.mode === "short" ? "title.back" : null;
-  return { strip, card, status, title: title && words[title] };
+  return { strip, card, bar, status, title: title && words[title] };
 }

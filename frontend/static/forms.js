@@ -6,6 +6,8 @@ import { redraw } from "./redraw.js";
 import { newKey, send } from "./send.js";
 import { say } from "./words.js";
 
+const refusedSafe = new Set(); // forms that were refused while the server only reads
+
 const opened = document.getElementById("entry-now")?.dataset.seen; // what the entry was when its page was opened
 
 /** Take over every form that says so, also those that are drawn later. */
@@ -17,6 +19,7 @@ export function watchForms() {
     void submit(form);
   });
   document.addEventListener("ledger:drawn", showChange);
+  document.addEventListener("hc:state", ({ detail }) => { if (detail.text === null && !detail.safe) openAgain(); });
 }
 
 /** Tell a sentence below a form. `kind` is "", "good" or "wrong". */
@@ -32,6 +35,7 @@ async function submit(form) {
   const sent = fieldsOf(form);
   field.value = keyFor(form, sent, field.value);
   busy(form, true);
+  refusedSafe.delete(form);
   clearFaults(form);
   tell(form, say("sending"));
   const answer = await send(form.action, {
@@ -61,6 +65,12 @@ function saved(form, field, sent, body) {
   void redraw();
 }
 
+// Nothing is sent by itself: days may have gone, and a person decides whether the wish still holds.
+function openAgain() {
+  for (const form of refusedSafe) if (form.isConnected) tell(form, say("safe_over"));
+  refusedSafe.clear();
+}
+
 function refused(form, field, { status, body }) {
   // A refusal is remembered under its key; what is corrected is another wish. A fault of the server's own is not an
   // answer to the wish: its key stays, so that pressing again can't book it twice.
@@ -76,7 +86,10 @@ function refused(form, field, { status, body }) {
     input.setAttribute("aria-invalid", "true");
     first ??= input;
   }
-  tell(form, first ? "" : (body.detail ?? say("unsaid")), "wrong");
+  const isSafe = body.type === "/problems/safe-mode";
+  if (isSafe) refusedSafe.add(form);
+  const unsaved = isSafe && body.outcome === "not_done" ? ` ${say("safe_kept")}` : "";
+  tell(form, first ? "" : (body.detail ?? say("unsaid")) + unsaved, "wrong");
   first?.focus();
 }
 

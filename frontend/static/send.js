@@ -77,8 +77,10 @@ async function ask(url, options) {
   }
 }
 
-// 500 is a fault of the server's own: to repeat it by itself would repeat the fault. A person may.
+// A server that only reads may do so for days: a wish that is sent again by itself would be done when nobody thinks of
+// it any more. 500 is a fault of the server's own: to repeat it by itself would repeat the fault. A person may.
 function isOpen({ status, body }) {
+  if (body.type === "/problems/safe-mode") return false;
   return status === 502 || status === 504 || (status === 503 && ["not_done", "unknown", undefined].includes(body.outcome));
 }
 

@@ -83,6 +83,7 @@ class Shown:
     samples: int = 0
     planned: bool = False
     text: Text | None = None
+    safe: str | None = None
     sound: bool | None = None
 
 
@@ -154,7 +155,14 @@ def finished(outage: Outage, epoch: int, now_ns: int) -> Sample | None:
 def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_ns: int) -> Shown:
     """What a page is told at this moment."""
     if outage is None or not is_sure(outage, pace, now_ns):
-        return Shown(known.state, known.phase, known.incident, samples=samples, sound=known.sound)
+        return Shown(
+            known.state,
+            known.phase,
+            known.incident,
+            samples=samples,
+            safe=known.safe,
+            sound=known.sound,
+        )
     elapsed_ms = _elapsed_ms(outage, now_ns)
     late = elapsed_ms > _limit_ms(outage, pace)
     past = outage.told is not None and elapsed_ms > _promised_ms(outage.told)
@@ -172,6 +180,7 @@ def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_n
         samples=samples,
         planned=outage.planned,
         text=text,
+        safe=known.safe,
         sound=known.sound,
     )
 
@@ -227,6 +236,7 @@ def fields(shown: Shown, held: int, since: str | None) -> dict[str, object]:
         "held": held,
         "planned": shown.planned,
         "alerted_at": None,
+        "safe": shown.safe,
         "text": shown.text,
         "sound": shown.sound,
     }

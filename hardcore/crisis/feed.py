@@ -6,6 +6,7 @@ at the first odd line would leave the gateway blind. The meaning of a message is
 """
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -19,6 +20,7 @@ STAGES = 4
 #: Requests in one line of outcomes; with paths cut at PATH_CHARS_MAX a line stays under LINE_BYTES_MAX.
 OUTCOMES_PER_LINE = 64
 PATH_CHARS_MAX = 200
+_DIAGNOSIS = re.compile(r"[A-Z_]{1,40}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,7 @@ class PhaseHeard:
     stage: int | None = None
     since_ns: int = 0  # when the phase began, monotonic; 0: the line did not say
     planned: bool = False
+    safe: str | None = None  # the diagnosis because of which the core serves reads only
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,11 @@ def _stage(value: object) -> int | None:
     return value if isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= STAGES else None
 
 
+def _diagnosis(value: object) -> str | None:
+    """A diagnosis, also one that this version does not know. What can't be one is none: it is only shown."""
+    return value if isinstance(value, str) and _DIAGNOSIS.fullmatch(value) else None
+
+
 def _number(fields: Mapping[str, Any], name: str) -> int:
     value = fields[name]
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
@@ -116,6 +124,7 @@ def _message(fields: Mapping[str, Any]) -> Heard:
                 _stage(fields.get("stage")),
                 _number(fields, "since_ns") if "since_ns" in fields else 0,
                 fields.get("planned") is True,
+                _diagnosis(fields.get("safe")),
             )
         case "serving":
             return ServingHeard(generation, _text(fields, "socket"), _number(fields, "epoch"))

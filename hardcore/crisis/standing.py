@@ -40,7 +40,7 @@ class Standing:
     """Everything the gateway knows about the guarded process.
 
     `heard_ns` 0: the feed was never heard. `since_ns`: when the phase began, 0 if that was not said.
-    `sound`: what the proof of the whole ledger said of the serving epoch, None while it runs. `unanswered`: a core
+    `safe`: why the core serves reads only. `sound`: what the proof of the whole ledger said of the serving epoch, None while it runs. `unanswered`: a core
     in doubt was asked for its health since, and did not answer well.
     """
 
@@ -52,6 +52,7 @@ class Standing:
     stage: int | None = None
     since_ns: int = 0
     planned: bool = False
+    safe: str | None = None
     serving: Serving | None = None
     sound: bool | None = None
     released: int | None = None
@@ -80,6 +81,7 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
                 stage=message.stage,
                 since_ns=message.since_ns,
                 planned=message.planned,
+                safe=message.safe,
                 released=released,
             )
         case ServingHeard(socket=socket, epoch=epoch):

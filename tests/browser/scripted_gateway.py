@@ -28,7 +28,7 @@ PAGE_POLICY: Final = (
 SERVING: Final[Mapping[str, Any]] = {
     "v": 1, "type": "state", "state": "OPERATIONAL", "phase": "RUNNING", "stage": None, "stages": 4,
     "since": None, "elapsed_ms": 0, "eta": None, "samples": 0, "incident": None, "held": 0, "planned": False,
-    "alerted_at": None, "text": None, "sound": None,
+    "alerted_at": None, "safe": None, "text": None, "sound": None,
 }  # fmt: skip
 _HELLO: Final = {"v": 1, "type": "hello", "overlay_after_ms": 400, "demo": False}
 _START_S: Final = 10

@@ -51,9 +51,26 @@ def test_a_page_is_told_how_things_stand_when_it_opens_its_socket(gate: World) -
             "held": 0,
             "planned": False,
             "alerted_at": None,
+            "safe": None,
             "text": None,
             "sound": None,
         }
+
+
+def test_a_core_that_only_reads_is_told_as_served_with_the_reason_and_is_ready(gate: World) -> None:
+    core = gate.serving()
+    with live(gate) as own:
+        assert own.read_type("state")["safe"] is None
+        gate.feed.phase("FORWARD", state="SAFE_MODE", safe="DISK_FULL")
+        told = own.read_type("state")
+        assert (told["state"], told["text"], told["safe"]) == ("SAFE_MODE", None, "DISK_FULL")
+        assert _status(gate)["safe"] == "DISK_FULL"
+        assert gate.ask("GET", "/readyz").status == 200
+        # What the core says to a write in this state is the client's answer, and no reason to hold anything.
+        assert gate.ask("POST", "/x", "Idempotency-Key: k", body=b"a").status == 200
+        assert core.targets()[-1] == "/x"
+        gate.feed.phase("FORWARD")
+        assert own.read_type("state")["safe"] is None
 
 
 def test_a_page_that_opens_during_an_outage_is_told_of_it(gate: World) -> None:

@@ -239,6 +239,15 @@ def test_the_frame_has_every_field_of_the_wire() -> None:
         "held": 2,
         "planned": False,
         "alerted_at": None,
+        "safe": None,
         "text": "R1",
         "sound": None,
     }
+
+
+def test_a_core_that_only_reads_is_served_and_no_outage() -> None:
+    safe = replace(PEACE, state="SAFE_MODE", safe="DISK_FULL")
+    assert follow(None, PEACE, safe, (), 5) is None
+    told = fields(show(None, safe, 3, PACE, 5), 0, None)
+    assert (told["text"], told["safe"], told["state"]) == (None, "DISK_FULL", "SAFE_MODE")
+    assert fields(show(None, PEACE, 3, PACE, 5), 0, None)["safe"] is None

@@ -31,6 +31,10 @@ def test_each_line_of_the_wire_becomes_its_message() -> None:
     assert parse_line(phase) == PhaseHeard(
         3, "RUNNING", "DEGRADED", Face.FORWARD, None, None, 12, planned=False
     )
+    safe = phase.replace(b'"planned"', b'"safe": "DISK_FULL", "planned"')
+    assert parse_line(safe) == PhaseHeard(
+        3, "RUNNING", "DEGRADED", Face.FORWARD, None, None, 12, planned=False, safe="DISK_FULL"
+    )
     serving = b'{"type": "serving", "generation": 3, "socket": "/run/x", "epoch": 7}'
     assert parse_line(serving) == ServingHeard(3, "/run/x", 7)
     assert parse_line(b'{"type": "suspects", "generation": 3, "keys": ["aa"]}') == SuspectsHeard(3, ("aa",))
@@ -38,6 +42,17 @@ def test_each_line_of_the_wire_becomes_its_message() -> None:
     assert parse_line(release) == ReleaseHeard(3, 7, "i")
     verified = b'{"type": "verified", "generation": 3, "epoch": 7, "ok": true, "seq": 12}'
     assert parse_line(verified) == VerifiedHeard(3, 7, ok=True)
+
+
+def test_a_reason_to_read_only_that_cannot_be_a_diagnosis_is_none() -> None:
+    line = '{"type": "phase", "generation": 3, "phase": "P", "state": "S", "face": "FORWARD", "safe": %s}'
+    values = ('"DISK_STALLED"', '"NEW_ONE"', '"disk"', '""', "true", "7", '"<b>"', "null", f'"{"A" * 41}"')
+    heard = [parse_line((line % value).encode()) for value in values]
+    assert [one.safe for one in heard if isinstance(one, PhaseHeard)] == [
+        "DISK_STALLED",
+        "NEW_ONE",
+        *[None] * 7,
+    ]
 
 
 def test_a_stage_that_nobody_knows_is_none() -> None:

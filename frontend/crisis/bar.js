@@ -1,0 +1,31 @@
+// The bar at the head of a page that says that only reading is possible.
+//
+// Unlike a strip it stays for as long as that lasts, so it may cover nothing: it stands in the page's own flow, before
+// everything else, and the page moves down by its height. It has a shadow root of its own, as the rest of the script.
+
+/** Build the bar. Gives the function that shows what is said, `{head, line}`, or takes the bar away (null). */
+export function makeBar() {
+  const place = document.createElement("div");
+  place.className = "flow";
+  const shadow = place.attachShadow({ mode: "open" });
+  const look = document.createElement("link");
+  look.rel = "stylesheet";
+  look.href = new URL("client.css", import.meta.url).href;
+  const strong = document.createElement("strong");
+  const plain = document.createElement("span");
+  const bar = document.createElement("p");
+  bar.className = "bar";
+  bar.append(strong, " ", plain);
+  shadow.append(look, bar);
+
+  return (said, lang) => {
+    if (said === null) {
+      place.remove();
+      return;
+    }
+    place.lang = lang;
+    if (strong.textContent !== said.head) strong.textContent = said.head;
+    if (plain.textContent !== said.line) plain.textContent = said.line;
+    if (!place.isConnected) document.body.prepend(place);
+  };
+}
