@@ -1,0 +1,103 @@
+from dataclasses import replace
+
+from hardcore.model.observations import ThreadSample
+from hardcore.model.recorder import CommandNote
+from hardcore.sentinel.witnesses import transactions as witness
+from hardcore.sentinel.witnesses.transactions import Deciding, Transactions
+from tests.unit.sentinel import traces
+from tests.unit.sentinel.traces import BEGAN_MS, DECIDER, MS, deciding_since, queued
+
+
+class Watch:
+    def __init__(self, limit_ms: int = 0) -> None:
+        self.transactions = Transactions()
+        self.limit_ms = limit_ms
+
+    def look(
+        self,
+        at_ms: int,
+        notes: tuple[CommandNote, ...] | None,
+        sample: ThreadSample | None = None,
+        *,
+        overslept: bool = False,
+    ) -> tuple[Deciding, ...]:
+        threads = ((DECIDER, sample),) if sample else ()
+        at_ns = (BEGAN_MS + at_ms) * MS
+        return self.transactions.look(notes, threads, at_ns, self.limit_ms, overslept=overslept)
+
+
+def _one(found: tuple[Deciding, ...]) -> Deciding:
+    assert len(found) == 1
+    return found[0]
+
+
+def test_the_time_runs_from_when_it_was_taken_up() -> None:
+    found = _one(Watch().look(500, deciding_since(100)))
+    assert (found.counted_ns, found.overdue) == (400 * MS, False)
+    assert _one(Watch().look(1100, deciding_since(100))).overdue
+
+
+def test_progress_later_than_that_begins_it_anew() -> None:
+    assert _one(Watch().look(500, deciding_since(100, progress_ms=300))).counted_ns == 200 * MS
+
+
+def test_what_only_waits_or_is_torn_is_not_looked_at() -> None:
+    torn = tuple(replace(note, torn=True) for note in deciding_since(100))
+    assert Watch().look(500, (*queued(0), *torn)) == ()
+    assert Watch().look(500, None) == ()
+
+
+def test_a_limit_of_the_page_comes_before_the_policys() -> None:
+    assert _one(Watch(300).look(500, deciding_since(100))).limit_ns == 1000 * MS
+    assert _one(Watch(300).look(500, deciding_since(100, limit_ms=0))).overdue
+    assert not _one(Watch(0).look(9999, deciding_since(100, limit_ms=0))).overdue
+
+
+def test_time_in_which_its_thread_was_not_let_is_excused() -> None:
+    watch = Watch()
+    watch.look(200, deciding_since(100), ThreadSample("R", 5, "", 0))
+    found = _one(watch.look(300, deciding_since(100), ThreadSample("R", 5, "", 80 * MS)))
+    assert found.counted_ns == 120 * MS
+
+
+def test_time_in_which_it_waits_for_a_disk_is_excused() -> None:
+    watch = Watch()
+    watch.look(200, deciding_since(100), traces.ON_DISK)
+    found = _one(watch.look(300, deciding_since(100), traces.ON_DISK))
+    assert (found.counted_ns, found.in_disk) == (100 * MS, True)
+
+
+def test_time_in_which_we_slept_is_excused() -> None:
+    watch = Watch()
+    watch.look(200, deciding_since(100))
+    assert _one(watch.look(900, deciding_since(100), overslept=True)).counted_ns == 100 * MS
+
+
+def test_what_was_first_seen_after_we_slept_begins_then() -> None:
+    assert _one(Watch().look(900, deciding_since(100), overslept=True)).counted_ns == 0
+
+
+def test_an_excuse_ends_with_its_command() -> None:
+    watch = Watch()
+    watch.look(200, deciding_since(100), traces.ON_DISK)
+    watch.look(300, deciding_since(100), traces.ON_DISK)
+    assert _one(watch.look(400, deciding_since(350), traces.NAPPING)).counted_ns == 50 * MS
+    assert watch.look(500, ()) == ()
+
+
+def test_how_long_it_was_watched_is_told() -> None:
+    watch = Watch()
+    assert _one(watch.look(200, deciding_since(100))).watched_ns == 0
+    assert _one(watch.look(350, deciding_since(100))).watched_ns == 150 * MS
+
+
+def test_who_sleeps_on_a_lock_is_known() -> None:
+    assert _one(Watch().look(200, deciding_since(100), traces.LOCKED)).in_lock
+    assert not _one(Watch().look(200, deciding_since(100), traces.NAPPING)).in_lock
+
+
+def test_what_is_over_its_time_is_named() -> None:
+    assert witness.testify(Watch().look(500, deciding_since(100))) is None
+    told = witness.testify(Watch().look(1500, deciding_since(100)))
+    assert told is not None
+    assert told.why == "transaction t1 has been decided for 1400 ms; it may take 1000 ms"
