@@ -7,12 +7,13 @@ and as long as a trouble is on or reads only are served everything does.
 
 from hardcore.model.actions import Action, Alert, CloseIncident, KeepBudget, TakeEvidence
 from hardcore.model.phases import SERVING, Phase, StartCause, Wanted
-from hardcore.model.verdicts import Diagnosis
+from hardcore.model.verdicts import Colour, Diagnosis
 from hardcore.recovery import plan
 from hardcore.recovery.budget import NS_PER_S, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.policy import Word
 from hardcore.recovery.story import Story, Trouble, begin
+from hardcore.sentinel.deaths import Death
 
 #: A gateway that began to hold this shortly before the death was known held because of it.
 HELD_EARLY_NS = NS_PER_S
@@ -34,6 +35,12 @@ def alert(c: Course, diagnosis: Diagnosis, text: str) -> None:
     """Say something to whoever runs the server, if the policy wants that said."""
     if c.policy.asks(diagnosis, Word.SEND_ALERT):
         order(c, Alert(diagnosis, text))
+
+
+def _why(death: Death) -> str:
+    """Return the worst that was said: the first witness may have had nothing to complain of."""
+    worst = max(death.evidence, key=lambda fact: (fact.colour is Colour.RED, fact.colour is Colour.YELLOW))
+    return worst.why
 
 
 def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
@@ -58,7 +65,7 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     again = c.phase in BOOTING and c.trying is death.diagnosis
     c.worth_a_look = not again
     if drill is None and not again:
-        alert(c, death.diagnosis, f"{death.evidence[0].why}. Recovery has begun.")
+        alert(c, death.diagnosis, f"{_why(death)}. Recovery has begun.")
     story.add_death(death.diagnosis, trouble.exit, trouble.fault_ns)
     if c.cause is not StartCause.FIRST or c.phase in SERVING:
         c.cause = StartCause.UNPLANNED
@@ -81,7 +88,7 @@ def open_trouble(c: Course, now_ns: int) -> None:
     known = joins and story.diagnosis is death.diagnosis
     c.worth_a_look = c.troubles.meets(death.diagnosis) and not known
     if c.worth_a_look and story.drill is None:
-        alert(c, death.diagnosis, f"{death.evidence[0].why}. A restart would not help; the core goes on.")
+        alert(c, death.diagnosis, f"{_why(death)}. A restart would not help; the core goes on.")
 
 
 def close(c: Course, now_ns: int, *, recovered: bool) -> None:

@@ -42,6 +42,8 @@ SLACK_NS = 3 * NS_PER_S
 HEARING_NS = 10 * NS_PER_MS
 _BY_ITSELF = frozenset({Trigger.NO_DELAY, Trigger.DEADLINE})
 DRILL_NS = 15 * NS_PER_S
+#: A trouble that was over for so long is not told as a new one.
+STALE_NS = 10 * NS_PER_S
 
 
 class Broken(AssertionError):  # noqa: N818  # "the law is broken" is what it says
@@ -145,6 +147,8 @@ class Checkers:
                 self._deaths_ns.clear()
             if move.trigger is Trigger.RENEW and guard.life is not None:
                 self._renewed.add(guard.life.number)
+            if move.trigger is Trigger.TROUBLED:
+                self._troubled(guard, Diagnosis(move.reason.split(":")[0]))
             if move.trigger is Trigger.LOST:
                 self._lost(guard, move)
             elif move.trigger is Trigger.DEADLINE and move.before in {Phase.STARTING, Phase.PROVING}:
@@ -170,6 +174,18 @@ class Checkers:
         self._judged[life.number] = diagnosis
         self._count_verdict(move.at_ns)
         life.asked, life.blamed = True, diagnosis in trial.FROM_INSIDE
+
+    def _troubled(self, guard: "Guard", diagnosis: Diagnosis) -> None:
+        """A trouble is told only while it is there; of a living core that nobody may restart, too."""
+        self.world.note_truths()
+        name = guard.life.condition.name if guard.life is not None else "gone"
+        right = guard.life.condition.right if guard.life is not None else frozenset()
+        self.named[name if diagnosis in right else "its store", diagnosis] += 1
+        since_ns = self.world.clock.now_ns - self.world.truths.get(diagnosis, -STALE_NS)
+        _hold(
+            diagnosis in right or since_ns < STALE_NS,
+            f"{diagnosis} is told of a core that is {name}, {since_ns // NS_PER_MS} ms after it was so",
+        )
 
     def _too_slow(self, guard: "Guard") -> None:
         waited_ns = self.world.clock.now_ns - self._spawned_ns
@@ -281,7 +297,8 @@ class Checkers:
         )
         # A core that was proven and released ends the story too, even if it dies before it has lasted: its
         # death is the next one.
-        troubled = told.diagnosis in TROUBLES and not told.deaths
+        restarts = guard.policy.asks(told.diagnosis, Word.REBOOT_PROCESS)
+        troubled = not (told.deaths or told.planned or restarts)
         served = troubled or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
         _hold(over or served, "an incident is over when a proven core has served")
         steps = dict(told.timeline)

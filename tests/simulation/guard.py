@@ -214,9 +214,16 @@ class Guard:
             fault=store.disk.value if store.disk in REFUSALS else "",
         )
         self.tell(seen.Surveyed(now_ns, life.number, disk, seen.Conduct(), life.oom_kills))
-        answers = life.condition.loop_works
-        asked = seen.Probed(now_ns, life.number, now_ns, answers, life.epoch if answers else None)
-        self.tell(asked, NS_PER_MS if answers else PROBE_NS)
+        if life.condition.loop_works:
+            self.tell(seen.Probed(now_ns, life.number, now_ns, True, life.epoch))
+        else:
+            self._soon(PROBE_NS, lambda: self._probe_is_over(life, now_ns))
+
+    def _probe_is_over(self, life: Life, asked_ns: int) -> None:
+        """A probe's time is over: an answer that came late is still one."""
+        if life.alive:
+            answers = life.condition.loop_works
+            self.tell(seen.Probed(self.world.clock.now_ns, life.number, asked_ns, answers), 0)
 
     # ---- the hands ----
 

@@ -34,6 +34,7 @@ def _heal(world: World, life: Life) -> None:
         else:
             life.let_go()
     life.extra_notes, life.extra_waiting, life.rss_bytes = (), 0, RSS_BYTES
+    life.claimed_seq = min(life.claimed_seq, life.witness.seq if life.witness else 0)
     idle = life.safe and life.condition.loop_works  # nothing is asked of a writer that may not write
     if idle or _nobody_else_heals(world.policy, life.condition):
         life.befall(WELL)
