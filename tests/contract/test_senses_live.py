@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TypeVar
@@ -11,6 +12,7 @@ import pytest
 from hardcore import executor as hands
 from hardcore.executor import Bounds, Executor
 from hardcore.host.folders import Folders
+from hardcore.host.ids import new_id
 from hardcore.host.lives import CoreLimits, Life
 from hardcore.host.notify import NotifySocket
 from hardcore.model import actions as orders
@@ -108,7 +110,7 @@ def test_the_stacks_of_a_core_that_serves_are_looked_at_for_free_and_kept_as_fir
         assert life.handle is not None
         assert life.sample is None or life.sample.state != "T"
         main = next(stack for stack in told.stacks if stack.tid == life.handle.pid)
-        assert main.frames[-1].function == "<module>", "the outermost frame of the program"
+        assert "<module>" in {frame.function for frame in main.frames}, "the program's own frame"
         raw = house.executor.senses.first_stacks(1)
         assert json.loads(raw)
         assert house.executor.senses.first_stacks(2) == b"", "they are another life's"
@@ -133,6 +135,53 @@ def test_a_store_that_nobody_writes_to_has_no_holder(lived: Lived) -> None:
         await house.serving()
         house.executor.carry_out(orders.LookAtStore(1))
         assert (await house.told(seen.StoreLooked)).holders == ()
+
+    lived(scenario)
+
+
+def test_who_holds_the_stores_lock_from_outside_is_named(lived: Lived) -> None:
+    async def scenario(house: House) -> None:
+        await house.serving()
+        argv = [
+            sys.executable,
+            "-m",
+            "core",
+            "hold-lock",
+            "--data",
+            str(house.folders.data),
+            "--seconds",
+            "60",
+        ]
+        holder = await asyncio.create_subprocess_exec(*argv, stdout=asyncio.subprocess.PIPE)
+        assert holder.stdout is not None
+        try:
+            assert await holder.stdout.readline()
+            house.executor.carry_out(orders.LookAtStore(1))
+            (told,) = (await house.told(seen.StoreLooked)).holders
+            assert (told.pid, told.ours) == (holder.pid, False)
+            assert told.name.startswith("python")
+        finally:
+            holder.kill()
+            await holder.communicate()
+
+    lived(scenario)
+
+
+def test_evidence_beside_a_core_that_goes_on_does_not_stop_it_and_has_the_first_look(lived: Lived) -> None:
+    async def scenario(house: House) -> None:
+        life = await house.serving()
+        house.executor.carry_out(orders.SampleStacks(1))
+        looked = await house.told(seen.StacksSampled)
+        incident = new_id()
+        order = orders.TakeEvidence(1, incident, living=True, budget_ms=2000, stop=False)
+        house.executor.carry_out(order)
+        await house.told(seen.EvidenceTaken)
+        sample = life.look().process
+        assert sample is not None
+        assert sample.state != "T"
+        there = {path.name for path in (house.folders.incidents / incident).iterdir()}
+        assert "recorder.json" in there
+        assert ("stacks-first.json" in there) is not bool(looked.fault)
 
     lived(scenario)
 
