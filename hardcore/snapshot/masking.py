@@ -41,7 +41,7 @@ _SHOWN: dict[str, str] = {
 _WITH_UNIT = re.compile(r"\w+_(?:ns|ms|s|bytes|count|max|min)")
 _FORMS = {name: re.compile(form) for name, form in _SHOWN.items()}
 _ANY_NUMBER = re.compile(_NUMBER)
-_NOTHING = frozenset({"None", "True", "False", "null", "true", "false"})
+_NOTHING = frozenset({"None", "True", "False", "null", "true", "false", '""', "''", "[]", "()"})
 #: An object that a debugger can't look into: its type and its address, which is how a lock is told from another.
 _OBJECT = re.compile(r"<[\w. ]{1,80} at 0x[0-9a-f]+>")
 

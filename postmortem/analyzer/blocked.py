@@ -9,13 +9,15 @@ import re
 from collections.abc import Iterable
 
 from postmortem.analyzer.case import Case, Confidence, Finding, Frame, Thread, loop_thread
-from postmortem.incident import unique
+from postmortem.incident import mappings, number, text, unique
 
 #: What is said of the frame, by diagnosis. Without one (no facts yet) the stack says where the core was, not that
 #: it hung there.
 RULES = {"LOOP_BLOCKED": "blocked", "SPINNING": "spinning", "UNKNOWN": "was_in"}
 
-_WAITS_FOR_EVENTS = re.compile(r"^(?:select|poll|_run_once|run_forever|run_until_complete)$")
+_WAITS_FOR_EVENTS = frozenset({"select", "poll", "_run_once", "run_forever", "run_until_complete"})
+#: Where a loop that has no frames of its own rests: the runner that called it.
+_RUNNER = "asyncio/runners.py:"
 _TEXT = re.compile(r"""^(["'])(.*)\1$""", re.DOTALL)
 _ITEM = re.compile(r"""["']([^"']+)["']""")
 
@@ -43,9 +45,15 @@ def frame_finding(case: Case, rule: str, sure: Confidence = Confidence.CERTAIN) 
 
 def blocked_frame(thread: Thread) -> Frame | None:
     """Return the innermost frame, or None if the thread only waits for events."""
-    if not thread.frames or _WAITS_FOR_EVENTS.match(thread.frames[0].function):
+    if not thread.frames or _rests(thread.frames[0]):
         return None
     return thread.frames[0]
+
+
+def _rests(frame: Frame) -> bool:
+    # The name may come with its class: "EpollSelector.select".
+    name = frame.function.rpartition(".")[2]
+    return name in _WAITS_FOR_EVENTS or (name == "run" and frame.place.startswith(_RUNNER))
 
 
 def ids_of(frames: Iterable[Frame]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -65,8 +73,9 @@ def ids_of(frames: Iterable[Frame]) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def thread_finding(case: Case, thread: Thread, frame: Frame, rule: str, sure: Confidence) -> Finding:
     """Return what `rule` says of one thread in one of its frames, with the ids that its locals show."""
     accounts, transactions = ids_of(thread.frames)
-    state = "running" if thread.active else "asleep"
-    evidence = [f"thread {thread.name or thread.tid} {state} in {frame.function} ({frame.place})"]
+    evidence = [
+        f"thread {thread.name or thread.tid} {_state(case, thread)} in {frame.function} ({frame.place})"
+    ]
     if thread.holds_gil:
         evidence.append("it held the interpreter lock")
     evidence += [f"called from {caller.function} ({caller.place})" for caller in thread.frames[1:4]]
@@ -79,6 +88,18 @@ def thread_finding(case: Case, thread: Thread, frame: Frame, rule: str, sure: Co
         "thread": thread.name or str(thread.tid or ""),
     }
     return Finding(rule, sure, values, tuple(evidence), accounts, transactions)
+
+
+def _state(case: Case, thread: Thread) -> str:
+    """Say what the thread did before the guard stopped it; of a stopped one every debugger says that it sleeps."""
+    seen = (one for one in mappings(case.process.get("threads")) if number(one.get("tid")) == thread.tid)
+    before = next(seen, {})
+    if not (letter := text(before.get("state"))):
+        return "running" if thread.active else "asleep"
+    if letter == "R":
+        return "running"
+    waits_in = text(before.get("wchan"))
+    return f"asleep ({waits_in})" if waits_in not in {"", "0"} else "asleep"
 
 
 def _first_look(case: Case, thread: Thread, frame: Frame) -> list[str]:

@@ -105,6 +105,36 @@ def test_a_loop_that_waits_for_events_is_not_blocked() -> None:
     assert (finding.values["function"], finding.confidence) == ("commit", Confidence.LIKELY)
 
 
+@pytest.mark.parametrize(
+    ("function", "file"),
+    [("EpollSelector.select", "selectors.py"), ("Runner.run", "asyncio/runners.py"), ("poll", "x.py")],
+)
+def test_a_loop_at_rest_is_known_by_any_name_of_its_frame(function: str, file: str) -> None:
+    assert (
+        found(case([thread(7, frame(function, 1, file))], {"pid": 7}, diagnosis="LOOP_BLOCKED", core=ended()))
+        == {}
+    )
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [
+        ({"tid": 7, "state": "R", "wchan": "0"}, "running"),
+        ({"tid": 7, "state": "S", "wchan": "futex_do_wait"}, "asleep (futex_do_wait)"),
+        ({"tid": 8, "state": "R"}, "asleep"),
+    ],
+)
+def test_what_a_thread_did_is_told_as_it_was_before_the_stop(seen: dict[str, Any], said: str) -> None:
+    one = case([BUSY], {"pid": 7, "threads": [seen]}, diagnosis="SPINNING", core=ended())
+    assert found(one)["spinning"].evidence[0] == f"thread MainThread {said} in sleep_on_it (core/x.py:12)"
+
+
+def test_a_frame_about_several_accounts_names_each_of_them() -> None:
+    busy = thread(7, frame("settle", account_id='"assets:kb,assets:cash"'))
+    finding = found(case([busy], {"pid": 7}, diagnosis="LOOP_BLOCKED", core=ended()))["blocked"]
+    assert finding.account_ids == ("assets:kb", "assets:cash")
+
+
 def test_no_progress_counts_who_waited_where() -> None:
     worker = thread(8, frame("commit", transaction_id='"tx-1"'), name="writer")
     both = found(case([worker], diagnosis="NO_PROGRESS", core=ended()))

@@ -83,6 +83,7 @@ def test_a_name_on_the_list_does_not_open_the_door_for_any_value(name: str, show
         ("account_ids", '["assets:kb", "expenses:food"]'),
         ("held_by", '"4711"'),
         ("held_by", '""'),
+        ("transaction_id", '""'),
         ("until_ns", "2518728192772"),
         ("lock", "<_thread.lock at 0x7f2d63ddb680>"),
         ("found", "None"),
