@@ -27,6 +27,7 @@ class Probe:
 
     _probes: int = 0
     _since_ns: int = 0
+    _until_ns: int = 0
     _completed: int = -1
     _quiet_ns: int = 0
 
@@ -36,6 +37,7 @@ class Probe:
             self._probes, self._quiet_ns = 0, max(self._quiet_ns, fact.at_ns)
         elif fact.asked_ns >= self._quiet_ns:
             self._since_ns = self._since_ns if self._probes else fact.asked_ns
+            self._until_ns = fact.at_ns
             self._probes += 1
 
     def look(self, beats: Beats, at_ns: int, forgiven_ns: int, *, excused: bool) -> Unanswered | None:
@@ -44,7 +46,8 @@ class Probe:
             self._completed, self._quiet_ns, self._probes = beats.completed, at_ns, 0
         if not self._probes:
             return None
-        return Unanswered(self._probes, at_ns - self._since_ns, self._since_ns)
+        # It is known to have been silent until the last probe was given up: since then nobody has asked.
+        return Unanswered(self._probes, self._until_ns - self._since_ns, self._since_ns)
 
 
 def testify(found: Unanswered | None) -> Testimony | None:
