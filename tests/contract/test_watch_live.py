@@ -142,7 +142,12 @@ def test_one_command_that_is_decided_for_long_is_seen_with_its_thread_though_oth
         return process is not None and process.deciding[:1] != ()
 
     until(with_thread, "the thread to be looked at")
-    until(lambda: looked() and life._one_is_slow, "it to be slow")
+
+    def slow_by_now() -> bool:
+        looked()
+        return life._one_is_slow
+
+    until(slow_by_now, "it to be slow")
     for _ in range(2 * lives.IN_FLIGHT_EVERY_TICKS):
         tick = looked()
         assert tick.in_flight is not None, "from now on it is watched at every tick"
