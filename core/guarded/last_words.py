@@ -75,7 +75,7 @@ def story(error: BaseException) -> str:
 
 def short_path(path: str) -> str:
     """Return the last two parts of a file's path: enough to find it, nothing about the machine."""
-    return "/".join(Path(path).parts[-2:])
+    return "/".join(path.rsplit("/", 2)[-2:])
 
 
 def _open_stacks(recorder: FlightRecorder, stacks: Path | None) -> None:

@@ -21,6 +21,7 @@ TOLD_BYTES_MAX: Final = 64 << 10
 DEPTH_MAX: Final = 100
 ID_CHARACTERS_MAX: Final = 240
 NAME_CHARACTERS_MAX: Final = 100
+_NAMES: Final = ("transaction_id", "account_id")
 _ENVELOPE_BYTES: Final = 64  # room for the answer around the list
 
 TaskNote = dict[str, str]
@@ -46,14 +47,16 @@ def note_of(task: "asyncio.Task[Any]") -> TaskNote:
         "transaction_id": "",
         "account_id": "",
     }
+    frame = None
     for frame in _frames(task.get_coro()):
-        code = frame.f_code
-        note["waits_at"] = f"{short_path(code.co_filename)}:{frame.f_lineno} {code.co_name}"
-        for name in ("transaction_id", "account_id"):
-            value = frame.f_locals.get(name)
+        for name in _NAMES:
+            # Asked for first: to make the locals of a frame that has none of them costs more than all the rest.
+            value = frame.f_locals.get(name) if name in frame.f_code.co_varnames else None
             # The innermost frame has the last word; one that knows no name does not take another's away.
             if type(value) is str and value:
                 note[name] = value[:ID_CHARACTERS_MAX]
+    if frame is not None:
+        note["waits_at"] = f"{short_path(frame.f_code.co_filename)}:{frame.f_lineno} {frame.f_code.co_name}"
     return note
 
 
