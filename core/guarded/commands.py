@@ -11,6 +11,7 @@ import threading
 import zlib
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from functools import lru_cache
 from hashlib import sha256
 from struct import Struct
 
@@ -31,12 +32,13 @@ class Stage(IntEnum):
 # Looked up once: a member of an enum costs as much as the store of it.
 _FREE, _QUEUED = int(Stage.FREE), int(Stage.QUEUED)
 
-# Where the single words of a slot stand, in words of 8 bytes from its start.
+# In words of 8 bytes: where the slots begin, how long one is, and where single words stand in it or in any entry.
+_SLOTS, _SLOT = page.SLOTS_AT >> 3, page.SLOT_BYTES >> 3
+_CRC = 1
 _STAGE, _STAGE_SINCE, _THREAD, _ORDINAL, _PROGRESS = 8, 9, 10, 11, 12
 
-# An entry is made elsewhere and copied into its place in one go: its CRC and what the CRC covers, except that
-# a slot's single words stand between the two parts of that.
-_CRC = Struct("<Q")
+# An entry is made elsewhere and copied into its place in one go. A slot's single words stand between the two
+# parts that its CRC covers.
 _SLOT_NUMBERS = Struct("<3Q24x5Q24x")  # started, limit, payload length; then the single words
 _COVERED_BYTES = 48  # of these numbers: the CRC ends before the single words
 _FINISHED_NUMBERS = Struct("<4Q80x")  # finished, outcome, index, started
@@ -55,10 +57,16 @@ class _Own(threading.local):
 _own = _Own()
 
 
+@lru_cache(maxsize=64)
+def _kind(kind: str) -> bytes:
+    """Return the bytes of a kind: a program has a few, and says them with every command."""
+    return page.cut(kind, page.KIND_BYTES_MAX)
+
+
 def _key_hash(key: str | None) -> bytes:
     if key is None:
         return b""
-    return sha256(key.encode("utf-8", "replace")).hexdigest()[:32].encode()
+    return sha256(key.encode("utf-8", "replace")).hexdigest().encode()  # its place takes the first half
 
 
 class CommandTable:
@@ -101,23 +109,22 @@ class CommandTable:
         texts = _TEXTS.pack(
             page.cut(command_id, page.ID_BYTES_MAX),
             _key_hash(key),
-            page.cut(kind, page.KIND_BYTES_MAX),
+            _kind(kind),
             page.cut(transaction_id, page.ID_BYTES_MAX),
             page.join_ids(account_ids),
             payload[: page.PAYLOAD_BYTES_MAX],
         )
         self._begun[slot] = now_ns, texts[:_TEXTS_KEPT_BYTES]
         numbers = _SLOT_NUMBERS.pack(now_ns, limit_ns, len(payload), _QUEUED, now_ns, _own.thread, 0, 0)
-        crc = _CRC.pack(zlib.crc32(texts, zlib.crc32(numbers[:_COVERED_BYTES])))
-        self._put(page.SLOTS_AT + slot * page.SLOT_BYTES, crc + numbers + texts)
+        crc = zlib.crc32(texts, zlib.crc32(numbers[:_COVERED_BYTES]))
+        self._put(_SLOTS + slot * _SLOT, crc, numbers + texts)
         self._submitted += 1
         self._words[page.SUBMITTED_AT >> 3] = self._submitted
         return slot
 
     def stage(self, slot: int, stage: Stage) -> None:
         """Say how far the command in `slot` has come, and that this thread has it. Any thread."""
-        word = (page.SLOTS_AT + slot * page.SLOT_BYTES) >> 3
-        words = self._words
+        words, word = self._words, _SLOTS + slot * _SLOT
         # The stage comes last: a reader must never see DECIDING with the time at which it was queued,
         # or a command that has only just begun would look overdue.
         words[word + _STAGE_SINCE] = self._clock()
@@ -126,12 +133,12 @@ class CommandTable:
 
     def ordinal(self, slot: int, n: int) -> None:
         """Say which item of a batch command is being decided, counted by the caller: progress. Any thread."""
-        self._words[((page.SLOTS_AT + slot * page.SLOT_BYTES) >> 3) + _ORDINAL] = n
+        self._words[_SLOTS + slot * _SLOT + _ORDINAL] = n
         self.progress(slot)
 
     def progress(self, slot: int) -> None:
         """Say that the command in `slot` gets on: its limit runs anew from now. Any thread."""
-        self._words[((page.SLOTS_AT + slot * page.SLOT_BYTES) >> 3) + _PROGRESS] = self._clock()
+        self._words[_SLOTS + slot * _SLOT + _PROGRESS] = self._clock()
 
     def finish(self, slot: int, status: int) -> None:
         """Move the command to the finished ring with its HTTP status; free the slot. Loop thread only."""
@@ -140,24 +147,23 @@ class CommandTable:
         self._begun[slot] = None
         now_ns = self._clock()
         started_ns, texts = begun
-        numbers = _FINISHED_NUMBERS.pack(now_ns, status, self._completed + 1, started_ns)
-        crc = _CRC.pack(zlib.crc32(texts, zlib.crc32(numbers)))
-        self._put(
-            page.FINISHED_AT + (self._completed % page.FINISHED) * page.FINISHED_BYTES, crc + numbers + texts
-        )
+        entry = _FINISHED_NUMBERS.pack(now_ns, status, self._completed + 1, started_ns) + texts
+        at = page.FINISHED_AT + (self._completed % page.FINISHED) * page.FINISHED_BYTES
+        self._put(at >> 3, zlib.crc32(entry), entry)
         words = self._words
         # Freed only now: a death in between shows the command in both places, never in none.
-        words[((page.SLOTS_AT + slot * page.SLOT_BYTES) >> 3) + _STAGE] = _FREE
+        words[_SLOTS + slot * _SLOT + _STAGE] = _FREE
         self._free.append(slot)
         self._completed += 1
         words[page.COMPLETED_NS_AT >> 3] = now_ns
         words[page.COMPLETED_AT >> 3] = self._completed
 
-    def _put(self, at: int, entry: bytes) -> None:
-        """Copy an entry to `at` under its lock, which is the word before it."""
+    def _put(self, word: int, crc: int, entry: bytes) -> None:
+        """Store lock, CRC and the rest of an entry, which begins at `word`."""
         words = self._words
-        word = at >> 3
         lock = words[word]
         words[word] = lock + 1
-        self._bytes[at + 8 : at + 8 + len(entry)] = entry
+        at = (word << 3) + 16
+        self._bytes[at : at + len(entry)] = entry
+        words[word + _CRC] = crc
         words[word] = lock + 2
