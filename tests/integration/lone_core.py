@@ -92,16 +92,20 @@ def started(
     *,
     sock: Path | None = None,
     arguments: Sequence[str] = (),
+    before: Sequence[str] = (),
     file_bytes_max: int | None = None,
     **environ: str,
 ) -> Iterator[Core]:
-    """Start a core: on loopback, or on `sock` as under a guard. It is gone afterwards, whatever happens."""
+    """Start a core: on loopback, or on `sock` as under a guard. It is gone afterwards, whatever happens.
+
+    `before` stands before its command line and must become it.
+    """
     log = data.parent / f"core-{len(list(data.parent.glob('core-*.log')))}.log"
     named = {"HARDCORE_SOCKET": str(sock)} if sock else {}
 
     with log.open("wb") as out:
         process = subprocess.Popen(
-            [sys.executable, "-m", "core", "serve", "--data", str(data), "--port", "0", *arguments],
+            [*before, sys.executable, "-m", "core", "serve", "--data", str(data), "--port", "0", *arguments],
             cwd=ROOT,
             env={**clean_environment(), **named, **environ},
             stdout=out,
