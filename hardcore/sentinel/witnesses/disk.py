@@ -65,7 +65,7 @@ class Disk:
         return DiskFindings(
             full_since_ns=self._full_ns if self._full_twice else 0,
             read_only_since_ns=self._read_only_ns if self._read_only_twice else 0,
-            slow_since_ns=at_ns - slow_ns if slow else 0,
+            slow_since_ns=max(1, at_ns - slow_ns) if slow else 0,
             free_bytes=disk.free_bytes,
             slow_ns=slow_ns,
             fault=disk.fault,
