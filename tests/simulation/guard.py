@@ -215,7 +215,7 @@ class Guard:
         )
         self.tell(seen.Surveyed(now_ns, life.number, disk, seen.Conduct(), life.oom_kills))
         if life.condition.loop_works:
-            self.tell(seen.Probed(now_ns, life.number, now_ns, True, life.epoch))
+            self.tell(seen.Probed(now_ns, life.number, now_ns, True, life.epoch, len(store.commits)))
         else:
             self._soon(PROBE_NS, lambda: self._probe_is_over(life, now_ns))
 

@@ -78,6 +78,7 @@ def process(life: Life, *, closer: bool) -> seen.ProcessSample:
     return seen.ProcessSample(
         row.state, spent_ns, life.rss_bytes, 4, None,
         _thread(row.loop, now_ns), writer, _thread(row.beat, now_ns), deciding,
+        int(row.writer.state in {"R", "D"}),
     )  # fmt: skip
 
 
