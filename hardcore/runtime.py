@@ -310,6 +310,7 @@ class Runtime:
             "since_ns": reading.since_ns if reading.fault_ns is None else reading.fault_ns,
             "incident": reading.incident,
             "planned": reading.planned,
+            "safe": reading.safe,
         }
 
     def _publish_reading(self) -> None:
