@@ -77,9 +77,10 @@ TABLE: tuple[tuple[Diagnosis, Callable[[Look, Patience], Verdict | None]], ...] 
     (Diagnosis.LOOP_BLOCKED, loop_blocked.judge),
     (Diagnosis.DB_LOCKED, db_locked.judge),
     (Diagnosis.TRANSACTION_TIMEOUT, transaction_timeout.judge),
+    # A disk that refuses explains no silence: whoever is told of it at once goes on reading.
+    (Diagnosis.NO_PROGRESS, no_progress.judge),
     (Diagnosis.DISK_READ_ONLY, disk_read_only.judge),
     (Diagnosis.DISK_FULL, disk_full.judge),
-    (Diagnosis.NO_PROGRESS, no_progress.judge),
     (Diagnosis.SLEPT, slept.judge),
     (Diagnosis.STARVED, starved.judge),
 )

@@ -398,6 +398,9 @@ class Life:
         assert not self.unfenced, "a core without a fence writes nothing"
         if store.blocked:
             self.in_store_ns = self.in_store_ns or self.world.clock.now_ns
+            for slot in self.slots.values():  # one writer: what it had decided is in this batch
+                if slot.stage is SlotStage.DECIDING:
+                    self._reach(slot.request, SlotStage.WRITING)
             store.waiting.append(lambda: self._comes_back(request))
             self.world.worry()
             return
