@@ -1,0 +1,141 @@
+"""What a policy means on a diagnosis, in sentences for a terminal, Korean and English, as plain data.
+
+Keys are what `hardcore policy explain` finds to be true; numbers stand in braces under the names of their
+settings, so that whoever reads a sentence knows what to change. No particle stands right after a number.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+LANGUAGES: Final = ("ko", "en")
+
+
+def _text(ko: str, en: str) -> tuple[str, str]:
+    return ko, en
+
+
+#: What may be true -> (ko, en)
+EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
+    "at-once": _text(
+        "바로 대응해요. 그 자체로 확인된 사실이에요.",
+        "Acted on at once: it is a fact by itself.",
+    ),
+    "conclusive": _text(
+        "스스로 끝날 수 없는 멈춤이면 {confirm_deadlock_ms} ms 뒤에 대응해요 (confirm_deadlock_ms). 서로 다른 두 "
+        "가지 증거가 그동안 계속 맞아야 해요.",
+        "A hang that can't end by itself is acted on after {confirm_deadlock_ms} ms (confirm_deadlock_ms); two "
+        "different kinds of evidence must agree for as long.",
+    ),
+    "hang": _text(
+        "다른 멈춤은 {confirm_hang_ms} ms 뒤에 대응해요 (confirm_hang_ms). 두 가지 증거가 그동안 계속 맞아야 해요.",
+        "Any other hang is acted on after {confirm_hang_ms} ms (confirm_hang_ms); two kinds of evidence must agree "
+        "for as long.",
+    ),
+    "collecting": _text(
+        "메모리를 정리하는 중이면 {gc_grace_ms} ms 동안 기다려요 (gc_grace_ms).",
+        "While it collects garbage it is given {gc_grace_ms} ms (gc_grace_ms).",
+    ),
+    "over-time": _text(
+        "명령 하나의 결정이 {transaction_timeout_ms} ms 넘게 걸리면 대응해요 (transaction_timeout_ms). 진행이 보고되면 "
+        "시간을 다시 재요. 종류마다 더 긴 한도가 있을 수 있어요.",
+        "Acted on when one command has been decided for {transaction_timeout_ms} ms (transaction_timeout_ms). Reported "
+        "progress begins the time anew, and a kind of command may have a longer limit.",
+    ),
+    "held-twice": _text(
+        "다른 프로그램이 장부를 {confirm_hang_ms} ms 넘게 잠근 것이 두 번 이어서 확인되면 대응해요 (confirm_hang_ms).",
+        "Acted on when another program was found twice in a row to hold the ledger's lock, for {confirm_hang_ms} ms "
+        "(confirm_hang_ms).",
+    ),
+    "surveyed-twice": _text(
+        "{survey_interval_ms} ms 간격의 점검에서 두 번 이어서 확인되거나(survey_interval_ms, 빈 공간 기준 "
+        "{disk_floor_mb} MB: disk_floor_mb), 핵심 서버가 스스로 쓸 수 없다고 하면 대응해요.",
+        "Acted on when two looks in a row find it, one every {survey_interval_ms} ms (survey_interval_ms; room wanted: "
+        "{disk_floor_mb} MB, disk_floor_mb), or when the core says that it can't write.",
+    ),
+    "slow-write": _text(
+        "감시자의 작은 쓰기가 {disk_slow_ms} ms 넘게 걸리고(disk_slow_ms) 핵심 서버도 디스크를 기다리면 대응해요.",
+        "Acted on when a small write of the guard's own takes {disk_slow_ms} ms (disk_slow_ms) and the core waits for "
+        "the disk as well.",
+    ),
+    "not-ready": _text(
+        "{startup_timeout_ms} ms 안에 준비되지 않거나(startup_timeout_ms) 그 전에 끝나면 대응해요.",
+        "Acted on when a core is not ready within {startup_timeout_ms} ms (startup_timeout_ms), or ends before.",
+    ),
+    "budget-spent": _text(
+        "{restart_window_sec}초 안에 {max_restart_count}번보다 많이 종료되면 대응해요 (restart_window_sec, "
+        "max_restart_count).",
+        "Acted on at more than {max_restart_count} deaths in {restart_window_sec} s (max_restart_count, "
+        "restart_window_sec).",
+    ),
+    "never-acted-on": _text(
+        "상태에만 나타나고, 이것 때문에 무엇도 종료하지 않아요.",
+        "Only shown: nothing is ever ended for it.",
+    ),
+    "not-made": _text(
+        "이 버전은 아직 이 진단을 내리지 않아요.",
+        "This version does not make this diagnosis yet.",
+    ),
+    "nothing": _text("아무것도 하지 않아요.", "Nothing is done."),
+    "alert": _text("감시자의 기록에 알림을 남겨요.", "An alert is written into the guard's log."),
+    "evidence-first": _text(
+        "증거를 먼저 남겨요. 길어도 {snapshot_budget_ms} ms예요 (snapshot_budget_ms).",
+        "The evidence is taken first, in {snapshot_budget_ms} ms at most (snapshot_budget_ms).",
+    ),
+    "evidence-beside": _text(
+        "핵심 서버를 멈추지 않고 증거를 남겨요.",
+        "The evidence is taken beside the core, which goes on.",
+    ),
+    "evidence-left": _text(
+        "남은 흔적을 증거로 남겨요. 다시 켜는 일을 늦추지 않아요.",
+        "What it left behind is kept as evidence; that delays nothing.",
+    ),
+    "reads-only": _text(
+        "읽기만 받아요. 종료하지 않고, 켤 수 없으면 읽기 전용으로 켜요.",
+        "Reads only are served. Nothing is ended; a core that can't start is started to read only.",
+    ),
+    "tries-to-write": _text(
+        "{safe_retry_ms} ms 뒤에 다시 써 보고, 안 되면 간격을 두 배씩 1분까지 늘려요 (safe_retry_ms).",
+        "A try to write is made after {safe_retry_ms} ms, then at doubling pauses up to a minute (safe_retry_ms).",
+    ),
+    "reads-until-resume": _text(
+        "`hardcore resume`을 할 때까지 그대로 있어요.",
+        "It stays so until `hardcore resume`.",
+    ),
+    "goes-on": _text(
+        "핵심 서버는 그대로 두고, 계속되는 동안 사건으로 기록해요.",
+        "The core is left as it is; an incident is kept open while it lasts.",
+    ),
+    "ended-and-started": _text(
+        "증거를 남긴 뒤 종료하고 새 핵심 서버를 켜요. 새 서버는 장부를 확인한 뒤에만 요청을 받아요.",
+        "The core is ended after its evidence and another is started; that one serves once it has proven the ledger.",
+    ),
+    "started-again": _text(
+        "새 핵심 서버를 켜요. 새 서버는 장부를 확인한 뒤에만 요청을 받아요.",
+        "Another core is started; it serves once it has proven the ledger.",
+    ),
+    "waits": _text(
+        "다시 켜지 않고 `hardcore resume`을 기다려요.",
+        "None is started: the guard waits for `hardcore resume`.",
+    ),
+    "less-than-its-name": _text(
+        "정책의 낱말 가운데 이 버전에서 뜻이 더 좁은 것이 있어요. `hardcore policy check`에서 볼 수 있어요.",
+        "A word of the policy means less in this version than its name says; `hardcore policy check` names it.",
+    ),
+    "suspects-touched": _text(
+        "그때 처리하던 명령은 다시 보내지 않고, 어떻게 됐는지 장부에서 찾아 알려 줘요.",
+        "The commands being decided or written are not sent again; the ledger is asked what became of them.",
+    ),
+    "suspects-grown": _text(
+        "처리하는 동안 메모리가 크게 늘어난 명령만 다시 보내지 않아요.",
+        "Only a command during which the memory grew is not sent again.",
+    ),
+    "suspects-nobody": _text(
+        "어떤 명령도 의심하지 않아요.",
+        "No command is suspect.",
+    ),
+}
+
+
+def explained(key: str, numbers: Mapping[str, int], lang: str) -> str:
+    """Return one sentence with its numbers."""
+    return EXPLAINED[key][LANGUAGES.index(lang)].format(**numbers)

@@ -1,0 +1,75 @@
+from itertools import product
+
+import pytest
+
+from frontend.catalogue_policy import EXPLAINED, LANGUAGES, explained
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.explain import Line, Said, explain
+from hardcore.recovery.policy import Policy, Word
+
+
+def _said(diagnosis: Diagnosis, policy: Policy | None = None) -> list[Said]:
+    return [line.said for line in explain(policy or Policy(), diagnosis)]
+
+
+@pytest.mark.parametrize("diagnosis", Diagnosis)
+def test_every_diagnosis_is_explained_in_both_languages(diagnosis: Diagnosis) -> None:
+    for line, lang in product(explain(Policy(), diagnosis), LANGUAGES):
+        assert explained(line.said, dict(line.numbers), lang)
+
+
+def test_every_sentence_has_its_words_and_every_word_its_sentence() -> None:
+    assert set(EXPLAINED) == set(Said)
+
+
+def test_a_number_stands_beside_its_setting() -> None:
+    (line, *_) = explain(Policy(confirm_deadlock_ms=777), Diagnosis.DEADLOCK)
+    assert line == Line(Said.CONCLUSIVE, (("confirm_deadlock_ms", 777),))
+    assert "777 ms (confirm_deadlock_ms)" in explained(line.said, dict(line.numbers), "en")
+
+
+def test_a_hang_is_ended_after_its_evidence() -> None:
+    said = _said(Diagnosis.LOOP_BLOCKED)
+    assert said.index(Said.EVIDENCE_FIRST) < said.index(Said.ENDED_AND_STARTED)
+    assert said[-1] is Said.SUSPECTS_TOUCHED
+
+
+def test_the_evidence_of_a_dead_core_is_what_it_left() -> None:
+    assert Said.EVIDENCE_LEFT in _said(Diagnosis.CRASHED)
+    assert Said.EVIDENCE_FIRST not in _said(Diagnosis.CRASHED)
+
+
+def test_a_full_disk_is_read_only_until_a_write_is_taken() -> None:
+    said = _said(Diagnosis.DISK_FULL)
+    assert {Said.EVIDENCE_BESIDE, Said.READS_ONLY, Said.TRIES_TO_WRITE, Said.SUSPECTS_NOBODY} <= set(said)
+    assert Said.ENDED_AND_STARTED not in said
+
+
+def test_a_damaged_ledger_waits_for_a_person() -> None:
+    assert Said.READS_UNTIL_RESUME in _said(Diagnosis.STORE_CORRUPT)
+
+
+def test_a_locked_ledger_ends_nobody() -> None:
+    said = _said(Diagnosis.DB_LOCKED)
+    assert Said.GOES_ON in said
+    assert Said.ENDED_AND_STARTED not in said
+
+
+@pytest.mark.parametrize("diagnosis", [Diagnosis.STARVED, Diagnosis.SLEPT])
+def test_what_is_never_acted_on_is_said_to_be_so(diagnosis: Diagnosis) -> None:
+    assert _said(diagnosis) == [Said.NEVER_ACTED_ON]
+
+
+def test_what_is_not_made_yet_promises_nothing() -> None:
+    assert _said(Diagnosis.LEAK) == [Said.NOT_MADE]
+
+
+def test_the_policy_in_force_is_explained_and_not_the_shipped_one() -> None:
+    waits = Policy(actions={Diagnosis.CRASHED: frozenset({Word.SHUTDOWN})})
+    assert {Said.WAITS, Said.LESS_THAN_ITS_NAME} <= set(_said(Diagnosis.CRASHED, waits))
+    quiet = Policy(actions={Diagnosis.CRASHED: frozenset({Word.NONE})})
+    assert Said.NOTHING in _said(Diagnosis.CRASHED, quiet)
+
+
+def test_memory_suspects_only_what_grew() -> None:
+    assert _said(Diagnosis.OUT_OF_MEMORY)[-1] is Said.SUSPECTS_GROWN
