@@ -1,64 +1,37 @@
 """What each diagnosis acts on, and what it never acts on, tick by tick."""
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from hardcore.model.observations import (
-    DiskFacts,
-    LockHolder,
     Probed,
     StackFrame,
     StacksSampled,
-    StoreFault,
-    StoreLooked,
-    StoreTold,
-    Surveyed,
     ThreadStack,
 )
-from hardcore.model.recorder import SlotStage
-from hardcore.model.verdicts import Colour, Diagnosis, Grade, Verdict
-from hardcore.sentinel.verdict import TABLE, Bench
+from hardcore.model.verdicts import Colour, Diagnosis, Grade
+from hardcore.sentinel.verdict import TABLE
 from tests.unit.sentinel import traces
 from tests.unit.sentinel.traces import (
-    BEGAN_MS,
     DECIDER,
-    MS,
     PATIENCE,
     Look,
+    at_ns_of,
+    computing,
+    deciding,
     deciding_since,
+    heard,
     judged,
-    queued,
+    named,
     red,
     silent,
     well,
 )
 
-Told = StacksSampled | Probed | StoreLooked | StoreTold | Surveyed
 LONG_MS = 20_000
 WELL = well(1000)
-
-
-def heard(looks: Iterable[Look], told: Iterable[Told]) -> list[Verdict]:
-    """What the bench says of each look, if it hears each fact at its time."""
-    bench, waiting, said = Bench(PATIENCE), sorted(told, key=lambda fact: fact.at_ns), []
-    for look in looks:
-        tick = look.sampled()
-        while waiting and waiting[0].at_ns <= tick.at_ns:
-            bench.hear(waiting.pop(0))
-        said.append(bench.judge(tick))
-    return said
-
-
-def named(verdicts: list[Verdict]) -> tuple[Diagnosis | None, Grade] | None:
-    verdict = red(verdicts)
-    return (verdict.diagnosis, verdict.grade) if verdict else None
-
-
-def _at(at_ms: int) -> int:
-    return (BEGAN_MS + at_ms) * MS
 
 
 def test_each_diagnosis_stands_in_the_table_once() -> None:
@@ -68,33 +41,26 @@ def test_each_diagnosis_stands_in_the_table_once() -> None:
 # SPINNING
 
 
-def _spinning(for_ms: int, percent: int = 100) -> list[Look]:
-    return [
-        Look(at, at - 1000, state="R", loop=traces.running(at * percent // 100))
-        for at in range(1070, 1000 + for_ms, 100)
-    ]
-
-
 def _stacks(at_ms: int, *places: tuple[str, int], tid: int = 1) -> StacksSampled:
     frames = tuple(StackFrame(function, "app.py", line) for function, line in places)
-    return StacksSampled(_at(at_ms), 1, (ThreadStack(tid, "loop", True, True, frames),))
+    return StacksSampled(at_ns_of(at_ms), 1, (ThreadStack(tid, "loop", True, True, frames),))
 
 
-def test_a_loop_that_computes_for_long_is_spinning() -> None:
-    assert named(judged(WELL + _spinning(4000))) == (Diagnosis.SPINNING, Grade.LIKELY)
+def test_a_loop_that_computes_for_long_iscomputing() -> None:
+    assert named(judged(WELL + computing(4000))) == (Diagnosis.SPINNING, Grade.LIKELY)
 
 
 def test_a_loop_found_in_the_same_place_twice_is_spinning_for_certain() -> None:
     outer = [("handle", 7), ("run", 1)]
     told = [_stacks(1400, ("spin", 5), *outer), _stacks(1700, ("helper", 2), ("spin", 6), *outer)]
-    assert named(heard(WELL + _spinning(4000), told)) == (Diagnosis.SPINNING, Grade.CERTAIN)
+    assert named(heard(WELL + computing(4000), told)) == (Diagnosis.SPINNING, Grade.CERTAIN)
 
 
 def test_a_loop_found_elsewhere_each_time_is_given_four_times_as_long() -> None:
     def told(n: int) -> tuple[tuple[str, int], ...]:
         return (*((f"f{n}.{depth}", depth) for depth in range(6)), ("run", n))
 
-    looks = WELL + _spinning(9000)
+    looks = WELL + computing(9000)
     verdicts = heard(looks, [_stacks(1400, *told(1)), _stacks(1700, *told(2))])
     assert named(verdicts) == (Diagnosis.SPINNING, Grade.LIKELY)
     first = looks[[verdict.colour for verdict in verdicts].index(Colour.RED)]
@@ -103,22 +69,22 @@ def test_a_loop_found_elsewhere_each_time_is_given_four_times_as_long() -> None:
 
 def test_time_in_which_a_loop_was_not_scheduled_is_no_time_of_its_own() -> None:
     # 20 neighbours: what takes a second of processor time takes twenty by the wall.
-    assert named(judged(WELL + _spinning(LONG_MS, percent=5))) is None
+    assert named(judged(WELL + computing(LONG_MS, percent=5))) is None
 
 
 def test_what_is_completed_begins_the_time_anew() -> None:
-    looks = [replace(look, submitted=99, completed=look.at_ms // 1000) for look in _spinning(LONG_MS)]
+    looks = [replace(look, submitted=99, completed=look.at_ms // 1000) for look in computing(LONG_MS)]
     assert named(judged(WELL + looks)) is None
 
 
 def test_a_collection_of_memory_has_its_own_time() -> None:
-    collecting = [replace(look, gc_since_ms=1010) for look in _spinning(8000)]
+    collecting = [replace(look, gc_since_ms=1010) for look in computing(8000)]
     assert named(judged(WELL + collecting[:40])) is None
     assert named(judged(WELL + collecting)) == (Diagnosis.SPINNING, Grade.LIKELY)
 
 
 def test_a_collection_just_over_is_not_held_against_the_loop() -> None:
-    looks = _spinning(4000)
+    looks = computing(4000)
     collecting = [replace(look, gc_since_ms=1010) for look in looks[:25]]
     assert named(judged(WELL + collecting + looks[25:30])) is None
 
@@ -164,7 +130,7 @@ def test_nobody_holds_an_interpreter_that_nobody_asks_for() -> None:
     assert named(judged(WELL + _held(LONG_MS, asleep=False, beat=False))) is None
 
 
-def _computing(for_ms: int, **more: Any) -> list[Look]:
+def _holding(for_ms: int, **more: Any) -> list[Look]:
     return [
         Look(at, at - 1000, at - 1000, state="R", loop=traces.asking(at), burned_ms=at, **more)
         for at in range(1070, 1000 + for_ms, 100)
@@ -172,51 +138,46 @@ def _computing(for_ms: int, **more: Any) -> list[Look]:
 
 
 def test_a_thread_that_computes_and_lets_nobody_run_holds_the_interpreter() -> None:
-    assert named(judged(WELL + _computing(4000))) == (Diagnosis.GIL_HELD, Grade.LIKELY)
+    assert named(judged(WELL + _holding(4000))) == (Diagnosis.GIL_HELD, Grade.LIKELY)
 
 
 def test_a_large_computation_of_a_moment_holds_nothing() -> None:
-    assert named(judged(WELL + _computing(1400) + [Look(2470)])) is None
+    assert named(judged(WELL + _holding(1400) + [Look(2470)])) is None
 
 
 def test_a_full_collection_holds_the_interpreter_only_past_its_grace() -> None:
-    assert named(judged(WELL + _computing(4500, gc_since_ms=1010))) is None
-    assert named(judged(WELL + _computing(7000, gc_since_ms=1010))) == (Diagnosis.GIL_HELD, Grade.LIKELY)
+    assert named(judged(WELL + _holding(4500, gc_since_ms=1010))) is None
+    assert named(judged(WELL + _holding(7000, gc_since_ms=1010))) == (Diagnosis.GIL_HELD, Grade.LIKELY)
 
 
 def test_a_loop_that_is_ready_and_not_scheduled_waits_for_no_interpreter() -> None:
-    looks = [replace(look, loop=traces.unlet(look.at_ms)) for look in _computing(LONG_MS)]
+    looks = [replace(look, loop=traces.unlet(look.at_ms)) for look in _holding(LONG_MS)]
     assert named(judged(WELL + looks)) is None
 
 
 # TRANSACTION_TIMEOUT
 
 
-def _deciding(until_ms: int, **more: Any) -> list[Look]:
-    like = Look(0, submitted=1, notes=deciding_since(100), deciding=traces.NAPPING)
-    return [replace(like, at_ms=at, **more) for at in range(0, until_ms, 100)]
-
-
 def test_a_command_over_its_time_is_called_so_and_blamed() -> None:
-    verdict = red(judged(_deciding(2000)))
+    verdict = red(judged(deciding(2000)))
     assert verdict is not None
     assert (verdict.diagnosis, verdict.grade) == (Diagnosis.TRANSACTION_TIMEOUT, Grade.CERTAIN)
     assert verdict.blamed == ("c1",)
-    assert verdict.fault_ns == _at(100)
+    assert verdict.fault_ns == at_ns_of(100)
 
 
 def test_a_slow_read_has_a_limit_of_its_own() -> None:
     notes = deciding_since(100, limit_ms=3000, kind="read.register")
-    assert named(judged(_deciding(3000, notes=notes))) is None
-    assert named(judged(_deciding(4000, notes=notes))) == (Diagnosis.TRANSACTION_TIMEOUT, Grade.CERTAIN)
+    assert named(judged(deciding(3000, notes=notes))) is None
+    assert named(judged(deciding(4000, notes=notes))) == (Diagnosis.TRANSACTION_TIMEOUT, Grade.CERTAIN)
 
 
 def test_a_command_without_a_limit_may_take_for_ever() -> None:
-    assert named(judged(_deciding(LONG_MS, notes=deciding_since(100, limit_ms=0)))) is None
+    assert named(judged(deciding(LONG_MS, notes=deciding_since(100, limit_ms=0)))) is None
 
 
 def test_the_policys_limit_counts_where_the_page_names_none() -> None:
-    looks = _deciding(4000, notes=deciding_since(100, limit_ms=0))
+    looks = deciding(4000, notes=deciding_since(100, limit_ms=0))
     verdicts = judged(looks, replace(PATIENCE, transaction_ms=2000))
     assert named(verdicts) == (Diagnosis.TRANSACTION_TIMEOUT, Grade.CERTAIN)
 
@@ -224,31 +185,31 @@ def test_the_policys_limit_counts_where_the_page_names_none() -> None:
 def test_reported_progress_begins_the_time_anew() -> None:
     looks = [
         replace(look, notes=deciding_since(100, progress_ms=max(100, look.at_ms - 500)))
-        for look in _deciding(LONG_MS)
+        for look in deciding(LONG_MS)
     ]
     assert named(judged(looks)) is None
 
 
 def test_a_commands_thread_that_is_not_let_uses_up_no_time() -> None:
-    looks = [replace(look, deciding=traces.unlet(look.at_ms)) for look in _deciding(LONG_MS)]
+    looks = [replace(look, deciding=traces.unlet(look.at_ms)) for look in deciding(LONG_MS)]
     assert named(judged(looks)) is None
 
 
 def test_a_command_that_waits_for_a_disk_is_not_over_its_time() -> None:
-    assert named(judged(_deciding(LONG_MS, deciding=traces.ON_DISK))) is None
+    assert named(judged(deciding(LONG_MS, deciding=traces.ON_DISK))) is None
 
 
 def test_a_command_behind_a_silent_loop_is_not_judged() -> None:
-    assert named(judged([replace(look, loop_age_ms=400, loop=None) for look in _deciding(LONG_MS)])) is None
+    assert named(judged([replace(look, loop_age_ms=400, loop=None) for look in deciding(LONG_MS)])) is None
 
 
 def test_a_command_whose_thread_nobody_could_look_at_is_given_longer_and_is_only_likely() -> None:
-    assert named(judged(_deciding(2500, deciding=None))) is None
-    assert named(judged(_deciding(4000, deciding=None))) == (Diagnosis.TRANSACTION_TIMEOUT, Grade.LIKELY)
+    assert named(judged(deciding(2500, deciding=None))) is None
+    assert named(judged(deciding(4000, deciding=None))) == (Diagnosis.TRANSACTION_TIMEOUT, Grade.LIKELY)
 
 
 def test_the_time_that_we_slept_is_no_time_of_the_command() -> None:
-    looks = [look for look in _deciding(1900) if not 500 < look.at_ms < 1400]
+    looks = [look for look in deciding(1900) if not 500 < look.at_ms < 1400]
     assert named(judged(looks)) is None
 
 
@@ -264,8 +225,8 @@ RING = (_waits(DECIDER, "a", 11), _waits(11, "b", DECIDER))
 
 
 def test_a_command_in_a_ring_of_locks_is_a_deadlock_and_blamed() -> None:
-    told = [StacksSampled(_at(at), 1, RING) for at in (400, 600)]
-    verdict = red(heard(_deciding(1000, deciding=traces.LOCKED), told))
+    told = [StacksSampled(at_ns_of(at), 1, RING) for at in (400, 600)]
+    verdict = red(heard(deciding(1000, deciding=traces.LOCKED), told))
     assert verdict is not None
     assert (verdict.diagnosis, verdict.grade, verdict.blamed) == (
         Diagnosis.DEADLOCK,
@@ -276,27 +237,27 @@ def test_a_command_in_a_ring_of_locks_is_a_deadlock_and_blamed() -> None:
 
 def test_a_silent_loop_in_a_ring_of_locks_is_a_deadlock() -> None:
     ring = (_waits(1, "a", 11), _waits(11, "b", 1))
-    told = [StacksSampled(_at(at), 1, ring) for at in (1350, 1400)]
+    told = [StacksSampled(at_ns_of(at), 1, ring) for at in (1350, 1400)]
     looks = WELL + silent(1000, 900, Look(0, loop=traces.LOCKED))
     assert named(heard(looks, told)) == (Diagnosis.DEADLOCK, Grade.CERTAIN)
 
 
 def test_one_look_at_a_ring_is_none() -> None:
-    told = [StacksSampled(_at(400), 1, RING)]
-    assert named(heard(_deciding(1000, deciding=traces.LOCKED), told)) is None
+    told = [StacksSampled(at_ns_of(400), 1, RING)]
+    assert named(heard(deciding(1000, deciding=traces.LOCKED), told)) is None
 
 
 def test_a_ring_that_hurts_nobody_is_only_told() -> None:
     ring = (_waits(21, "a", 22), _waits(22, "b", 21))
-    told = [StacksSampled(_at(at), 1, ring) for at in range(0, 5000, 200)]
+    told = [StacksSampled(at_ns_of(at), 1, ring) for at in range(0, 5000, 200)]
     verdicts = heard(well(5000), told)
     assert named(verdicts) is None
     assert verdicts[-1].colour is Colour.YELLOW
 
 
 def test_waiting_for_one_who_works_is_no_ring() -> None:
-    told = [StacksSampled(_at(at), 1, RING[:1]) for at in (400, 600)]
-    assert named(heard(_deciding(1000, deciding=traces.LOCKED), told)) is None
+    told = [StacksSampled(at_ns_of(at), 1, RING[:1]) for at in (400, 600)]
+    assert named(heard(deciding(1000, deciding=traces.LOCKED), told)) is None
 
 
 # NO_PROGRESS
@@ -323,7 +284,9 @@ def test_before_the_first_commit_of_a_life_an_old_answer_may_be_given_again() ->
 
 
 def test_a_core_whose_own_head_is_behind_its_answers_makes_no_progress() -> None:
-    told = [Probed(_at(at), 1, _at(at - 50), answered=True, epoch=4, seq=5) for at in (500, 1500, 2500)]
+    told = [
+        Probed(at_ns_of(at), 1, at_ns_of(at - 50), answered=True, epoch=4, seq=5) for at in (500, 1500, 2500)
+    ]
     assert named(heard(_claims(4000, 7, None), told)) == (Diagnosis.NO_PROGRESS, Grade.LIKELY)
 
 
@@ -333,7 +296,7 @@ def test_a_page_read_in_the_middle_is_no_lie() -> None:
 
 
 def _unanswered(until_ms: int) -> list[Probed]:
-    return [Probed(_at(at), 1, _at(at - 900), answered=False) for at in range(1000, until_ms, 1000)]
+    return [Probed(at_ns_of(at), 1, at_ns_of(at - 900), answered=False) for at in range(1000, until_ms, 1000)]
 
 
 def test_a_core_that_turns_and_answers_no_probe_makes_no_progress() -> None:
@@ -346,165 +309,7 @@ def test_a_loaded_core_that_completes_something_may_leave_probes_unanswered() ->
 
 
 def test_a_probe_that_is_answered_now_and_then_is_enough() -> None:
-    answered = [Probed(_at(at), 1, _at(at - 10), answered=True) for at in range(1500, LONG_MS, 2000)]
+    answered = [
+        Probed(at_ns_of(at), 1, at_ns_of(at - 10), answered=True) for at in range(1500, LONG_MS, 2000)
+    ]
     assert named(heard(well(LONG_MS), [*_unanswered(LONG_MS), *answered])) is None
-
-
-# DB_LOCKED
-
-
-def _in_store(until_ms: int, **more: Any) -> list[Look]:
-    notes = queued(100, stage=SlotStage.WRITING)
-    like = Look(0, submitted=1, in_store_ms=100, notes=notes)
-    return [replace(like, at_ms=at, **more) for at in range(100, until_ms, 100)]
-
-
-def _locked(until_ms: int, *pids: int, ours: bool = False) -> list[StoreLooked]:
-    return [
-        StoreLooked(_at(at), 1, (LockHolder(pids[n % len(pids)], "sqlite3", ours),))
-        for n, at in enumerate(range(500, until_ms, 500))
-    ]
-
-
-def test_a_stranger_with_the_stores_lock_is_named() -> None:
-    verdict = red(heard(_in_store(4000), _locked(4000, 77)))
-    assert verdict is not None
-    assert (verdict.diagnosis, verdict.grade) == (Diagnosis.DB_LOCKED, Grade.CERTAIN)
-    assert any("process 77 (sqlite3)" in testimony.why for testimony in verdict.testimonies)
-
-
-def test_the_core_may_hold_its_own_stores_lock() -> None:
-    assert named(heard(_in_store(LONG_MS), _locked(LONG_MS, 77, ours=True))) is None
-
-
-def test_strangers_that_pass_through_are_no_lock() -> None:
-    assert named(heard(_in_store(LONG_MS), _locked(LONG_MS, 77, 78))) is None
-
-
-def test_a_lock_that_nobody_waits_for_is_only_told() -> None:
-    verdicts = heard(well(LONG_MS), _locked(LONG_MS, 77))
-    assert named(verdicts) is None
-    assert verdicts[-1].colour is Colour.YELLOW
-
-
-def test_one_look_at_a_lock_is_none() -> None:
-    assert named(heard(_in_store(5000), _locked(600, 77))) is None
-
-
-def test_a_locked_store_is_not_the_commands_fault() -> None:
-    looks = _deciding(LONG_MS, in_store_ms=0)
-    assert named(heard(looks, _locked(LONG_MS, 77))) is None
-
-
-# The disk
-
-
-def _surveys(until_ms: int, disk: DiskFacts) -> list[Surveyed]:
-    return [Surveyed(_at(at), 1, disk) for at in range(500, until_ms, 1000)]
-
-
-ROOM = 1 << 30
-
-
-def test_a_core_that_says_so_and_a_disk_without_room_are_certain() -> None:
-    told: list[Told] = [
-        StoreTold(_at(1200), 1, StoreFault.FULL),
-        *_surveys(1000, DiskFacts(0, False, 5, 0, "ENOSPC")),
-    ]
-    assert named(heard(well(3000), told)) == (Diagnosis.DISK_FULL, Grade.LIKELY)
-    told += _surveys(2000, DiskFacts(0, False, 5, 0, "ENOSPC"))
-    verdict = heard(well(3000), told)[-1]
-    assert (verdict.diagnosis, verdict.grade) == (Diagnosis.DISK_FULL, Grade.CERTAIN)
-
-
-@pytest.mark.parametrize(
-    ("disk", "diagnosis"),
-    [
-        (DiskFacts(1 << 20, read_only=False, write_ns=5), Diagnosis.DISK_FULL),
-        (DiskFacts(ROOM, read_only=False, write_ns=None, fault="EDQUOT"), Diagnosis.DISK_FULL),
-        (DiskFacts(ROOM, read_only=True, write_ns=None), Diagnosis.DISK_READ_ONLY),
-        (DiskFacts(ROOM, read_only=False, write_ns=None, fault="EROFS"), Diagnosis.DISK_READ_ONLY),
-    ],
-)
-def test_what_two_surveys_find_is_enough(disk: DiskFacts, diagnosis: Diagnosis) -> None:
-    verdict = red(heard(well(3000), _surveys(3000, disk)))
-    assert verdict is not None
-    assert verdict.diagnosis is diagnosis
-
-
-def test_what_one_survey_finds_is_not() -> None:
-    assert named(heard(well(1400), _surveys(1400, DiskFacts(0, read_only=False, write_ns=5)))) is None
-
-
-def test_a_word_of_the_core_is_taken_back_by_the_core() -> None:
-    told = [StoreTold(_at(500), 1, StoreFault.FULL), StoreTold(_at(1500), 1, StoreFault.OK)]
-    verdicts = heard(well(3000), told)
-    assert red(verdicts) is not None
-    assert verdicts[-1].colour is Colour.GREEN
-
-
-SLOW = DiskFacts(ROOM, read_only=False, write_ns=None, pending_ns=2500 * MS)
-
-
-def test_a_core_that_waits_in_the_store_on_a_disk_that_stands_still_is_not_the_cause() -> None:
-    assert named(heard(_in_store(5000), _surveys(5000, SLOW))) == (Diagnosis.DISK_STALLED, Grade.CERTAIN)
-
-
-def test_a_writer_in_the_hands_of_the_disk_is_no_hang() -> None:
-    looks = [
-        Look(at, submitted=2, notes=queued(0), state="D", writer=traces.ON_DISK) for at in range(0, 6000, 100)
-    ]
-    assert named(heard(looks, _surveys(6000, SLOW))) == (Diagnosis.DISK_STALLED, Grade.CERTAIN)
-
-
-def test_a_slow_disk_that_nobody_waits_for_is_only_told() -> None:
-    verdicts = heard(well(5000), _surveys(5000, SLOW))
-    assert named(verdicts) is None
-    assert verdicts[-1].colour is Colour.YELLOW
-
-
-def test_a_slow_disk_is_no_excuse_for_a_loop_that_computes() -> None:
-    looks = [replace(look, in_store_ms=900) for look in _spinning(4000)]
-    verdict = red(heard(WELL + looks, _surveys(5000, SLOW)))
-    assert verdict is not None
-    assert verdict.diagnosis is Diagnosis.SPINNING
-
-
-def test_a_full_disk_hides_no_hang() -> None:
-    full = DiskFacts(0, read_only=False, write_ns=5)
-    looks = WELL + silent(1000, 900, Look(0, loop=traces.NAPPING))
-    verdicts = heard(looks, _surveys(2000, full))
-    assert Diagnosis.LOOP_BLOCKED in {verdict.diagnosis for verdict in verdicts}
-
-
-# What is told and never acted on
-
-
-def test_a_core_that_is_not_scheduled_is_starved() -> None:
-    looks = [
-        Look(at, at - 1000, at - 1000, loop=traces.unlet(at), state="R") for at in range(1070, 3000, 100)
-    ]
-    verdicts = judged(WELL + looks)
-    assert verdicts[-1].colour is Colour.YELLOW
-    assert verdicts[-1].diagnosis is Diagnosis.STARVED
-
-
-def test_a_guard_that_is_late_again_and_again_is_starved_itself() -> None:
-    verdicts = judged([Look(at) for at in range(0, 3000, 250)])
-    assert {verdict.diagnosis for verdict in verdicts[4:]} == {Diagnosis.STARVED}
-    assert {verdict.colour for verdict in verdicts[4:]} == {Colour.YELLOW}
-
-
-def test_a_machine_that_slept_gives_fresh_deadlines_and_is_told_once() -> None:
-    blocked = silent(1000, 600, Look(0, loop=traces.NAPPING))
-    looks = [replace(look, slept_ms=60_000 if look.at_ms > 1200 else 0) for look in blocked]
-    verdicts = judged(WELL + looks)
-    assert [verdict.diagnosis for verdict in verdicts].count(Diagnosis.SLEPT) == 1
-    assert named(verdicts) is None
-    assert named(judged(WELL + blocked)) is not None
-
-
-@pytest.mark.parametrize("hour_ms", [3_600_000, -3_600_000])
-def test_a_wall_clock_that_is_set_changes_nothing(hour_ms: int) -> None:
-    looks = [replace(look, set_by_ms=hour_ms if look.at_ms > 500 else 0) for look in well(2000)]
-    assert {verdict.colour for verdict in judged(looks)} == {Colour.GREEN}

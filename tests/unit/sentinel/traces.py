@@ -1,13 +1,27 @@
 """Small recorded traces: what the watch of a core would have read, tick by tick."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
-from hardcore.model.observations import Clocks, ProcessSample, Sampled, ThreadSample
+from hardcore.model.observations import (
+    Clocks,
+    Probed,
+    ProcessSample,
+    Sampled,
+    StacksSampled,
+    StoreLooked,
+    StoreTold,
+    Surveyed,
+    ThreadSample,
+)
 from hardcore.model.recorder import Beats, CommandNote, LifeState, SlotStage, Threads, Witness
-from hardcore.model.verdicts import Colour, Verdict
+from hardcore.model.verdicts import Colour, Diagnosis, Grade, Verdict
 from hardcore.sentinel.verdict import Bench, Patience
 
 MS = 1_000_000
+#: What a bench hears beside its ticks.
+Told = StacksSampled | Probed | StoreLooked | StoreTold | Surveyed
 #: The watch begins here: zero means "never" on a recorder page.
 BEGAN_MS = 1000
 #: The thread that decides a command in these traces.
@@ -149,3 +163,39 @@ def silent(from_ms: int, for_ms: int, like: Look, *, thread: bool = False, every
 def red(verdicts: list[Verdict]) -> Verdict | None:
     """The first red one."""
     return next((verdict for verdict in verdicts if verdict.colour is Colour.RED), None)
+
+
+def heard(looks: Iterable[Look], told: Iterable[Told]) -> list[Verdict]:
+    """What the bench says of each look, if it hears each fact at its time."""
+    bench, waiting, said = Bench(PATIENCE), sorted(told, key=lambda fact: fact.at_ns), []
+    for look in looks:
+        tick = look.sampled()
+        while waiting and waiting[0].at_ns <= tick.at_ns:
+            bench.hear(waiting.pop(0))
+        said.append(bench.judge(tick))
+    return said
+
+
+def named(verdicts: list[Verdict]) -> tuple[Diagnosis | None, Grade] | None:
+    """The first red one's diagnosis and grade."""
+    verdict = red(verdicts)
+    return (verdict.diagnosis, verdict.grade) if verdict else None
+
+
+def at_ns_of(at_ms: int) -> int:
+    """A moment of a trace as everybody else tells it."""
+    return (BEGAN_MS + at_ms) * MS
+
+
+def computing(for_ms: int, percent: int = 100) -> list[Look]:
+    """The loop computes from 1000 on, with this share of a processor."""
+    return [
+        Look(at, at - 1000, state="R", loop=running(at * percent // 100))
+        for at in range(1070, 1000 + for_ms, 100)
+    ]
+
+
+def deciding(until_ms: int, **more: Any) -> list[Look]:
+    """A command is being decided from 100 on."""
+    like = Look(0, submitted=1, notes=deciding_since(100), deciding=NAPPING)
+    return [replace(like, at_ms=at, **more) for at in range(0, until_ms, 100)]
