@@ -20,10 +20,12 @@ from bench.figures import Figure, Target
 from bench.instance import Watched, fill
 from examples.guarded import GuardError
 from hardcore.control import client
+from postmortem import bundle
 from postmortem import cli as incidents
 
 SEED = 20261122
 OVER_S = 60.0
+NS_PER_MS = 1e6
 LOOK_EVERY_S = 0.01
 RIGHT_PERCENT_MIN = 95
 #: Ends of a living core: the evidence has to be on disk before the kill.
@@ -61,6 +63,7 @@ class Tally:
     bundles: list[float] = field(default_factory=list)
     hangs: int = 0
     whole: int = 0
+    missing: Counter[str] = field(default_factory=Counter)
     refused: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -69,15 +72,18 @@ class Tally:
         right = sum(said[EXPECTED[fault]] for fault, said in self.said.items())
         return right, sum(said.total() for said in self.said.values())
 
-    def take(self, fault: str, story: Mapping[str, Any]) -> None:
-        """Count one incident."""
+    def take(self, fault: str, story: Mapping[str, Any], noticed_ms: float, box: Path) -> None:
+        """Count one incident that was noticed so long after the blow; `box` is its folder."""
         self.said.setdefault(fault, Counter())[str(story["diagnosis"])] += 1
-        self.detected.setdefault(fault, []).append(float(story["detected_ms"]))
+        self.detected.setdefault(fault, []).append(noticed_ms)
         if story["diagnosis"] in HANGS:
             steps = {step["step"]: step["offset_ms"] for step in story["timeline"]}
             self.hangs += 1
             self.whole += bool(story["evidence_complete"]) and steps["dumped"] <= steps["killed"]
             self.bundles.append(steps["dumped"] - steps["detected"])
+            told = bundle.read_manifest(box)
+            if isinstance(told, bundle.Manifest):
+                self.missing.update(f"{fault}: {name}: {why}" for name, why in told.missing.items())
 
 
 def measure(folder: Path, *, rounds: int, say: Callable[[str], None]) -> list[Figure]:
@@ -91,12 +97,14 @@ def measure(folder: Path, *, rounds: int, say: Callable[[str], None]) -> list[Fi
             if fault not in tally.refused:
                 _blow(instance, fault, tally)
     say(matrix(tally))
+    for what, often in tally.missing.most_common():
+        say(f"missing {often} x {what}")
     return _figures(tally)
 
 
 def _blow(instance: Watched, fault: str, tally: Tally) -> None:
     instance.quiet()
-    before = instance.running()["last_incident"]
+    before, blow_ns = instance.running()["last_incident"], time.monotonic_ns()
     if fault in _SIGNALS:
         core = instance.core()
         core.hit(_SIGNALS[fault])
@@ -109,7 +117,8 @@ def _blow(instance: Watched, fault: str, tally: Tally) -> None:
     told = _over(instance, before, fault)
     story = incidents.show_incident(instance.folders.incidents, told, "en")
     assert isinstance(story, dict), "an incident that is over has been told"
-    tally.take(fault, story)
+    noticed_ms = (instance.noticed_ns(blow_ns) - blow_ns) / NS_PER_MS
+    tally.take(fault, story, noticed_ms, instance.folders.incidents / told)
 
 
 def _over(instance: Watched, before: object, fault: str) -> str:

@@ -24,6 +24,8 @@ ACCOUNTS = ("assets:bank", "expenses:food")
 ONE_ACCOUNT = f"/api/ledger/accounts/{ACCOUNTS[0]}"
 TRANSACTIONS = "/api/ledger/transactions"
 LOOK_EVERY_S = 0.01
+#: What the guard's table calls it when it knows: an end, a verdict, a trouble that ends nobody.
+NOTICED = frozenset({"EXITED", "LOST", "TROUBLED"})
 
 
 class Watched(Guarded):
@@ -61,6 +63,16 @@ class Watched(Guarded):
         notes = [json.loads(line) for line in lines]
         return max(
             int(note["at_ns"]) for note in notes if note["kind"] == "phase" and note["trigger"] == "EXITED"
+        )
+
+    def noticed_ns(self, after_ns: int) -> int:
+        """Return when the guard first knew of a fault that was made at `after_ns`, by its own log."""
+        lines = (self.folders.logs / "sentinel.log").read_text("utf-8").splitlines()
+        notes = [json.loads(line) for line in lines]
+        return min(
+            int(note["at_ns"])
+            for note in notes
+            if note["kind"] == "phase" and note["trigger"] in NOTICED and note["at_ns"] >= after_ns
         )
 
     def last_timeline(self) -> dict[str, float]:
