@@ -152,7 +152,14 @@ _FACTS: tuple[seen.Observation, ...] = (
     seen.TermReceived(_NS, 1, 1),
     seen.StartExtended(_NS, 1, _NS),
     seen.EpochRaised(_NS, 1, 2),
-    seen.CoreReady(_NS, 1, 2, seen.Proof("chain", 0, 0, "")),
+    *(seen.CoreReady(_NS, life, 2, seen.Proof(kind, 0, 0, "")) for life, kind in ((1, "chain"), (2, "none"))),
+    seen.CoreExited(_NS, 1, seen.Exit(code=73), None),
+    seen.LedgerAudited(_NS, 1, None, "not whole"),
+    *(seen.StoreTold(_NS, 1, fault) for fault in (seen.StoreFault.FULL, seen.StoreFault.OK)),
+    *(seen.SafeSwitched(_NS, 1, on, done=True) for on in (True, False)),
+    seen.Surveyed(_NS, 1, seen.DiskFacts(0, read_only=True, write_ns=None)),
+    seen.StacksSampled(_NS, 1, ()),
+    seen.OperatorAsked(_NS, seen.Verb.RESTART_HARD, image=True),
 )
 
 
