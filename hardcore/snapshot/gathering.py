@@ -74,7 +74,7 @@ def _gather_one(step: Step, work: Gathering) -> None:
         case Piece.ASK:
             work.printed_after_bytes = printed.ask(subject, haul)
         case Piece.TASKS:
-            tasks.collect_tasks(subject, haul, until_ns)
+            tasks.collect_tasks(subject, haul, step.patience_ns(time.monotonic_ns()))
         case Piece.TRACEBACK:
             if work.printed_after_bytes is not None:
                 printed.pick_up(subject, haul, work.printed_after_bytes, until_ns)
@@ -93,7 +93,7 @@ def _gather_one(step: Step, work: Gathering) -> None:
         case Piece.LOCKS:
             holders.collect_locks(subject, haul)
         case Piece.MEMORY:
-            memory.collect_memory(subject, haul, until_ns, living=work.living)
+            memory.collect_memory(subject, haul, step.patience_ns(time.monotonic_ns()), living=work.living)
         case Piece.STACKS:
             stacks.collect_stacks(haul, work.debugger or "it was not begun", until_ns)
         case Piece.LAST_TRACEBACK:

@@ -21,8 +21,6 @@ from hardcore.snapshot.subject import Haul, Subject
 PROC_BYTES_MAX = 64 << 10
 #: Looks at a memory map that may hang at one time, in the whole process.
 HANGING_MAX = 4
-#: How long the kernel may take for the roll-up of a process that stands still.
-ROLLUP_MS_MAX = 25
 
 #: Of the whole process and not of one evidence: what hangs there outlives it.
 _hanging = threading.BoundedSemaphore(HANGING_MAX)
@@ -33,7 +31,7 @@ def collect_memory(subject: Subject, haul: Haul, until_ns: int, *, living: bool)
     facts: dict[str, Any] = {**census_facts(haul.page), "host": _host()}
     if living:
         facts |= {"kernel": status_sizes(subject.pid), "group": group_counters(subject.pid)}
-        rollup = read_rollup(subject.pid, min(until_ns, time.monotonic_ns() + ROLLUP_MS_MAX * 1_000_000))
+        rollup = read_rollup(subject.pid, until_ns)
         if isinstance(rollup, str):
             haul.missing["memory-rollup"] = rollup
         else:

@@ -34,10 +34,10 @@ class Piece(StrEnum):
 LIVING: Mapping[Piece, int] = {
     Piece.THREADS: 5,
     Piece.ASK: 1,
-    Piece.TASKS: 9,
+    Piece.TASKS: 8,
     Piece.TRACEBACK: 4,
     Piece.STOP: 25,
-    Piece.DEBUGGER: 3,
+    Piece.DEBUGGER: 4,
     Piece.RECORDER: 4,
     Piece.PROCESS: 5,
     Piece.LOG: 3,
@@ -56,6 +56,9 @@ DEAD: Mapping[Piece, int] = {
     Piece.MEMORY: 5,
 }
 
+#: Of a budget of one millisecond.
+NS_PER_PERCENT = 10_000
+
 #: Later than the last piece's deadline, so that a collector may still say that its time was over.
 CUT_PERCENT = 90
 
@@ -65,10 +68,18 @@ STOP_WAIT_MS_MAX = 100
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One piece and the moment at which it must be done, in monotonic nanoseconds."""
+    """One piece and the moment at which it must be done, in monotonic nanoseconds.
+
+    `share_ns` is its own share of the budget: as long as a piece waits that asks somebody who may not answer.
+    """
 
     piece: Piece
     until_ns: int
+    share_ns: int
+
+    def patience_ns(self, now_ns: int) -> int:
+        """Return until when such a piece waits that is begun now."""
+        return min(self.until_ns, now_ns + self.share_ns)
 
 
 def plan(shares: Mapping[Piece, int], *, start_ns: int, budget_ms: int) -> tuple[Step, ...]:
@@ -77,13 +88,19 @@ def plan(shares: Mapping[Piece, int], *, start_ns: int, budget_ms: int) -> tuple
     steps, percent = [], 0
     for piece, share_percent in shares.items():
         percent += share_percent
-        steps.append(Step(piece, start_ns + budget_ms * 10_000 * percent))
+        steps.append(
+            Step(
+                piece,
+                start_ns + budget_ms * NS_PER_PERCENT * percent,
+                budget_ms * NS_PER_PERCENT * share_percent,
+            )
+        )
     return tuple(steps)
 
 
 def cut_ns(start_ns: int, budget_ms: int) -> int:
     """Return when a collector that overran its own deadline is left behind, in monotonic nanoseconds."""
-    return start_ns + budget_ms * 10_000 * CUT_PERCENT
+    return start_ns + budget_ms * NS_PER_PERCENT * CUT_PERCENT
 
 
 def end_ns(start_ns: int, budget_ms: int) -> int:

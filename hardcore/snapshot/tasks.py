@@ -20,8 +20,6 @@ from hardcore.snapshot.subject import Haul, Subject
 
 ANSWER_BYTES_MAX = 128 << 10
 TASKS_MAX = 1_000
-#: How long the loop may take for its answer.
-ANSWER_MS_MAX = 30
 #: A loop whose last beat is older is not asked.
 BEAT_AGE_MS_MAX = 250
 
@@ -35,7 +33,7 @@ def collect_tasks(subject: Subject, haul: Haul, until_ns: int) -> None:
         why = "the loop did not beat" if subject.control is not None else "no control socket is known"
         haul.files["tasks.json"] = as_bytes({"asked": False, "why": why})
         return
-    answer = ask(subject.control, min(until_ns, now_ns + ANSWER_MS_MAX * 1_000_000))
+    answer = ask(subject.control, until_ns)
     if isinstance(answer, str):
         haul.missing["tasks.json"] = answer
     else:

@@ -61,9 +61,9 @@ async def take_live(
     shares = recipe.LIVING if stop else recipe.LOOKED_AT
     work = Gathering(subject, tools, Haul())
     start_ns = await _collect(pool, shares, budget_ms, work)
-    work.haul.steps.append(("dumped", time.monotonic_ns()))
     until_ns = recipe.end_ns(start_ns, budget_ms + STORE_GRACE_MS)
     taken = await _store(pool, subject, work.haul, start_ns, until_ns)
+    taken = replace(taken, steps=(*taken.steps, ("dumped", time.monotonic_ns())))
     if image is None or isinstance(taken, EvidenceFailed):
         return taken
     if not stop:

@@ -48,3 +48,9 @@ def test_every_piece_has_its_place() -> None:
 def test_a_budget_counts_from_its_start() -> None:
     early, late = (recipe.plan(LIVING, start_ns=at, budget_ms=100) for at in (0, 7 * MS))
     assert [step.until_ns + 7 * MS for step in early] == [step.until_ns for step in late]
+
+
+def test_a_piece_that_waits_for_an_answer_has_no_more_than_its_own_share() -> None:
+    tasks = next(step for step in recipe.plan(LIVING, start_ns=0, budget_ms=400) if step.piece is Piece.TASKS)
+    assert tasks.patience_ns(0) == 32 * MS
+    assert tasks.patience_ns(tasks.until_ns - MS) == tasks.until_ns
