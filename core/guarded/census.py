@@ -7,7 +7,7 @@ expected to be short; the looking goes in slices with rests. No code of anybody'
 size and number of items are read through `type` and the built-in bases. What was frozen after loading is not
 listed, so the census shows what has grown since; strings, numbers and bytes are never listed, so a leak of
 them shows as the containers that hold them; the attributes of an object count only where they have a dict of
-their own. Above some two million objects the listing is too long for every minute and is made only where
+their own. Above one to three million objects the listing is too long for every minute and is made only where
 memory runs short; the page then keeps the last ones, and an event says so. Not chosen: a fork that counts in peace, which copies the
 page tables of the very process that is short of memory and is a child that a guard wonders about; tracemalloc,
 which makes every allocation dearer.
@@ -34,13 +34,14 @@ LOOK_MS: Final = 1_000
 #: From this share of the limit on, a census is due sooner than usual.
 PRESSED_PERCENT: Final = 80
 PRESSED_EVERY_MS: Final = 10_000
-#: How long one listing may keep the interpreter: usually, and where memory runs short and it may be the last.
-LISTING_MS_MAX: Final = 40
-PRESSED_LISTING_MS_MAX: Final = 200
+#: How long one listing may keep the interpreter: usually (a beat's length, since letting the list go takes
+#: some time too), and where memory runs short and it may be the last.
+LISTING_MS_MAX: Final = 25
+PRESSED_LISTING_MS_MAX: Final = 150
 #: No more than this part of the time goes into listings: one that took 100 ms is followed by 20 s without.
 LISTING_PART: Final = 200
 #: Until one was measured. A block of memory is less than an object that is listed, in most programs by far.
-LISTING_NS_PER_BLOCK: Final = 10.0
+LISTING_NS_PER_BLOCK: Final = 6.0
 
 SAMPLE_MAX: Final = 50_000
 SLICE: Final = 2_000

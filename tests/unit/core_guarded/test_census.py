@@ -160,11 +160,12 @@ def test_a_long_listing_is_followed_by_a_long_time_without_one() -> None:
 
 def test_a_listing_that_would_hold_up_the_core_is_made_only_where_memory_runs_short() -> None:
     pace = Pace(60_000, 1000, last_ns=0)
-    pace.learn(20 * MS, blocks=1_000_000)
-    assert pace.is_short(0, 2_000_000)
-    assert not pace.is_short(0, 2_000_001)
-    assert pace.is_short(801, 10_000_000)
-    assert not pace.is_short(801, 10_000_001)
+    pace.learn(1 * MS, blocks=1000)
+    usual, pressed = census.LISTING_MS_MAX * 1000, census.PRESSED_LISTING_MS_MAX * 1000
+    assert pace.is_short(0, usual)
+    assert not pace.is_short(0, usual + 1)
+    assert pace.is_short(801, pressed)
+    assert not pace.is_short(801, pressed + 1)
 
 
 def taken(tmp_path: Path) -> tuple[Recorder, PageReader]:
