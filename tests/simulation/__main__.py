@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from multiprocessing import Pool
 
 from hardcore.model.phases import Phase
+from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.transitions import TABLE, Trigger
 from tests.simulation.faults import FAULTS
 from tests.simulation.run import Result, run
@@ -74,11 +75,12 @@ def _tell(seed: int) -> int:
 def _run_many(seeds: range, jobs: int) -> int:
     began = time.monotonic()
     pool = Pool(jobs)
-    faults, rows, broken = _collect(pool.imap_unordered(run, seeds, _CHUNK))
+    faults, rows, named, broken = _collect(pool.imap_unordered(run, seeds, _CHUNK))
     pool.close()
     pool.join()  # only then is the time of the processes ours to read
     took_s, worked_s = time.monotonic() - began, os.times().children_user
     _say_coverage(faults)
+    _say_names(named)
     missing = [f"{p} x {t}" for p, listed in TABLE.items() for t in listed if (p, t) not in rows]
     _say(
         f"rows of the table: {len(rows)} reached, {len(missing)} not{': ' if missing else ''}{', '.join(missing)}"
@@ -92,16 +94,20 @@ def _run_many(seeds: range, jobs: int) -> int:
 
 def _collect(
     results: Iterable[Result],
-) -> tuple[Counter[tuple[str, Phase]], set[tuple[Phase, Trigger]], list[Result]]:
+) -> tuple[
+    Counter[tuple[str, Phase]], set[tuple[Phase, Trigger]], Counter[tuple[str, Diagnosis]], list[Result]
+]:
     faults: Counter[tuple[str, Phase]] = Counter()
     rows: set[tuple[Phase, Trigger]] = set()
+    named: Counter[tuple[str, Diagnosis]] = Counter()
     broken = []
     for result in results:
         faults.update(result.faults)
         rows |= result.rows
+        named.update(result.named)
         if result.broken:
             broken.append(result)
-    return faults, rows, sorted(broken, key=lambda result: result.seed)
+    return faults, rows, named, sorted(broken, key=lambda result: result.seed)
 
 
 def _say_coverage(faults: Counter[tuple[str, Phase]]) -> None:
@@ -109,6 +115,13 @@ def _say_coverage(faults: Counter[tuple[str, Phase]]) -> None:
     for name in FAULTS:
         hits = "".join(f"{faults[name, phase] or '.':>6}" for phase in Phase)
         _say(f"{name:<28}{hits}")
+
+
+def _say_names(named: Counter[tuple[str, Diagnosis]]) -> None:
+    """What a living core had, and what it was called; a wrong name is a broken law."""
+    _say("what it was -> what it was called")
+    for (truth, diagnosis), times in sorted(named.items()):
+        _say(f"{truth:<28}{diagnosis:<22}{times:>6}")
 
 
 if __name__ == "__main__":

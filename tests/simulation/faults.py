@@ -417,7 +417,8 @@ def _ask(world: World, verb: seen.Verb) -> None:
         return
     if verb is seen.Verb.STOP:
         world.disk_wanted = Wanted.DOWN
-    world.guard.tell(seen.OperatorAsked(world.clock.now_ns, verb, "because"))
+    image = verb is not seen.Verb.STOP and world.rng.random() < 0.3
+    world.guard.tell(seen.OperatorAsked(world.clock.now_ns, verb, "because", image=image))
 
 
 def _asks(verb: seen.Verb) -> Fault:

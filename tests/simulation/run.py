@@ -39,8 +39,13 @@ POLICIES = (
         restart_window_sec=15,
         slow_retry_sec=5,
         startup_timeout_ms=2000,
+        memory_image="on_request",
     ),
-    Policy(actions=dict.fromkeys((Diagnosis.FROZEN, Diagnosis.LOOP_BLOCKED), _TELL), slow_retry_sec=0),
+    Policy(
+        actions=dict.fromkeys((Diagnosis.FROZEN, Diagnosis.LOOP_BLOCKED), _TELL),
+        slow_retry_sec=0,
+        memory_image="always",
+    ),
     Policy(restart_delay_ms=200, max_restart_count=1, stop_timeout_ms=100, kill_timeout_ms=100),
     Policy(
         probation_ms=0,
@@ -77,15 +82,15 @@ class Result:
         return f"seed {self.seed} ({self.script.kind}): {self.broken}. Again: make simulate SEED={self.seed}"
 
 
-def write_script(seed: int) -> Script:
-    """Return the script of a seed."""
+def write_script(seed: int, only: tuple[str, ...] = ()) -> Script:
+    """Return the script of a seed; with `only` a crisis of these faults."""
     rng = Random(f"script {seed}")
     dice = rng.random()
-    kind = "fault-free" if dice < 0.04 else "load only" if dice < 0.2 else "crisis"
+    kind = "crisis" if only else "fault-free" if dice < 0.04 else "load only" if dice < 0.2 else "crisis"
     policy = max(0, rng.randrange(8) - 3)
     if kind == "fault-free":
         return Script(kind, policy)
-    names = list(FAULTS if kind == "crisis" else LOAD)
+    names = list(only or (FAULTS if kind == "crisis" else LOAD))
     faults, at_ms = [], rng.randrange(1500)
     for _ in range(rng.randrange(1, 8)):
         faults.append((at_ms, rng.choice(names)))
