@@ -30,7 +30,7 @@ class Look:
     """What was found at `at_ns`. `alone`: the thread's beat goes on without the loop's, two looks agree.
 
     `in_store_ns`: for how long the writer has waited in the store while no command was being decided there.
-    `late_often`: our own ticks come late again and again. `said`: what the witnesses say, for people.
+    `late_often`: our own ticks come late again and again.
     """
 
     at_ns: int
@@ -51,20 +51,19 @@ class Look:
     stacks: StackFacts
     in_store_ns: int
     late_often: bool
-    said: tuple[Testimony, ...]
 
-    def red(
-        self, diagnosis: Diagnosis, grade: Grade, fault_ns: int, *facts: str, blamed: tuple[str, ...] = ()
-    ) -> Verdict:
-        """Return a verdict that something must be done, with what everybody said and `facts` that settled it."""
-        settled = tuple(Testimony("process", Colour.RED, fact) for fact in facts)
-        return Verdict(Colour.RED, diagnosis, grade, fault_ns, (*self.said, *settled), blamed=blamed)
 
-    def yellow(self, diagnosis: Diagnosis, fact: str) -> Verdict:
-        """Return a verdict that is only told."""
-        told = Testimony("machine", Colour.YELLOW, fact)
-        worried = tuple(t for t in self.said if t.colour is not Colour.GREEN)
-        return Verdict(Colour.YELLOW, diagnosis, testimonies=(*worried, told))
+def red(
+    diagnosis: Diagnosis, grade: Grade, fault_ns: int, *facts: str, blamed: tuple[str, ...] = ()
+) -> Verdict:
+    """Return a verdict that something must be done, with the facts that settled it; the witnesses' are added."""
+    settled = tuple(Testimony("process", Colour.RED, fact) for fact in facts)
+    return Verdict(Colour.RED, diagnosis, grade, fault_ns, settled, blamed=blamed)
+
+
+def yellow(diagnosis: Diagnosis, fact: str) -> Verdict:
+    """Return a verdict that is only told."""
+    return Verdict(Colour.YELLOW, diagnosis, testimonies=(Testimony("machine", Colour.YELLOW, fact),))
 
 
 def ms(time_ns: int) -> int:

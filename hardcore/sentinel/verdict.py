@@ -149,11 +149,12 @@ class Bench:
         look = self._look(tick, tick.beats, tick.process, clocks_found, overslept=overslept)
         if overslept:
             # Nothing is concluded from this look, but that we are late again is known all the same.
-            return starved.judge(look, self.patience) or _unasking(self._said)
-        found = (judge(look, self.patience) for _, judge in TABLE)
-        said = next((verdict for verdict in found if verdict is not None), None) or _mildest(look)
+            found = starved.judge(look, self.patience)
+            return _told(found, self._testimonies(look)) if found else _unasking(self._said)
+        said, found = self._testimonies(look), _first(look, self.patience)
+        verdict = _told(found, said) if found else _mildest(look, said)
         wishes = self._wishes.of(look, self.patience)
-        self._said = replace(said, wishes=wishes) if wishes else said
+        self._said = replace(verdict, wishes=wishes) if wishes else verdict
         return self._said
 
     def _look(
@@ -174,7 +175,7 @@ class Bench:
             tick.in_flight, sample.deciding, at_ns, self.patience.transaction_ms, overslept=overslept
         )
         silent = ages.loop_stale(self.patience.late_ms)
-        look = Look(
+        return Look(
             at_ns=at_ns,
             threads=tick.threads,
             sample=sample,
@@ -193,9 +194,7 @@ class Bench:
             stacks=self._stacks.find(tick.threads.loop, beats.loop_ns, at_ns),
             in_store_ns=_in_store(tick, beats, forgiven_ns),
             late_often=self._own_stall.often(at_ns),
-            said=(),
         )
-        return replace(look, said=self._testimonies(look))
 
     def _testimonies(self, look: Look) -> tuple[Testimony, ...]:
         """Return what everybody says: the three who always speak, and whoever else has something to say."""
@@ -237,12 +236,30 @@ def _unasking(said: Verdict) -> Verdict:
     return replace(said, wishes=frozenset()) if said.wishes else said
 
 
-def _mildest(look: Look) -> Verdict:
+def _first(look: Look, patience: Patience) -> Verdict | None:
+    for _, judge in TABLE:
+        found = judge(look, patience)
+        if found is not None:
+            return found
+    return None
+
+
+def _told(found: Verdict, said: tuple[Testimony, ...]) -> Verdict:
+    """Return a diagnosis with what everybody said; where nothing is done, with what worries them."""
+    before = said if found.colour is Colour.RED else _worried(said)
+    return replace(found, testimonies=(*before, *found.testimonies))
+
+
+def _worried(said: tuple[Testimony, ...]) -> tuple[Testimony, ...]:
+    return tuple(testimony for testimony in said if testimony.colour is not Colour.GREEN)
+
+
+def _mildest(look: Look, said: tuple[Testimony, ...]) -> Verdict:
     """Return yellow if somebody is worried: one kind of evidence, however red, is not more than that.
 
     A loop asleep between two beats is what a healthy idle core looks like: alone it is no worry at all.
     """
-    worried = tuple(t for t in look.said if t.colour is not Colour.GREEN)
-    if look.process.stopped or any(t.witness != "process" for t in worried):
+    worried = _worried(said)
+    if look.process.stopped or any(testimony.witness != "process" for testimony in worried):
         return Verdict(Colour.YELLOW, testimonies=worried)
     return GREEN

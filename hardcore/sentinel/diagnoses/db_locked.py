@@ -5,7 +5,7 @@ found in two looks, and both must have lasted. A restart would only wait for the
 """
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look, lasted, ms
+from hardcore.sentinel.look import Look, lasted, ms, red
 from hardcore.sentinel.patience import Patience
 from hardcore.sentinel.witnesses.store import who
 
@@ -23,4 +23,4 @@ def judge(look: Look, patience: Patience) -> Verdict | None:
         return None
     fact = f"{who(holder)} has held the store's write lock for {ms(held_ns)} ms while the core waits for it"
     grade = Grade.CERTAIN if holder.pid else Grade.LIKELY
-    return look.red(Diagnosis.DB_LOCKED, grade, look.store.held_since_ns, fact)
+    return red(Diagnosis.DB_LOCKED, grade, look.store.held_since_ns, fact)

@@ -6,7 +6,7 @@ found, as a blocked loop or as a transaction over its time; only the ring stays 
 """
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look, lasted
+from hardcore.sentinel.look import Look, lasted, red
 from hardcore.sentinel.patience import Patience
 
 
@@ -27,4 +27,4 @@ def judge(look: Look, patience: Patience) -> Verdict | None:
     began_ns = min([one.since_ns for one in stuck] + ([look.ages.last_loop_ns] if looped else []))
     grade = Grade.CERTAIN if cycle.named else Grade.LIKELY
     blamed = tuple(one.note.command_id for one in stuck)
-    return look.red(Diagnosis.DEADLOCK, grade, began_ns, blamed=blamed)
+    return red(Diagnosis.DEADLOCK, grade, began_ns, blamed=blamed)

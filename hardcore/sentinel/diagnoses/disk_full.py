@@ -6,7 +6,7 @@ certain. It explains no silence of the loop, so it stands behind the hangs.
 
 from hardcore.model.observations import StoreFault
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look
+from hardcore.sentinel.look import Look, red
 from hardcore.sentinel.patience import Patience
 
 
@@ -23,4 +23,4 @@ def judge(look: Look, patience: Patience) -> Verdict | None:
         if found
         else "the core could not write for lack of room"
     )
-    return look.red(Diagnosis.DISK_FULL, grade, began_ns, fact)
+    return red(Diagnosis.DISK_FULL, grade, began_ns, fact)

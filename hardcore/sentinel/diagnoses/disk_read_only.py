@@ -5,7 +5,7 @@ Nobody is ended for it, so either alone is enough; the kernel's own flag needs n
 
 from hardcore.model.observations import StoreFault
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look
+from hardcore.sentinel.look import Look, red
 from hardcore.sentinel.patience import Patience
 
 
@@ -17,4 +17,4 @@ def judge(look: Look, _: Patience) -> Verdict | None:
         return None
     began_ns = min(at_ns for at_ns in (look.store.told_ns if told else 0, found) if at_ns)
     fact = "the file system of the data folder is read-only" if found else "the core may not write its store"
-    return look.red(Diagnosis.DISK_READ_ONLY, Grade.CERTAIN if found else Grade.LIKELY, began_ns, fact)
+    return red(Diagnosis.DISK_READ_ONLY, Grade.CERTAIN if found else Grade.LIKELY, began_ns, fact)

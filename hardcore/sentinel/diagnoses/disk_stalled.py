@@ -6,7 +6,7 @@ as what they are.
 """
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look, lasted, ms
+from hardcore.sentinel.look import Look, lasted, ms, red
 from hardcore.sentinel.patience import Patience
 
 
@@ -21,7 +21,7 @@ def judge(look: Look, patience: Patience) -> Verdict | None:
         "a thread of the core waits for a disk" if waits else f"the core waits for {ms(look.in_store_ns)} ms"
     )
     fact = f"{how}, and a small write of ours has taken {ms(look.disk.slow_ns)} ms"
-    return look.red(Diagnosis.DISK_STALLED, Grade.CERTAIN, look.disk.slow_since_ns, fact)
+    return red(Diagnosis.DISK_STALLED, Grade.CERTAIN, look.disk.slow_since_ns, fact)
 
 
 def _in_disk(look: Look) -> bool:

@@ -7,7 +7,7 @@ takes long. A loop that is ready and not scheduled queues for a processor, not f
 """
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look, lasted, ms
+from hardcore.sentinel.look import Look, lasted, ms, red
 from hardcore.sentinel.patience import Patience
 
 
@@ -30,7 +30,7 @@ def _asleep(look: Look, patience: Patience) -> Verdict | None:
         f"and whoever has it sleeps{_holder(look)}"
     )
     grade = Grade.CERTAIN if known else Grade.LIKELY
-    return look.red(Diagnosis.GIL_HELD, grade, look.ages.last_loop_ns, fact)
+    return red(Diagnosis.GIL_HELD, grade, look.ages.last_loop_ns, fact)
 
 
 def _computing(look: Look, patience: Patience) -> Verdict | None:
@@ -47,7 +47,7 @@ def _computing(look: Look, patience: Patience) -> Verdict | None:
     name = "the loop's thread" if by_loop else "a thread"
     fact = f"{name} has computed for {spent_ms} ms and let nobody else run{_holder(look)}"
     grade = Grade.CERTAIN if by_loop else Grade.LIKELY
-    return look.red(Diagnosis.GIL_HELD, grade, look.ages.last_loop_ns, fact)
+    return red(Diagnosis.GIL_HELD, grade, look.ages.last_loop_ns, fact)
 
 
 def _burned(outside_ns: int, all_ns: int, patience: Patience) -> bool:

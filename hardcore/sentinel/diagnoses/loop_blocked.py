@@ -6,7 +6,7 @@ time, the loop is over and idle threads keep its process alive.
 """
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look, lasted
+from hardcore.sentinel.look import Look, lasted, red
 from hardcore.sentinel.patience import Patience
 from hardcore.sentinel.witnesses.process_state import Sleep
 
@@ -24,7 +24,7 @@ def _blocked(look: Look, patience: Patience) -> Verdict | None:
     if not lasted(look.process.loop_ns, limit_ms) or not look.ages.loop_stale(limit_ms):
         return None
     grade = Grade.CERTAIN if sure else Grade.LIKELY
-    return look.red(Diagnosis.LOOP_BLOCKED, grade, look.ages.last_loop_ns)
+    return red(Diagnosis.LOOP_BLOCKED, grade, look.ages.last_loop_ns)
 
 
 def _ended(look: Look, patience: Patience) -> Verdict | None:
@@ -38,4 +38,4 @@ def _ended(look: Look, patience: Patience) -> Verdict | None:
     if facts.loop is not Sleep.CONCLUSIVE or not lasted(lasted_ns, patience.hang_ms):
         return None
     fact = "no thread of the process had any processor time meanwhile"
-    return look.red(Diagnosis.LOOP_BLOCKED, Grade.LIKELY, look.ages.last_loop_ns, fact)
+    return red(Diagnosis.LOOP_BLOCKED, Grade.LIKELY, look.ages.last_loop_ns, fact)

@@ -6,7 +6,7 @@ stands still is another matter, and each must have lasted.
 """
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look, lasted, ms
+from hardcore.sentinel.look import Look, lasted, ms, red
 from hardcore.sentinel.patience import Patience
 from hardcore.sentinel.witnesses.process_state import Sleep
 
@@ -28,7 +28,7 @@ def _idle_writer(look: Look, patience: Patience) -> Verdict | None:
         return None
     gone = facts.writer is Sleep.GONE
     fact = "the writer's thread is gone" if gone else "the writer's thread sleeps without processor time"
-    return look.red(Diagnosis.NO_PROGRESS, Grade.CERTAIN if gone else Grade.LIKELY, stuck.since_ns, fact)
+    return red(Diagnosis.NO_PROGRESS, Grade.CERTAIN if gone else Grade.LIKELY, stuck.since_ns, fact)
 
 
 def _unkept(look: Look, patience: Patience) -> Verdict | None:
@@ -36,7 +36,7 @@ def _unkept(look: Look, patience: Patience) -> Verdict | None:
     if unkept is None or not lasted(unkept.for_ns, patience.hang_ms):
         return None
     fact = f"event {unkept.answered_seq} was answered and is not committed"
-    return look.red(Diagnosis.NO_PROGRESS, Grade.LIKELY, unkept.since_ns, fact)
+    return red(Diagnosis.NO_PROGRESS, Grade.LIKELY, unkept.since_ns, fact)
 
 
 def _unanswered(look: Look, patience: Patience) -> Verdict | None:
@@ -44,4 +44,4 @@ def _unanswered(look: Look, patience: Patience) -> Verdict | None:
     if found is None or found.probes < PROBES_MIN or not lasted(found.for_ns, patience.hang_ms):
         return None
     fact = f"nothing was completed and no probe answered for {ms(found.for_ns)} ms while the loop turned"
-    return look.red(Diagnosis.NO_PROGRESS, Grade.LIKELY, found.since_ns, fact)
+    return red(Diagnosis.NO_PROGRESS, Grade.LIKELY, found.since_ns, fact)

@@ -1,7 +1,7 @@
 """SLEPT: the machine was suspended. Everybody has fresh deadlines, and it is told once."""
 
 from hardcore.model.verdicts import Diagnosis, Verdict
-from hardcore.sentinel.look import Look
+from hardcore.sentinel.look import Look, yellow
 from hardcore.sentinel.patience import Patience
 
 
@@ -9,4 +9,4 @@ def judge(look: Look, _: Patience) -> Verdict | None:
     """Return SLEPT, yellow, at the first look after it; or None."""
     if not look.clocks.slept_ns:
         return None
-    return look.yellow(Diagnosis.SLEPT, f"the machine slept for {look.clocks.slept_ns / 1e9:.1f} s")
+    return yellow(Diagnosis.SLEPT, f"the machine slept for {look.clocks.slept_ns / 1e9:.1f} s")

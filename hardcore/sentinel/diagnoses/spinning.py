@@ -7,7 +7,7 @@ bring the same queue back; and not for ever, because nobody has had an answer in
 """
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
-from hardcore.sentinel.look import Look, lasted, ms
+from hardcore.sentinel.look import Look, lasted, ms, red
 from hardcore.sentinel.patience import Patience
 
 #: How many times longer a loop may compute that was never found in the same place twice.
@@ -27,4 +27,4 @@ def judge(look: Look, patience: Patience) -> Verdict | None:
         return None
     grade = Grade.CERTAIN if look.stacks.loop_same else Grade.LIKELY
     fact = f"the loop's thread has computed for {ms(spent.loop_all_ns)} ms without a turn of the loop"
-    return look.red(Diagnosis.SPINNING, grade, look.ages.last_loop_ns, fact)
+    return red(Diagnosis.SPINNING, grade, look.ages.last_loop_ns, fact)

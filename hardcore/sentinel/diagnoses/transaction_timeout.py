@@ -7,7 +7,7 @@ stranger has locked explains it, and then it is not the command's fault.
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
 from hardcore.sentinel.lasting import NS_PER_MS
-from hardcore.sentinel.look import Look, lasted, ms
+from hardcore.sentinel.look import Look, lasted, ms, red
 from hardcore.sentinel.patience import Patience
 from hardcore.sentinel.witnesses.transactions import Deciding
 
@@ -22,9 +22,7 @@ def judge(look: Look, patience: Patience) -> Verdict | None:
     worst = max(found, key=lambda one: one.counted_ns - one.limit_ns)
     grade = Grade.CERTAIN if worst.sample is not None else Grade.LIKELY
     fact = f"its thread {_doing(worst)}: {ms(worst.counted_ns)} ms of its own time"
-    return look.red(
-        Diagnosis.TRANSACTION_TIMEOUT, grade, worst.since_ns, fact, blamed=(worst.note.command_id,)
-    )
+    return red(Diagnosis.TRANSACTION_TIMEOUT, grade, worst.since_ns, fact, blamed=(worst.note.command_id,))
 
 
 def _is_over(one: Deciding, patience: Patience) -> bool:
