@@ -123,6 +123,24 @@ def crisis(album: Album) -> None:
         album.house.running()
 
 
+def reads_only(album: Album) -> None:
+    """A disk that takes no write: the page goes on, and a change is refused with what was typed still there."""
+    for dark, phone in ((False, False), (True, False), (False, True)):
+        name = f"{'-dark' if dark else ''}{'-phone' if phone else ''}"
+        with album.tab("/", dark=dark, phone=phone) as page:
+            is_joined(page)
+            form = write_entry(page, album.say("점심 김치찌개", "Lunch, kimchi stew"), "9,000")
+            album.house.running()
+            assert album.house.order("drill", fault="diskfull", yes=True)["ok"]
+            expect(page.locator(".bar")).to_be_visible()
+            form.locator("button.primary").click()
+            expect(form.locator("[data-said].wrong")).to_be_visible()
+            album.take(page, f"reads-only{name}")
+            expect(page.locator(".bar")).to_have_count(0)
+            album.take(page, f"reads-only-over{name}")
+    album.house.running()
+
+
 def planned(album: Album) -> None:
     """A restart that somebody asked for, from its first sign."""
     with album.tab("/") as page:
@@ -217,7 +235,7 @@ def take_all(browser: Browser, folder: Path) -> None:
     weary = {"max_restart_count": 1, "probation_ms": 60_000}
     homes: list[tuple[str, list[Callable[[Album], None]], dict[str, Any]]] = [
         ("empty", [empty], {}),
-        ("full", [pages, crisis, planned, demo], {}),
+        ("full", [pages, crisis, reads_only, planned, demo], {}),
         ("weary", [stopped_trying], weary),
     ]
     with tempfile.TemporaryDirectory(prefix="pictures-") as made:
