@@ -25,8 +25,8 @@ from tests.simulation.run import POLICIES, Script, run, write_script
 
 P, T, S = Phase, Trigger, Step
 
-SEEDS = 200
-FRESH_SEEDS = 40
+SEEDS = 2_500
+FRESH_SEEDS = 1_000
 #: A mutant must be found within so many seeds.
 MUTANT_SEEDS = 5000
 
@@ -192,7 +192,7 @@ WHERE_IT_SHOWS = {
     "no patience": tuple(LOAD),
     "lateness alone is a verdict": tuple(LOAD),
     "failed birth not noticed": ("spawns fail", "spawn is slow"),
-    "late birth not noticed": ("spawn is slow", "operator restarts hard"),
+    "late birth not noticed": ("spawn is slow", "operator stops", "operator restarts hard"),
     "dice of its own": ("boot crashes", "boot exits", "crash loop"),
     "silence explained by a disk": ("deaf core", "disk read-only", "disk fills"),
     "reads only for ever": ("disk fills", "disk read-only", "disk flickers"),
