@@ -57,7 +57,7 @@ def red(
     diagnosis: Diagnosis, grade: Grade, fault_ns: int, *facts: str, blamed: tuple[str, ...] = ()
 ) -> Verdict:
     """Return a verdict that something must be done, with the facts that settled it; the witnesses' are added."""
-    settled = tuple(Testimony("process", Colour.RED, fact) for fact in facts)
+    settled = tuple(Testimony("judge", Colour.RED, fact) for fact in facts)
     return Verdict(Colour.RED, diagnosis, grade, fault_ns, settled, blamed=blamed)
 
 
