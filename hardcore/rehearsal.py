@@ -45,7 +45,7 @@ def _holds(folders: Folders, pid: int) -> bool:
     table = locks.read_table()
     if isinstance(table, str):
         return True  # this machine does not say who holds it; the drill goes on all the same
-    return any(holder.pid == pid for holder in locks.writers_of(folders.store, 0, table))
+    return any(holder.pid == pid for holder in locks.writers_in(folders.data, 0, table))
 
 
 async def _see_off(handle: processes.Handle, within_s: float) -> None:

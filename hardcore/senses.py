@@ -165,4 +165,4 @@ class Senses:
 
 def _holders(folders: Folders, core_pid: int) -> tuple[seen.LockHolder, ...] | str:
     table = locks.read_table()
-    return table if isinstance(table, str) else locks.writers_of(folders.store, core_pid, table)
+    return table if isinstance(table, str) else locks.writers_in(folders.data, core_pid, table)

@@ -46,11 +46,6 @@ class Folders:
         return self.data / "state"
 
     @property
-    def store(self) -> Path:
-        """The ledger's store. Never opened by the guard: only asked about."""
-        return self.data / "ledger.db"
-
-    @property
     def incidents(self) -> Path:
         """One folder for each incident."""
         return self.data / "incidents"

@@ -9,6 +9,7 @@ to `stat` than to the table; there a line counts only if its owner has our very 
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from hardcore.model.observations import LockHolder
@@ -18,6 +19,8 @@ TABLE_BYTES_MAX = 1 << 20
 HOLDERS_MAX = 8
 #: Open files of one process that are compared where the device numbers differ.
 HANDLES_MAX = 4096
+#: Files of a folder that are looked at; a data folder has a dozen.
+FILES_MAX = 64
 NAME_BYTES_MAX = 64
 
 #: Where SQLite locks: the writer of a log in the index beside it, a writer without a log in the file.
@@ -98,9 +101,8 @@ def _has_open(pid: int, about: os.stat_result) -> bool:
     if not pid:
         return False
     try:
-        handles = [
-            entry.path for _, entry in zip(range(HANDLES_MAX), os.scandir(f"/proc/{pid}/fd"), strict=False)
-        ]
+        with os.scandir(f"/proc/{pid}/fd") as entries:
+            handles = [entry.path for entry in islice(entries, HANDLES_MAX)]
     except OSError:
         return False
     return any(_same_file(handle, about) for handle in handles)
@@ -113,16 +115,27 @@ def _same_file(handle: str, about: os.stat_result) -> bool:
         return False
 
 
-def writers_of(store: Path, core_pid: int, table: Iterable[FileLock]) -> tuple[LockHolder, ...]:
-    """Return who holds the write lock of the SQLite database at `store`, with a log or without one."""
-    table = tuple(table)
-    log = locks_on(store.with_name(f"{store.name}-shm"), table)
-    plain = locks_on(store, table)
-    held = [lock for lock in log if lock.covers(_WAL_WRITE_BYTE)]
-    held += [lock for lock in plain if lock.covers(_PENDING_BYTE) or lock.covers(_RESERVED_BYTE)]
-    held = [lock for lock in held if lock.writes and not lock.waits and lock.kind != "FLOCK"]
-    pids = dict.fromkeys(lock.pid for lock in held)
+def writers_in(folder: Path, core_pid: int, table: Iterable[FileLock]) -> tuple[LockHolder, ...]:
+    """Return who holds the write lock of the SQLite database in `folder`, with a log or without one.
+
+    Which file that is, is told by its locks: the name of the ledger's file is nobody's business here.
+    """
+    table = tuple(lock for lock in table if lock.writes and not lock.waits and lock.kind != "FLOCK")
+    pids: dict[int, None] = {}
+    for path in _files(folder):
+        marks = (_WAL_WRITE_BYTE,) if path.name.endswith("-shm") else (_PENDING_BYTE, _RESERVED_BYTE)
+        for lock in locks_on(path, table):
+            if any(lock.covers(byte) for byte in marks):
+                pids[lock.pid] = None
     return tuple(LockHolder(pid, name_of(pid), ours=pid == core_pid) for pid in list(pids)[:HOLDERS_MAX])
+
+
+def _files(folder: Path) -> list[Path]:
+    try:
+        with os.scandir(folder) as entries:
+            return [Path(entry.path) for entry in islice(entries, FILES_MAX) if entry.is_file()]
+    except OSError:
+        return []
 
 
 def name_of(pid: int) -> str:

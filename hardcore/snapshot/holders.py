@@ -13,7 +13,6 @@ from hardcore.host import locks
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.subject import Haul, Subject
 
-STORE = "ledger.db"
 #: Files of the folder whose locks are looked for.
 FILES_MAX = 64
 
@@ -24,7 +23,7 @@ def collect_locks(subject: Subject, haul: Haul) -> None:
     if isinstance(table, str):
         haul.missing["locks.json"] = f"the kernel's table of locks: {table}"
         return
-    writers = locks.writers_of(subject.data / STORE, subject.pid, table)
+    writers = locks.writers_in(subject.data, subject.pid, table)
     told = {
         "store_write_lock": [asdict(holder) for holder in writers],
         "files": {path.name: held for path in _files(subject.data) if (held := _held(path, table))},

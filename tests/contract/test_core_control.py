@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from hardcore.host.core_control import give
-from hardcore.host.locks import read_table, writers_of
+from hardcore.host.locks import read_table, writers_in
 from hardcore.host.recorder import PageReader, make_page
 from hardcore.model.observations import ThreadStack
 from hardcore.model.recorder import CommandNote, Page, SlotStage
@@ -136,7 +136,7 @@ def holding_lock(data: Path, seconds: int) -> Iterator["subprocess.Popen[str]"]:
 def held_by(data: Path) -> set[int]:
     table = read_table()
     assert not isinstance(table, str), table
-    return {holder.pid for holder in writers_of(data / "ledger.db", 0, table)}
+    return {holder.pid for holder in writers_in(data, 0, table)}
 
 
 def names_in(stack: ThreadStack) -> dict[str, set[str]]:

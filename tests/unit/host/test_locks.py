@@ -67,12 +67,12 @@ def test_the_process_that_holds_the_write_lock_is_named_and_gone_from_the_list_w
 ) -> None:
     store = tmp_path / "ledger.db"
     with holding(store, journal) as pid:
-        (found,) = locks.writers_of(store, 1, table())
+        (found,) = locks.writers_in(tmp_path, 1, table())
         assert (found.pid, found.ours) == (pid, False)
         assert found.name.startswith("python")
-        (ours,) = locks.writers_of(store, pid, table())
+        (ours,) = locks.writers_in(tmp_path, pid, table())
         assert ours.ours
-    until(lambda: not locks.writers_of(store, 1, table()), "the lock to be free")
+    until(lambda: not locks.writers_in(tmp_path, 1, table()), "the lock to be free")
 
 
 def test_a_reader_of_the_store_holds_no_write_lock(tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_a_reader_of_the_store_holds_no_write_lock(tmp_path: Path) -> None:
         book.execute("CREATE TABLE t (a)")
         book.execute("BEGIN")
         book.execute("SELECT * FROM t").fetchall()
-        assert locks.writers_of(store, 1, table()) == ()
+        assert locks.writers_in(tmp_path, 1, table()) == ()
 
 
 def test_where_the_table_knows_the_device_by_another_number_an_owner_that_has_the_file_open_counts(
@@ -92,10 +92,10 @@ def test_where_the_table_knows_the_device_by_another_number_an_owner_that_has_th
     with holding(store, "WAL") as pid:
         there = [lock for lock in table() if lock.pid == pid]
         moved = [replace(lock, device=(9, 9)) for lock in there]
-        assert [one.pid for one in locks.writers_of(store, 1, moved)] == [pid]
+        assert [one.pid for one in locks.writers_in(tmp_path, 1, moved)] == [pid]
         strangers = [replace(lock, pid=os.getpid()) for lock in moved]
-        assert locks.writers_of(store, 1, strangers) == ()
+        assert locks.writers_in(tmp_path, 1, strangers) == ()
 
 
 def test_a_store_that_is_not_there_has_no_writer(tmp_path: Path) -> None:
-    assert locks.writers_of(tmp_path / "ledger.db", 1, table()) == ()
+    assert locks.writers_in(tmp_path / "nowhere", 1, table()) == ()
