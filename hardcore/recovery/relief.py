@@ -9,6 +9,7 @@ come up for a while.
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Verdict
+from hardcore.recovery import telling
 from hardcore.recovery.course import Course
 from hardcore.recovery.moves import fire, heed
 from hardcore.recovery.policy import Word
@@ -49,6 +50,7 @@ def audited(c: Course, fact: seen.LedgerAudited) -> None:
     _meet(c, death, fact.at_ns, (), fact.at_ns, said.why)
     if c.story is not None:
         c.story.audit = fact
+    settle(c, fact.at_ns)
 
 
 def switched(c: Course, fact: seen.SafeSwitched) -> None:
@@ -92,6 +94,9 @@ def settle(c: Course, now_ns: int) -> None:
     """Note whether anything is still wrong at this moment."""
     if c.safety.reason is not None and c.story is not None:
         c.story.safe = True
+    person = telling.left_to_a_person(c)
+    if person is not None and c.troubles.on:
+        fire(c, Trigger.EASED, now_ns, f"{person}: a person has to say what now")
     if c.phase in SERVING:
         quiet = c.verdict.colour is not Colour.RED and not c.safety.on
         c.troubles.look(now_ns, quiet=quiet)

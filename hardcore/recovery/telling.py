@@ -12,6 +12,7 @@ from hardcore.recovery import plan
 from hardcore.recovery.budget import NS_PER_S, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.policy import Word
+from hardcore.recovery.safety import DISK
 from hardcore.recovery.story import Story, Trouble, begin
 from hardcore.sentinel.deaths import Death
 
@@ -97,11 +98,13 @@ def close(c: Course, now_ns: int, *, recovered: bool) -> None:
         return
     # A stop in the middle of the probation does not undo a recovery: a proven core had served.
     unwanted = c.wanted is Wanted.DOWN
+    handed_over = left_to_a_person(c) if recovered else None
     if c.story.safe and (recovered or unwanted):
         outcome = "safe_mode"
     else:
-        outcome = "recovered" if recovered or (unwanted and c.story.proof is not None) else "manual"
-    waits_for = None if recovered else c.hopeless
+        well = recovered or (unwanted and c.story.proof is not None)
+        outcome = "recovered" if well and handed_over is None else "manual"
+    waits_for = handed_over if recovered else c.hopeless
     order(c, CloseIncident(c.story.told(outcome, now_ns, waits_for)))
     c.story = None
     c.stage_max = 0
@@ -110,9 +113,21 @@ def close(c: Course, now_ns: int, *, recovered: bool) -> None:
 
 
 def close_if_over(c: Course, now_ns: int, after: Phase) -> None:
-    """Close the open incident on the way to `after`, unless its trouble goes on in a core that serves."""
-    if after not in SERVING or not _goes_on(c):
+    """Close the open incident on the way to `after`, unless its trouble goes on in a core that serves.
+
+    What only a person can end is closed at once: its report is what that person needs.
+    """
+    if after not in SERVING or not _goes_on(c) or left_to_a_person(c):
         close(c, now_ns, recovered=after in SERVING)
+
+
+def left_to_a_person(c: Course) -> Diagnosis | None:
+    """Return why nothing more is done by itself about a core that serves, or None."""
+    if c.safety.reason is not None:
+        return c.safety.reason if c.safety.reason not in DISK else None
+    damaged = Diagnosis.STORE_CORRUPT
+    told = damaged in c.troubles.known and not c.policy.asks(damaged, Word.SAFE_MODE_ENTER)
+    return damaged if told else None
 
 
 def keep(c: Course, budget: Budget) -> None:

@@ -53,7 +53,7 @@ class Trigger(StrEnum):
     ON_TIME = "ON_TIME"  # the verdict is green
     LOST = "LOST"  # the verdict is red
     TROUBLED = "TROUBLED"  # it is red anew, and a restart would not help
-    EASED = "EASED"  # nothing has been heard of that for long enough
+    EASED = "EASED"  # nothing has been heard of that for long enough, or only a person can end it
     EVIDENCE_TAKEN = "EVIDENCE_TAKEN"
     DEADLINE = "DEADLINE"
     UNWANTED = "UNWANTED"  # state-triggered, see above

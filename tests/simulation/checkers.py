@@ -290,7 +290,9 @@ class Checkers:
         _hold(told.id in guard.ids, f"{told.id} was never opened")
         _hold(told.id not in self.closed, f"{told.id} is closed twice")
         _hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
-        over = self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
+        # What only a person can end is handed over while reads are served: nobody tries any more.
+        handed_over = told.waits_for is Diagnosis.STORE_CORRUPT
+        over = handed_over or self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
         _hold(
             told.outcome in {"recovered", "safe_mode"} or over,
             "nothing is given up while somebody still tries",

@@ -67,8 +67,6 @@ def test_what_one_core_found_is_not_said_of_the_next() -> None:
     play.ready(5)
     assert heard(play) is None
     play.ring()
-    play.ask(seen.Verb.RESUME)
-    play.ring()
     assert play.manager.reading().state is HAState.OPERATIONAL
 
 

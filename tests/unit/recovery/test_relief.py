@@ -362,11 +362,36 @@ def test_a_ledger_that_is_not_whole_is_read_only_until_a_person_says_otherwise()
     assert play.manager.next_deadline_ns() is None
     assert play.ask(seen.Verb.RESUME) == [orders.SetSafe(1, on=False, reason=CORRUPT)]
     _switched(play, on=False)
-    play.ring()
+    assert _state(play) == (Phase.RUNNING, HAState.DEGRADED, None)
+
+
+def test_what_only_a_person_can_end_is_reported_to_that_person_at_once() -> None:
+    play = _running()
+    _audited(play)
+    assert "CloseIncident" not in kinds(play.ordered)
+    _switched(play, on=True)
     told = play.closed()
-    assert (told.diagnosis, told.outcome) == (CORRUPT, "safe_mode")
+    assert (told.diagnosis, told.outcome, told.waits_for) == (CORRUPT, "safe_mode", CORRUPT)
     assert told.audit is not None
     assert not told.audit.ok
+
+
+def test_a_damaged_ledger_that_a_policy_only_tells_of_is_a_persons_at_once() -> None:
+    tells = Policy(actions={CORRUPT: frozenset({Word.SEND_ALERT, Word.AWAIT_OPERATOR})})
+    play = Play(tells).begin().running(4)
+    assert kinds(_audited(play)) == ["Alert", "CloseIncident"]
+    assert (play.closed().outcome, play.closed().waits_for) == ("manual", CORRUPT)
+    assert _state(play) == (Phase.RUNNING, HAState.DEGRADED, None)
+
+
+def test_a_damaged_ledger_at_the_start_is_reported_once_its_reader_has_lasted() -> None:
+    play = _running()
+    play.die()
+    play.die(seen.Exit(code=65), a_page(0, words="STORE_CORRUPT"))
+    _reader(play)
+    assert "CloseIncident" not in kinds(play.ordered)
+    play.ring()
+    assert (play.closed().outcome, play.closed().waits_for) == ("safe_mode", CORRUPT)
 
 
 def test_no_core_writes_to_a_ledger_that_is_known_to_be_damaged() -> None:
