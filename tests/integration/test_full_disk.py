@@ -1,4 +1,4 @@
-"""A data folder without room: nothing is served that can't be kept, and room brings it back."""
+"""A data folder without room: what is there is served, nothing is taken that can't be kept, and room brings it back."""
 
 import shutil
 import subprocess
@@ -12,7 +12,7 @@ from tests.integration.house import House
 from tests.waiting import until
 
 UNSHARE = shutil.which("unshare")
-MOUNT = 'mount -t tmpfs -o size=4m,mode=700 none "$1" && exec "$2" -m hardcore.cli --data "$1" up --port 0'
+MOUNT = 'mount -t tmpfs -o size=32m,mode=700 none "$1" && exec "$2" -m hardcore.cli --data "$1" up --port 0'
 
 
 def own_mounts() -> bool:
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.skipif(not own_mounts(), reason="no mounts of one's own
 
 
 def begin_on_a_small_disk(house: House) -> Path:
-    """Start it with its data on a file system of 4 MiB that only it sees; return the way in from outside."""
+    """Start it with its data on a file system of 32 MiB that only it sees; return the way in from outside."""
     house.data.mkdir()
     argv = [UNSHARE or "unshare", "--mount", "sh", "-c", MOUNT, "sh", str(house.data), sys.executable]
     house.begin_as(argv)
@@ -42,18 +42,42 @@ def fill(disk: Path) -> None:
                 continue
 
 
-def test_without_room_at_the_fence_nothing_serves_until_there_is_some(new_house: MakeHouse) -> None:
+def test_without_room_the_serving_core_reads_only_and_takes_writes_again_once_there_is_some(
+    new_house: MakeHouse,
+) -> None:
     house = new_house()
     disk = begin_on_a_small_disk(house)
     house.open_accounts()
     assert house.book("before-the-disk-was-full").status == 201
+    core = house.status()["core"]["pid"]
+    fill(disk)
+    house.until(lambda s: s["safe"] == "DISK_FULL", "the core to read only")
+    refused = house.book("no-room")
+    assert (refused.status, refused.outcome) == (503, "not_done")
+    assert house.book("before-the-disk-was-full").headers.get("idempotent-replayed") == "true"
+    (disk / "filler").unlink()
+    house.until(lambda s: s["safe"] is None and s["state"] == "OPERATIONAL", "the core to take writes")
+    assert house.book("no-room").status == 201
+    assert house.status()["core"]["pid"] == core
+
+
+def test_without_room_at_the_fence_a_core_is_started_to_read_only_until_there_is_some(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house()
+    disk = begin_on_a_small_disk(house)
+    house.open_accounts()
+    assert house.book("before-the-disk-was-full").status == 201
+    epoch = house.status()["core"]["epoch"]
     fill(disk)
     house.hit("core")
-    status = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
-    assert status["state"] == "MANUAL_INTERVENTION"
+    status = house.until(lambda s: s["safe"] == "DISK_FULL" and s["core"]["ready"], "a core that reads only")
+    assert (status["state"], status["core"]["epoch"]) == ("SAFE_MODE", epoch)
+    assert house.booked() == ["before-the-disk-was-full"]
     assert house.book("no-room").status == 503
     (disk / "filler").unlink()
-    assert house.order("resume")["changed"]
+    status = house.until(lambda s: s["safe"] is None and s["core"]["ready"], "a core that writes")
+    assert status["core"]["epoch"] > epoch
     house.running()
     assert house.booked() == ["before-the-disk-was-full"]
     assert house.book("room-again").status == 201
