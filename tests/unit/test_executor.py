@@ -16,6 +16,7 @@ from hardcore.host import lives, logs, processes
 from hardcore.host.folders import Folders
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.model.verdicts import Diagnosis
 
 
 @pytest.fixture
@@ -125,3 +126,27 @@ def test_a_leftover_that_does_not_die_is_no_exit_until_it_does_and_then_is_one(
     (told,) = at_work(house, ask_twice)
     assert isinstance(told, seen.CoreExited)
     os.waitpid(handle.pid, 0)
+
+
+@pytest.mark.parametrize(
+    "order",
+    [orders.SampleStacks(7), orders.LookAtStore(7), orders.SetSafe(7, on=True, reason=Diagnosis.DISK_FULL)],
+)
+def test_an_order_about_a_life_that_is_not_there_is_given_to_nobody(
+    house: Folders, order: orders.SampleStacks | orders.LookAtStore | orders.SetSafe
+) -> None:
+    assert at_work(house, lambda e: e.carry_out(order)) == []
+    assert (house.logs / "sentinel.log").exists() is False
+
+
+def test_what_a_machine_lets_the_guard_see_is_left_in_the_run_folder(house: Folders) -> None:
+    assert at_work(house, lambda e: e.begin(e.senses.examine())) == []
+    assert "can_dump" in json.loads(house.capability.read_text())
+
+
+def test_an_order_to_read_only_that_nobody_hears_is_answered_with_the_reason(house: Folders) -> None:
+    life = lives.Life(3, "0" * 16, house)
+    (told,) = at_work(house, lambda e: e.begin(e.senses.set_safe(life, Diagnosis.DISK_FULL, on=True)))
+    assert isinstance(told, seen.SafeSwitched)
+    assert (told.life, told.on, told.done) == (3, True, False)
+    assert "does not answer" in told.reason
