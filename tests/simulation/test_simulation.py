@@ -18,7 +18,6 @@ from hardcore.recovery.store import StoreKnowledge
 from hardcore.recovery.transitions import Row, Step, Trigger
 from hardcore.sentinel import verdict
 from hardcore.sentinel.verdict import Bench, Patience
-from hardcore.sentinel.witnesses.beats import LoneThread
 from hardcore.sentinel.witnesses.own_stall import OwnStall
 from tests.simulation.faults import LOAD
 from tests.simulation.run import POLICIES, Script, run, write_script
@@ -170,7 +169,6 @@ MUTANTS: dict[str, Mutation] = {
     "never gives up": _instead(plan, "hopeless", _always(None)),
     "suspects replayed": _instead(trial, "suspects", _always(())),
     "own stall held against the core": _instead(OwnStall, "look", _always(value=False)),
-    "one look is enough": _instead(LoneThread, "look", _always(value=True)),
     "no patience": _instead(plan, "patience", _always(Patience(100, 100, 110, 120))),
     "lateness alone is a verdict": _kill_what_is_only_late,
     "an old epoch trusted": _instead(StoreKnowledge, "saw", _trust_an_old_epoch),
@@ -188,7 +186,6 @@ WHERE_IT_SHOWS = {
     "STOP forgotten on the way": ("frozen", "operator stops", "spawn is slow"),
     "suspects replayed": ("poison crashes", "poison exits", "poison blocks"),
     "own stall held against the core": tuple(LOAD),
-    "one look is enough": tuple(LOAD),
     "no patience": tuple(LOAD),
     "lateness alone is a verdict": tuple(LOAD),
     "failed birth not noticed": ("spawns fail", "spawn is slow"),
