@@ -25,7 +25,8 @@ class Gathering:
     tools: Tools
     haul: Haul
     sample: ProcessSample | None = None
-    living: bool = True
+    table: holders.Table | None = None
+    rollup: memory.Rollup | None = None
     seen: list[threads.ThreadFacts] = field(default_factory=list)
     printed_after_bytes: int | None = None
     debugger: children.Child | str | None = None
@@ -43,6 +44,7 @@ def prepare(steps: Sequence[Step], work: Gathering) -> None:
 def gather(steps: Sequence[Step], work: Gathering) -> None:
     """Go through the steps. Blocks, at most until the last step's moment if no collector hangs."""
     haul = work.haul
+    work.table = holders.begin_table()  # the slowest on a busy machine, and good at any moment
     try:
         for step in steps:
             begun_ns = time.monotonic_ns()
@@ -82,6 +84,7 @@ def _gather_one(step: Step, work: Gathering) -> None:
             threads.stop(subject, haul, until_ns)
         case Piece.DEBUGGER:
             work.debugger = stacks.begin(subject.pid, work.tools)
+            work.rollup = memory.begin_rollup(subject.pid)
         case Piece.RECORDER:
             collectors.collect_recorder(subject, haul)
         case Piece.PROCESS:
@@ -91,9 +94,10 @@ def _gather_one(step: Step, work: Gathering) -> None:
         case Piece.LOG:
             collectors.collect_log(subject, haul, until_ns)
         case Piece.LOCKS:
-            holders.collect_locks(subject, haul)
+            assert work.table is not None, "begun before the first step"
+            holders.collect_locks(subject, haul, work.table, step.patience_ns(time.monotonic_ns()))
         case Piece.MEMORY:
-            memory.collect_memory(subject, haul, step.patience_ns(time.monotonic_ns()), living=work.living)
+            memory.collect_memory(subject, haul, work.rollup, step.patience_ns(time.monotonic_ns()))
         case Piece.STACKS:
             stacks.collect_stacks(haul, work.debugger or "it was not begun", until_ns)
         case Piece.LAST_TRACEBACK:

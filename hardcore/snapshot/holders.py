@@ -10,16 +10,24 @@ from pathlib import Path
 from typing import Any
 
 from hardcore.host import locks
+from hardcore.snapshot.aside import Aside
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.subject import Haul, Subject
 
 #: Files of the folder whose locks are looked for.
 FILES_MAX = 64
 
+Table = Aside[tuple[locks.FileLock, ...] | str]
 
-def collect_locks(subject: Subject, haul: Haul) -> None:
+
+def begin_table() -> Table:
+    """Begin to read the kernel's table of locks."""
+    return Aside(locks.read_table)
+
+
+def collect_locks(subject: Subject, haul: Haul, looked: Table, until_ns: int) -> None:
     """Find the holders of the locks on the data folder's files, and who has the store's write lock."""
-    table = locks.read_table()
+    table = looked.wait(until_ns)
     if isinstance(table, str):
         haul.missing["locks.json"] = f"the kernel's table of locks: {table}"
         return

@@ -1,13 +1,9 @@
 """What the core's memory is made of: the kernel's sums, the core's own census, and who ran out of it.
 
-The kernel's roll-up of the memory map waits for a lock that a stuck process may hold for ever, and a read of
-/proc can't be given a timeout. So it is read on a thread of its own that is left behind if it hangs; a few
-such threads at most, then nobody asks any more. Everything else here is counters that wait for nothing.
+The roll-up of the memory map is the one part that may hang: it is looked at `aside`, and missing if it did not
+come. Everything else here is counters that wait for nothing. The map itself stays unread: it names every file.
 """
 
-import threading
-import time
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,50 +11,39 @@ from typing import Any
 import psutil
 
 from hardcore.model.recorder import Census, Page
+from hardcore.snapshot.aside import Aside
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.subject import Haul, Subject
 
 PROC_BYTES_MAX = 64 << 10
-#: Looks at a memory map that may hang at one time, in the whole process.
-HANGING_MAX = 4
 
-#: Of the whole process and not of one evidence: what hangs there outlives it.
-_hanging = threading.BoundedSemaphore(HANGING_MAX)
+Rollup = Aside[dict[str, int] | str]
 
 
-def collect_memory(subject: Subject, haul: Haul, until_ns: int, *, living: bool) -> None:
-    """Write `memory.json`: of a dead core only what its page and its group's counters still say."""
+def begin_rollup(pid: int) -> Rollup:
+    """Begin to read the sums of a process's memory map."""
+    return Aside(lambda: read_rollup(pid))
+
+
+def collect_memory(subject: Subject, haul: Haul, rollup: Rollup | None, until_ns: int) -> None:
+    """Write `memory.json`; without a roll-up only what a dead core's page and the host still say."""
     facts: dict[str, Any] = {**census_facts(haul.page), "host": _host()}
-    if living:
+    if rollup is not None:
         facts |= {"kernel": status_sizes(subject.pid), "group": group_counters(subject.pid)}
-        rollup = read_rollup(subject.pid, until_ns)
-        if isinstance(rollup, str):
-            haul.missing["memory-rollup"] = rollup
+        sums = rollup.wait(until_ns)
+        if isinstance(sums, str):
+            haul.missing["memory-rollup"] = sums
         else:
-            facts["rollup_bytes"] = rollup
+            facts["rollup_bytes"] = sums
     haul.files["memory.json"] = as_bytes(facts)
 
 
-def read_rollup(pid: int, until_ns: int) -> Mapping[str, int] | str:
-    """Return the sums of a process's memory map in bytes by name, or why they can't be had in time."""
-    if not _hanging.acquire(blocking=False):
-        return f"{HANGING_MAX} earlier looks at a memory map hang in the kernel"
-    found: list[Mapping[str, int] | str] = []
-    done = threading.Event()
-
-    def look() -> None:
-        try:
-            found.append(_sizes(Path(f"/proc/{pid}/smaps_rollup").read_text("ascii", "replace")))
-        except OSError as error:
-            found.append(f"the kernel would not tell: {error.strerror}")
-        finally:
-            _hanging.release()
-            done.set()
-
-    threading.Thread(target=look, name="rollup", daemon=True).start()
-    if not done.wait(max(0.0, (until_ns - time.monotonic_ns()) / 1e9)):
-        return "the kernel did not answer in time"
-    return found[0] if found else "the look at it failed"
+def read_rollup(pid: int) -> dict[str, int] | str:
+    """Return the sums of a process's memory map in bytes by name, or why they can't be had. May hang."""
+    try:
+        return _sizes(Path(f"/proc/{pid}/smaps_rollup").read_text("ascii", "replace"))
+    except OSError as error:
+        return f"the kernel would not tell: {error.strerror}"
 
 
 def census_facts(page: Page | None) -> dict[str, Any]:

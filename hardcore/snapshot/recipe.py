@@ -2,7 +2,8 @@
 
 Every piece has a share of the budget, and its deadline is the sum of the shares up to its own: a piece that
 is done early leaves its time to the later ones, one that hangs takes nothing from them. What a stop would
-destroy comes before the stop, what is cheap and tells most comes before what is slow. A timeout per piece
+destroy comes before the stop, what is cheap and tells most comes before what is slow; what the kernel may keep
+to itself for long is begun early and waited for last. A timeout per piece
 without the sum was not chosen: six patient collectors in a row are one late kill.
 """
 
@@ -41,9 +42,9 @@ LIVING: Mapping[Piece, int] = {
     Piece.RECORDER: 4,
     Piece.PROCESS: 5,
     Piece.LOG: 3,
-    Piece.LOCKS: 3,
-    Piece.MEMORY: 7,
-    Piece.STACKS: 13,
+    Piece.STACKS: 17,
+    Piece.LOCKS: 5,
+    Piece.MEMORY: 5,
 }
 #: A core that goes on serving is only looked at.
 LOOKED_AT: Mapping[Piece, int] = {piece: share for piece, share in LIVING.items() if piece is not Piece.STOP}

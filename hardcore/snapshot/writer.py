@@ -78,7 +78,7 @@ async def take_dead(
 
     Returns after `budget_ms` + DEAD_STORE_MS at the latest.
     """
-    work = Gathering(subject, Tools(None), Haul(), sample, living=False)
+    work = Gathering(subject, Tools(None), Haul(), sample)
     start_ns = await _collect(pool, recipe.DEAD, budget_ms, work)
     until_ns = recipe.end_ns(start_ns, budget_ms + DEAD_STORE_MS)
     return await _store(pool, subject, work.haul, start_ns, until_ns)

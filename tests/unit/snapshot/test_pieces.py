@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hardcore.model.recorder import Census, TypeCount
-from hardcore.snapshot import memory, tasks
+from hardcore.snapshot import aside, memory, tasks
 
 S = 1_000_000_000
 
@@ -92,13 +92,25 @@ def test_of_a_task_only_what_has_the_form_of_its_name_is_told(tmp_path: Path) ->
 
 
 def test_the_kernel_sums_up_a_memory_map_in_bytes() -> None:
-    told = memory.read_rollup(os.getpid(), time.monotonic_ns() + 30 * S)
+    told = memory.begin_rollup(os.getpid()).wait(time.monotonic_ns() + 30 * S)
     assert not isinstance(told, str), told
     assert told["Rss"] > 1 << 20
 
 
 def test_a_memory_map_of_nobody_is_a_reason() -> None:
-    assert isinstance(memory.read_rollup(1 << 30, time.monotonic_ns() + 30 * S), str)
+    assert isinstance(memory.read_rollup(1 << 30), str)
+
+
+def test_a_look_that_hangs_is_left_behind_and_only_so_many_may_hang() -> None:
+    over = threading.Event()
+    hanging = [aside.Aside(lambda: over.wait(60)) for _ in range(aside.LOOKS_MAX)]
+    try:
+        assert hanging[0].wait(time.monotonic_ns()) == "the kernel did not answer in time"
+        assert aside.Aside(lambda: 1).wait(time.monotonic_ns() + S) == "8 earlier looks hang in the kernel"
+    finally:
+        over.set()
+    assert [one.wait(time.monotonic_ns() + 30 * S) for one in hanging] == [True] * aside.LOOKS_MAX
+    assert aside.Aside(lambda: 1).wait(time.monotonic_ns() + 30 * S) == 1
 
 
 def test_the_growth_is_what_lies_between_two_censuses_the_largest_first() -> None:
