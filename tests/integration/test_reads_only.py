@@ -13,7 +13,9 @@ from typing import Any
 
 import pytest
 
+from core.imports.importer import IN_FLIGHT_MAX
 from tests.integration.lone_core import Core, ready, started
+from tests.integration.test_imports import form, statement
 from tests.waiting import WAIT_S, until
 
 UNSHARE = shutil.which("unshare")
@@ -129,6 +131,39 @@ def test_no_way_of_writing_is_left_open(tmp_path: Path, guard: Notified) -> None
             answer = core.ask("POST", path, body)
             assert (answer.status, answer.body["type"]) == (503, "/problems/safe-mode"), (path, answer)
         assert core.ask("GET", "/api/ledger/imports").status == 200
+
+
+def test_an_import_rests_while_only_reads_are_served_and_goes_on_later(
+    tmp_path: Path, guard: Notified
+) -> None:
+    rows = 4_000
+    with started(tmp_path / "data", sock=tmp_path / "sock", **guard.environ()) as core:
+        opened(ready(core))
+        body, kind = form(statement(rows, "row"), {"account": "cash"}, "bank.csv")
+        made = core.ask("POST", "/api/ledger/imports", body, Content_Type=kind, Idempotency_Key="file")
+        assert made.status == 201, made
+        path = f"/api/ledger/imports/{made.body['id']}"
+        assert core.ask("POST", f"{path}/commit", {}).status == 202
+        until(lambda: core.ask("GET", "/healthz").body["seq"] > 10, "the first rows to be booked")
+        assert guard.safe(on=True) == {"ok": True}
+        seq = core.ask("GET", "/healthz").body["seq"]
+        # Again under its key the upload is not told that nothing was done, and the wish that stands is shown.
+        again = core.ask("POST", "/api/ledger/imports", body, Content_Type=kind, Idempotency_Key="file")
+        assert (again.status, again.body["outcome"]) == (503, "unknown")
+        assert core.ask("POST", f"{path}/commit", {}).status == 202
+        for _ in range(3):
+            assert core.ask("GET", "/api/ledger/verify").body["ok"]  # each takes longer than a wave of rows
+            assert core.ask("GET", "/healthz").body["seq"] <= seq + IN_FLIGHT_MAX
+        assert core.ask("GET", path).body["state"] == "committing"
+        assert guard.safe(on=False) == {"ok": True}
+        ended = until(lambda: is_over(core, path), "the import to end")
+        assert ended is not None
+        assert (ended["state"], ended["rows"]["new"], ended["rows"]["refused"]) == ("done", rows, 0)
+
+
+def is_over(core: Core, path: str) -> dict[str, Any] | None:
+    now: dict[str, Any] = core.ask("GET", path).body
+    return None if now["state"] == "committing" else now
 
 
 # -- shut by its store ---------------------------------------------------------------------------------
