@@ -45,6 +45,8 @@ def audited(c: Course, fact: seen.LedgerAudited) -> None:
         c.troubles.lasting = False  # another core, and perhaps another copy of the ledger
         settle(c, fact.at_ns)
         return
+    if c.safety.reason is Diagnosis.STORE_CORRUPT and c.story is None:
+        return  # it reads only because of that, and a person has been told: its word joins what was told
     said = Testimony("proof", Colour.RED, f"the ledger is not whole: {fact.fault}")
     death = Death(Diagnosis.STORE_CORRUPT, Grade.CERTAIN, (said,))
     _meet(c, death, fact.at_ns, (), fact.at_ns, said.why)

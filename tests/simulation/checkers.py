@@ -18,7 +18,7 @@ from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.transitions import Step, Trigger
 from tests.simulation.conditions import WELL
 from tests.simulation.looks import BEAT_NS
-from tests.simulation.machine import Life, Stage
+from tests.simulation.machine import CORRUPT, NO_ROOM, Life, Stage
 
 if TYPE_CHECKING:  # the world owns its checkers
     from tests.simulation.guard import Guard
@@ -79,6 +79,7 @@ class Checkers:
         self._judged: dict[int, Diagnosis] = {}
         self._sent_away: set[int] = set()
         self._renewed: set[int] = set()
+        self._handed_over: set[int] = set()
         self._counts = False  # whether the last end was an accident
         self._asked_by_operator = False
         self._way_in: Transition | None = None
@@ -126,9 +127,16 @@ class Checkers:
         if life is None or life.number != fact.life:
             return
         drilled = fact.at_ns - self._drill_ns < DRILL_NS
-        self._counts = not drilled and (fact.life not in self._sent_away or fact.life in self._judged)
+        by_itself = fact.life not in self._sent_away or fact.life in self._judged
+        self._counts = by_itself and not drilled and not self._only_tried(life)
         if self._counts and fact.life not in self._judged:  # a judged one was counted by its verdict
             self._deaths_ns.append(fact.at_ns)
+
+    def _only_tried(self, life: Life) -> bool:
+        """Whether it was started in a reader's place, to find out whether the reason is over, and it is not."""
+        before = self.world.lives[life.serial - 2] if life.serial > 1 else None
+        tried = before is not None and before.unfenced
+        return tried and life.exit is not None and life.exit.code in {CORRUPT, NO_ROOM}
 
     # ---- where the guard goes ----
 
@@ -313,6 +321,10 @@ class Checkers:
             _hold(max(self._ready, default=-1) > told.life, "recovered means that a successor served")
         _hold(told.planned or told.deaths or troubled, "an incident nobody planned has a death or a trouble")
         self.closed[told.id] = told.outcome
+        if told.diagnosis is Diagnosis.STORE_CORRUPT and not told.deaths:
+            _hold(told.life not in self._handed_over, "one damage is told once of one core")
+        if handed_over and guard.life is not None:
+            self._handed_over.add(guard.life.number)
 
     # ---- the ledger and its clients ----
 
