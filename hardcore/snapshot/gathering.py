@@ -52,7 +52,7 @@ def gather(steps: Sequence[Step], work: Gathering) -> None:
                 return
             haul.pending[step.piece] = "it was still being collected when the budget was over"
             try:
-                _gather_one(step, work)
+                _gather_one(step, work, step.deadline_ns(begun_ns, steps[-1].until_ns))
             except Exception as error:  # noqa: BLE001  a bug in one collector must not cost the others' evidence
                 haul.missing[step.piece] = f"a fault in the collector: {type(error).__name__}: {error}"
             haul.costs_us[step.piece] = (time.monotonic_ns() - begun_ns) // 1_000
@@ -68,15 +68,15 @@ def abandon(work: Gathering) -> None:
         children.kill(work.debugger)
 
 
-def _gather_one(step: Step, work: Gathering) -> None:
-    subject, haul, until_ns = work.subject, work.haul, step.until_ns
+def _gather_one(step: Step, work: Gathering, until_ns: int) -> None:
+    subject, haul = work.subject, work.haul
     match step.piece:
         case Piece.THREADS:
             threads.collect_threads(subject, haul, work.seen, until_ns)
         case Piece.ASK:
             work.printed_after_bytes = printed.ask(subject, haul)
         case Piece.TASKS:
-            tasks.collect_tasks(subject, haul, step.patience_ns(time.monotonic_ns()))
+            tasks.collect_tasks(subject, haul, min(until_ns, step.patience_ns(time.monotonic_ns())))
         case Piece.TRACEBACK:
             if work.printed_after_bytes is not None:
                 printed.pick_up(subject, haul, work.printed_after_bytes, until_ns)
@@ -95,9 +95,13 @@ def _gather_one(step: Step, work: Gathering) -> None:
             collectors.collect_log(subject, haul, until_ns)
         case Piece.LOCKS:
             assert work.table is not None, "begun before the first step"
-            holders.collect_locks(subject, haul, work.table, step.patience_ns(time.monotonic_ns()))
+            holders.collect_locks(
+                subject, haul, work.table, min(until_ns, step.patience_ns(time.monotonic_ns()))
+            )
         case Piece.MEMORY:
-            memory.collect_memory(subject, haul, work.rollup, step.patience_ns(time.monotonic_ns()))
+            memory.collect_memory(
+                subject, haul, work.rollup, min(until_ns, step.patience_ns(time.monotonic_ns()))
+            )
         case Piece.STACKS:
             stacks.collect_stacks(haul, work.debugger or "it was not begun", until_ns)
         case Piece.LAST_TRACEBACK:

@@ -1,7 +1,8 @@
 """Which evidence is taken, in which order, and until when: three tables and the arithmetic between them.
 
 Every piece has a share of the budget, and its deadline is the sum of the shares up to its own: a piece that
-is done early leaves its time to the later ones, one that hangs takes nothing from them. What a stop would
+is done early leaves its time to the later ones. One that is begun late, because the machine is busy, has its own
+share all the same, as far as the whole allows. What a stop would
 destroy comes before the stop, what is cheap and tells most comes before what is slow; what the kernel may keep
 to itself for long is begun early and waited for last. A timeout per piece
 without the sum was not chosen: six patient collectors in a row are one late kill.
@@ -42,9 +43,9 @@ LIVING: Mapping[Piece, int] = {
     Piece.RECORDER: 4,
     Piece.PROCESS: 5,
     Piece.LOG: 3,
-    Piece.STACKS: 17,
-    Piece.LOCKS: 5,
-    Piece.MEMORY: 5,
+    Piece.STACKS: 23,
+    Piece.LOCKS: 2,
+    Piece.MEMORY: 2,
 }
 #: A core that goes on serving is only looked at.
 LOOKED_AT: Mapping[Piece, int] = {piece: share for piece, share in LIVING.items() if piece is not Piece.STOP}
@@ -80,7 +81,14 @@ class Step:
 
     def patience_ns(self, now_ns: int) -> int:
         """Return until when such a piece waits that is begun now."""
-        return min(self.until_ns, now_ns + self.share_ns)
+        return now_ns + self.share_ns
+
+    def deadline_ns(self, now_ns: int, last_ns: int) -> int:
+        """Return until when a piece that is begun now may take: its share at least, however late it begins.
+
+        `last_ns` is the last piece's moment, which nothing goes beyond.
+        """
+        return min(last_ns, max(self.until_ns, self.patience_ns(now_ns)))
 
 
 def plan(shares: Mapping[Piece, int], *, start_ns: int, budget_ms: int) -> tuple[Step, ...]:

@@ -56,5 +56,12 @@ def test_a_budget_counts_from_its_start() -> None:
 
 def test_a_piece_that_waits_for_an_answer_has_no_more_than_its_own_share() -> None:
     tasks = next(step for step in recipe.plan(LIVING, start_ns=0, budget_ms=400) if step.piece is Piece.TASKS)
-    assert tasks.patience_ns(0) == 32 * MS
-    assert tasks.patience_ns(tasks.until_ns - MS) == tasks.until_ns
+    assert tasks.patience_ns(7) == 7 + 32 * MS
+
+
+@pytest.mark.parametrize(("begun_ms", "until_ms"), [(0, 20), (10, 30), (395, 400)])
+def test_a_piece_that_is_begun_late_has_its_share_as_far_as_the_whole_allows(
+    begun_ms: int, until_ms: int
+) -> None:
+    first = recipe.plan(LIVING, start_ns=0, budget_ms=400)[0]
+    assert first.deadline_ns(begun_ms * MS, 400 * MS) == until_ms * MS
