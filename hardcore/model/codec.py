@@ -178,13 +178,13 @@ def _hints(cls: type) -> Mapping[str, Any]:
         return {}
 
 
-@dataclass(slots=True)
 class _Reader:
     """Reads one value; counts its parts."""
 
-    classes: Mapping[str, type]
-    plans: Mapping[type, _Plan]
-    nodes: int = 0
+    def __init__(self, classes: Mapping[str, type], plans: Mapping[type, _Plan]) -> None:
+        self.classes = classes
+        self.plans = plans
+        self.nodes = 0
 
     def read(self, raw: Json, depth: int) -> Any:
         """Return the value. Raises `_StrangeError`."""

@@ -16,7 +16,7 @@ from tests.waiting import until
 
 def recorded(house: House) -> Path:
     """The folder of the newest incident, with the recording that was written at its closing."""
-    incident = house.closed(1)["id"]
+    incident: str = house.closed(1)["id"]
     folder = house.folders.incidents / incident
 
     def closed() -> bool:

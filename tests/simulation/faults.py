@@ -14,7 +14,17 @@ from tests.simulation import conditions
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import Condition
 from tests.simulation.looks import Spoilt
-from tests.simulation.machine import REFUSALS, BootPlan, Disk, Harm, Rot, Stage
+from tests.simulation.machine import BootPlan, Disk, Harm, Rot, Stage
+from tests.simulation.store_faults import (
+    at_the_fence,
+    disk,
+    disk_flickers,
+    end_the_present_one,
+    later,
+    locked,
+    rots,
+    safe_orders,
+)
 from tests.simulation.switches import Looking, Order, Taking
 from tests.simulation.world import World
 
@@ -53,21 +63,15 @@ def _boots(
         for _ in range(world.rng.randrange(1, times + 1)):
             plan = BootPlan(world.rng.randrange(5, 150) * MS, world.rng.randrange(5, 60) * MS, at, end, words)
             world.switches.boot_plans.append(plan)
-        _end_the_present_one(world)
+        end_the_present_one(world)
 
     return fault
-
-
-def _end_the_present_one(world: World) -> None:
-    """A bad boot shows only when there is one."""
-    if world.rng.random() < 0.8 and (core := world.core) is not None:
-        core.signal(9)
 
 
 def _boot_hangs(at: Stage) -> Fault:
     def fault(world: World) -> None:
         world.switches.boot_plans.append(BootPlan(50 * MS, 20 * MS, at, hangs=True))
-        _end_the_present_one(world)
+        end_the_present_one(world)
 
     return fault
 
@@ -77,24 +81,24 @@ def _boot_is_slow(world: World) -> None:
     world.switches.boot_plans.append(
         BootPlan(slow_ns, 20 * MS, extends_ns=world.rng.randrange(1, 30) * NS_PER_S)
     )
-    _end_the_present_one(world)
+    end_the_present_one(world)
 
 
 def _epoch_is_not_told(world: World) -> None:
     world.switches.boot_plans.append(BootPlan(50 * MS, 20 * MS, tells_epoch=False))
-    _end_the_present_one(world)
+    end_the_present_one(world)
 
 
 def _spawns_fail(world: World) -> None:
     world.switches.failing_spawns += world.rng.randrange(1, 4)
-    _end_the_present_one(world)
+    end_the_present_one(world)
 
 
 def _spawn_is_slow(world: World) -> None:
     """Making the process takes long, and in the meantime the operator often says something."""
     world.switches.slow_spawns_ns.append(world.rng.randrange(200, 3000) * MS)
     world.switches.failing_spawns += world.rng.randrange(2)
-    _end_the_present_one(world)
+    end_the_present_one(world)
     if world.rng.random() < 0.6:
         verb = world.rng.choice([seen.Verb.STOP, seen.Verb.RESTART_HARD])
         world.clock.after(world.rng.randrange(20, 400) * MS, lambda: _ask(world, verb))
@@ -110,7 +114,7 @@ def _changes_his_mind(world: World) -> None:
 
 
 def _freezes_in_boot(world: World) -> None:
-    _end_the_present_one(world)
+    end_the_present_one(world)
     wait_ns = world.rng.randrange(300) * MS
     for_ns = world.rng.choice([None, 3 * NS_PER_S])
 
@@ -135,7 +139,7 @@ def _gil_is_held(holding: Condition, low_ms: int, high_ms: int) -> Fault:
             if core.condition is holding:
                 core.befall(conditions.GIL_RETURNED, world.rng.randrange(1, 40) * MS)
 
-        world.later(low_ms, high_ms, returned)
+        later(world, low_ms, high_ms, returned)
 
     return fault
 
@@ -190,84 +194,6 @@ def _answers_falsely(condition: Condition) -> Fault:
     return fault
 
 
-def _asked_meanwhile(world: World) -> None:
-    """Clients ask while something is the matter with the store."""
-    for n in range(3):
-        key = f"at-the-store-{world.clock.now_ns}-{n}"
-        world.later(1, 900, partial(world.gateway.submit, key))
-
-
-def _disk(disk: Disk, low_ms: int, high_ms: int) -> Fault:
-    """The ledger's disk takes no write for a while, or until somebody makes room at the end."""
-
-    def fault(world: World) -> None:
-        if world.store.ill:
-            return
-        world.store_befalls(disk)
-        _asked_meanwhile(world)
-        if high_ms and world.rng.random() < 0.7:
-            world.later(low_ms, high_ms, partial(_heals, world, disk))
-
-    return fault
-
-
-def _heals(world: World, disk: Disk) -> None:
-    if world.store.disk is disk:
-        world.store_befalls()
-
-
-def _disk_flickers(world: World) -> None:
-    """There is room, there is none, there is: one trouble, not ten."""
-    if world.store.ill:
-        return
-    disk = world.rng.choice(list(REFUSALS))
-    at_ms = 0
-    for n in range(world.rng.randrange(2, 6)):
-        world.clock.after(at_ms * MS, partial(world.store_befalls, disk if n % 2 == 0 else Disk.WELL))
-        world.clock.after((at_ms + 20) * MS, partial(_asked_meanwhile, world))
-        at_ms += world.rng.randrange(50, 4000)
-    world.clock.after(at_ms * MS, world.store_befalls)
-
-
-def _at_the_fence(disk: Disk) -> Fault:
-    """A core begins while the disk takes no write."""
-
-    def fault(world: World) -> None:
-        if world.store.ill:
-            return
-        world.store_befalls(disk)
-        if (core := world.core) is not None:
-            core.signal(9)
-        if world.rng.random() < 0.7:
-            world.later(300, 30_000, partial(_heals, world, disk))
-
-    return fault
-
-
-def _locked(world: World) -> None:
-    """Another program holds the ledger's lock, while clients ask or while a core begins."""
-    if world.store.ill:
-        return
-    world.store_befalls(Disk.WELL, seen.LockHolder(4711, "backup"))
-    _asked_meanwhile(world)
-    if world.rng.random() < 0.3:
-        world.later(10, 2000, partial(_end_the_present_one, world))
-    world.later(200, 20_000, lambda: world.store_befalls(world.store.disk))
-
-
-def _rots(rot: Rot) -> Fault:
-    """The ledger is damaged; the next core finds it, at its start or behind its serving."""
-
-    def fault(world: World) -> None:
-        if world.store.ill:
-            return
-        world.store_befalls(rot=rot)
-        if (core := world.core) is not None:
-            core.signal(9)
-
-    return fault
-
-
 def _out_of_memory(world: World) -> None:
     if (core := world.core) is not None:
         core.rss_bytes += world.rng.randrange(1 << 30)
@@ -280,17 +206,6 @@ def _grows(world: World) -> None:
     if (core := world.core) is not None:
         core.rss_bytes += 1 << 30
         world.worry()
-
-
-def _safe_orders(order: Order) -> Fault:
-    """An order to read only, or to write again, does not come through as it should."""
-
-    def fault(world: World) -> None:
-        for _ in range(world.rng.randrange(1, 4)):
-            world.switches.safe_orders.append(order)
-        _disk(world.rng.choice(list(REFUSALS)), 300, 9000)(world)
-
-    return fault
 
 
 def _suspends(world: World) -> None:
@@ -482,20 +397,20 @@ CRISIS: Mapping[str, Fault] = {
     "slow transaction": _befalls(conditions.SLOW_TRANSACTION),
     "lying core": _answers_falsely(conditions.LYING),
     "deaf core": _befalls(conditions.DEAF),
-    "ledger locked": _locked,
-    "disk fills": _disk(Disk.FULL, 100, 20_000),
-    "disk read-only": _disk(Disk.READ_ONLY, 100, 20_000),
-    "disk stalls": _disk(Disk.STALLED, 100, 20_000),
-    "disk flickers": _disk_flickers,
-    "disk full at the fence": _at_the_fence(Disk.FULL),
-    "disk read-only at the fence": _at_the_fence(Disk.READ_ONLY),
-    "disk stalls at the fence": _at_the_fence(Disk.STALLED),
-    "ledger damaged deep inside": _rots(Rot.DEEP),
-    "ledger damaged at its head": _rots(Rot.HEAD),
+    "ledger locked": locked,
+    "disk fills": disk(Disk.FULL, 100, 20_000),
+    "disk read-only": disk(Disk.READ_ONLY, 100, 20_000),
+    "disk stalls": disk(Disk.STALLED, 100, 20_000),
+    "disk flickers": disk_flickers,
+    "disk full at the fence": at_the_fence(Disk.FULL),
+    "disk read-only at the fence": at_the_fence(Disk.READ_ONLY),
+    "disk stalls at the fence": at_the_fence(Disk.STALLED),
+    "ledger damaged deep inside": rots(Rot.DEEP),
+    "ledger damaged at its head": rots(Rot.HEAD),
     "out of memory": _out_of_memory,
-    "order to read only lost": _safe_orders(Order.LOST),
-    "order to read only refused": _safe_orders(Order.REFUSED),
-    "order to read only late": _safe_orders(Order.LATE),
+    "order to read only lost": safe_orders(Order.LOST),
+    "order to read only refused": safe_orders(Order.REFUSED),
+    "order to read only late": safe_orders(Order.LATE),
     "writer asleep": _writer(conditions.WRITER_ASLEEP),
     "writer gone": _writer(conditions.WRITER_GONE),
     "boot crashes": _boots(Stage.BORN, signal=11, times=2),

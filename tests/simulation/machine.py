@@ -165,9 +165,8 @@ class Surroundings(Protocol):
     policy: Policy
 
     def tell(self, life: "Life", fact: seen.Observation) -> None: ...
-    def refused(self, life: "Life", request: "Request") -> None: ...
     def is_true(self, diagnosis: Diagnosis) -> None: ...
-    def answered(self, life: "Life", request: "Request") -> None: ...
+    def answered(self, life: "Life", request: "Request", *, refused: bool = False) -> None: ...
     def died(self, life: "Life") -> None: ...
     def worry(self) -> None: ...
 
@@ -359,7 +358,7 @@ class Life:
     def accept(self, request: "Request") -> None:
         """Take a command in: from here on it is on the recorder. One that reads only refuses it at the door."""
         if self.safe:
-            self.world.refused(self, request)
+            self.world.answered(self, request, refused=True)
             return
         now_ns = self.world.clock.now_ns
         self.slots[request.command_id] = Slot(request, now_ns, stage_ns=now_ns)
@@ -429,7 +428,7 @@ class Life:
         self._tell(seen.StoreTold(self.world.clock.now_ns, self.number, REFUSALS[disk][0]))
         del self.slots[request.command_id]
         self.completed += 1
-        self.world.refused(self, request)
+        self.world.answered(self, request, refused=True)
         self.world.worry()
 
     def set_safe(self, order: SetSafe) -> None:

@@ -7,6 +7,7 @@ mended by the guard alone. Only a core that the kernel never lets go may stay as
 from functools import partial
 
 from hardcore.recovery.policy import Policy, Word
+from tests.simulation import store_faults
 from tests.simulation.clock import NS_PER_S
 from tests.simulation.conditions import WELL, Condition, Judged
 from tests.simulation.machine import RSS_BYTES, Life
@@ -20,7 +21,7 @@ def calm_down(world: World) -> None:
     """Begin the quiet."""
     world.quiet = True
     world.switches.clear()
-    world.store_befalls()  # somebody makes room; what is damaged stays damaged
+    store_faults.befall(world)  # somebody makes room; what is damaged stays damaged
     for life in [life for life in world.lives if life.alive]:
         _heal(world, life)
     for number, wait_s in enumerate(ASKED_AT_S):

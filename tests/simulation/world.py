@@ -4,7 +4,6 @@ The world owns what outlives any process (the store, what a guard wrote to disk,
 the switches that faults turn. What it knows is the truth; the guard inside only hears what it would hear.
 """
 
-from collections.abc import Callable
 from random import Random
 
 from hardcore.model import observations as seen
@@ -115,13 +114,12 @@ class World:
         """A fact from the gateway."""
         self.guard.tell(fact)
 
-    def answered(self, life: Life, request: Request) -> None:
-        """A core answers."""
-        self.gateway.answered(life, request)
-
-    def refused(self, life: Life, request: Request) -> None:
-        """A core has said that it did nothing."""
-        self.gateway.refused(life, request)
+    def answered(self, life: Life, request: Request, *, refused: bool = False) -> None:
+        """A core answers; `refused`: that it did nothing."""
+        if refused:
+            self.gateway.refused(life, request)
+        else:
+            self.gateway.answered(life, request)
 
     def died(self, life: Life) -> None:
         """A core is gone."""
@@ -140,17 +138,6 @@ class World:
         """Remember that this was the matter just now."""
         self.truths[diagnosis] = self.clock.now_ns
 
-    def store_befalls(
-        self, disk: Disk = Disk.WELL, holder: seen.LockHolder | None = None, rot: Rot | None = None
-    ) -> None:
-        """Something befalls the ledger's store, or is over."""
-        if rot is not None:
-            self.store.rot = rot
-        self.note_truths()
-        self.store.befall(self.clock.now_ns, disk, holder)
-        self.note_truths()
-        self.worry()
-
     def note_truths(self) -> None:
         """Remember what is the matter with the store at this moment."""
         store = self.store
@@ -162,10 +149,6 @@ class World:
             self.is_true(Diagnosis.DB_LOCKED)
         if store.rot is not Rot.NONE:
             self.is_true(Diagnosis.STORE_CORRUPT)
-
-    def later(self, low_ms: int, high_ms: int, deed: Callable[[], object]) -> None:
-        """Do something after a time that is left to chance."""
-        self.clock.after(self.rng.randrange(low_ms, high_ms) * NS_PER_MS, deed)
 
     def befall(self, condition: Condition, for_ns: int | None = None) -> None:
         """Something befalls the living core, between two ticks of the watch."""

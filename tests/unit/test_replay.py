@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from hardcore.model import observations as seen
 from hardcore.model.phases import Wanted
-from hardcore.model.recorder import CommandNote, SlotStage
+from hardcore.model.recorder import CommandNote, SlotStage, Threads
 from hardcore.recovery import flight
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import NOTES_MAX, RECORDING_BYTES_MAX, STRETCH_NS, Tape
@@ -80,7 +80,7 @@ def test_a_tape_goes_on_from_what_was_remembered_in_its_middle() -> None:
 def test_under_load_a_tape_holds_a_bounded_number_of_commands() -> None:
     note = CommandNote(SlotStage.QUEUED, "c", "k", "transaction", "", (), 1)
     facts = [seen.SentinelBegan(S)]
-    looks = [seen.Sampled(S + n, 0, None, seen.Threads(), None, (note,) * 256) for n in range(1, 200)]
+    looks = [seen.Sampled(S + n, 0, None, Threads(), None, (note,) * 256) for n in range(1, 200)]
     recording = told([*facts, *looks]).cut()
     held = sum(stretch.notes for stretch in recording.stretches)
     assert held <= 2 * (NOTES_MAX + 256)
