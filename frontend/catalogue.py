@@ -227,8 +227,16 @@ NEXT_STEPS: Final[dict[str, tuple[str, str]]] = {
         "Another program holds the ledger's lock. Close it, then `hardcore resume`.",
     ),
     "DISK_FULL": (
-        "장부가 있는 디스크가 가득 찼어요. 자리를 만든 뒤 `hardcore resume`을 하세요.",
-        "The ledger's disk is full. Make room, then `hardcore resume`.",
+        "장부가 있는 디스크가 가득 찼어요. 자리를 만들면 저절로 다시 쓸 수 있어요. 지금은 읽기만 돼요.",
+        "The ledger's disk is full. Make room and it writes again by itself; until then it can be read.",
+    ),
+    "DISK_READ_ONLY": (
+        "장부가 있는 디스크에 쓸 수 없어요. 다시 쓸 수 있게 하면 저절로 이어져요. 지금은 읽기만 돼요.",
+        "The ledger's disk takes no write. Make it writable and it goes on by itself; until then it can be read.",
+    ),
+    "DISK_STALLED": (
+        "장부가 있는 디스크가 대답하지 않아요. 디스크를 확인하세요. 돌아오면 저절로 이어져요.",
+        "The ledger's disk does not answer. Look at the disk; it goes on by itself when that is back.",
     ),
     "UNKILLABLE": (
         "핵심 서버가 아직 끝나지 않았어요. 계속 끝내 보고 있어요. 디스크에 문제가 없는지 확인하세요.",

@@ -21,7 +21,7 @@ from frontend.catalogue import text
 from hardcore import __version__, standing
 from hardcore import up as starting
 from hardcore.asked import WAIT_S as STOP_S
-from hardcore.asked import Asked, come_back, is_held, keep, operator, options, status_of, until
+from hardcore.asked import Asked, come_back, is_held, operator, options, status_of, until
 from hardcore.drilling import drill
 from hardcore.examination import doctor
 from hardcore.host import lives
@@ -29,7 +29,7 @@ from hardcore.host.files import take_lock
 from hardcore.host.folders import Folders
 from hardcore.looking_back import incidents, replay
 from hardcore.model.phases import Wanted
-from hardcore.recovery.policy import Policy, notes
+from hardcore.policy_words import policy
 from hardcore.status_page import printed_status
 from hardcore.up import held
 
@@ -160,10 +160,13 @@ def _show_once(asked: Asked, *, clear: bool) -> int:
 @main.command()
 @click.option("--reason", default="", help="Why; it stands in the report.")
 @click.option("--hard", is_flag=True, help="Kill the core instead of letting it finish.")
+@click.option(
+    "--image", is_flag=True, help="Keep the old core's whole memory (policy: memory_image on_request)."
+)
 @operator
-def restart(asked: Asked, reason: str, *, hard: bool) -> None:
+def restart(asked: Asked, reason: str, *, hard: bool, image: bool) -> None:
     """Start a new core. Requests wait meanwhile; none is lost."""
-    answer = asked.ask(verb="restart", reason=reason, hard=hard)
+    answer = asked.ask(verb="restart", reason=reason, hard=hard or image, image=image)
     if not answer.get("changed"):
         asked.say("starting_already")
         asked.tell(answer)
@@ -237,35 +240,7 @@ def _verify_alone(asked: Asked) -> dict[str, Any]:
     return found
 
 
-@main.group()
-@options
-@click.pass_context
-def policy(context: click.Context, /, **given: object) -> None:
-    """The failover policy."""
-    keep(context, given)
-
-
-@policy.command("check")
-@click.argument("file", type=click.Path(path_type=Path, dir_okay=False))
-@operator
-def policy_check(asked: Asked, file: Path) -> None:
-    """Check a policy file; every fault with its line and reason."""
-    found = standing.load_policy_file(file)
-    if not isinstance(found, Policy):
-        asked.tell(
-            {"ok": False, "faults": [{"line": f.line, "name": f.name, "reason": f.reason} for f in found]}
-        )
-        if not asked.json:
-            click.echo(starting.policy_faults(file, found, asked.lang), err=True)
-        sys.exit(1)
-    asked.say("policy_good", path=file)
-    if not asked.json:
-        for note in notes(found):
-            click.echo(f"  {note}")
-    asked.tell({"ok": True, "notes": notes(found)})
-
-
-for command in (incidents, replay, drill, doctor):
+for command in (incidents, replay, drill, doctor, policy):
     main.add_command(command)
 
 

@@ -24,6 +24,7 @@ from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase, Wanted
+from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 
@@ -128,12 +129,18 @@ class Door:
         return self._order(seen.Verb.STOP, request)
 
     async def _resume(self, request: Request) -> Answer:
-        if request.accept_ledger and self._house.reading().phase is Phase.FATAL:
+        reading = self._house.reading()
+        damaged = reading.phase is Phase.FATAL or reading.safe is Diagnosis.STORE_CORRUPT
+        if request.accept_ledger and damaged:
             await self._house.in_hand(lives.overrule_pages, self._house.folders)
         return self._order(seen.Verb.RESUME, request)
 
     def _restart(self, request: Request) -> Answer:
         reading = self._house.reading()
+        if request.image and self._house.policy.memory_image == "never":
+            return _refuse(
+                "no-image", "The policy keeps no memory (`memory_image` is never): set it to on_request."
+            )
         if reading.phase is Phase.UNKILLABLE:
             return _refuse(
                 "unkillable", "The old core does not die; a second one beside it could lose money."

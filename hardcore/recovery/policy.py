@@ -321,6 +321,13 @@ def notes(policy: Policy) -> list[str]:
     ]
 
 
+def in_full(policy: Policy) -> dict[str, object]:
+    """Return every number and every diagnosis' actions, as this policy has them."""
+    numbers = {f.name: getattr(policy, f.name) for f in dataclasses.fields(policy) if "text" in f.metadata}
+    actions = {str(diagnosis): sorted(map(str, policy.words(diagnosis))) for diagnosis in Diagnosis}
+    return {**numbers, "actions": actions, "gateway": dataclasses.asdict(policy.gateway)}
+
+
 def shipped_text() -> str:
     """Return the policy file that a first start writes: every number with its default."""
     numbers = {
