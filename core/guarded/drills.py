@@ -28,9 +28,10 @@ OOM_STEP_BYTES: Final = 8 << 20
 #: The guard's memory limit is far below it. Whoever gets here has none, and the machine is not to fall over.
 OOM_BYTES_MAX: Final = 4 << 30
 #: What a collection costs are the references it follows to places far apart: so many objects with so many each take
-#: it a second or two, and all of them together some 200 MB.
-GC_OBJECTS: Final = 500_000
-GC_REFERENCES: Final = 40
+#: Objects of the long collections: they take some 300 MB for some seconds, and each collection half a second.
+GC_OBJECTS: Final = 3_000_000
+GC_COLLECTIONS: Final = 3
+_GC_STRIDE: Final = 1_048_573  # a prime: memory that is read in leaps is what makes a collection long
 #: The thread that takes part in a deadlock has begun long before, on any machine.
 _HANDSHAKE_S_MAX: Final = 10.0
 _MUTEX_BYTES: Final = 128  # more than a mutex has on any machine
@@ -101,12 +102,12 @@ def _eat_memory() -> None:
 
 
 def _collect_much() -> None:
-    """Make a heap of millions of references in small steps, collect once, and forget it."""
+    """Make a heap of millions of objects, each naming another far from it, collect, and forget it."""
     heap: list[list[object]] = [[] for _ in range(GC_OBJECTS)]
-    apart = GC_OBJECTS // GC_REFERENCES
     for place, made in enumerate(heap):
-        made.extend(heap[place % apart :: apart])
-    gc.collect()
+        made.append(heap[place * _GC_STRIDE % GC_OBJECTS])
+    for _ in range(GC_COLLECTIONS):
+        gc.collect()
     for made in heap:
         made.clear()  # they name each other in circles, and would be there until a collection finds them
 
