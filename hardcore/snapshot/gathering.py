@@ -37,8 +37,6 @@ def prepare(steps: Sequence[Step], work: Gathering) -> None:
     work.haul.pending.update({str(step.piece): "the budget was over" for step in steps})
     if work.subject.first_stacks:
         work.haul.files["stacks-first.json"] = work.subject.first_stacks
-    if work.subject.observations:
-        work.haul.files["observations.jsonl"] = work.subject.observations
 
 
 def gather(steps: Sequence[Step], work: Gathering) -> None:

@@ -25,7 +25,6 @@ class Subject:
     data: Path
     control: Path | None = None  # the core's own control socket, to ask for its suspended tasks
     first_stacks: bytes = b""  # the suspicion's look at the stacks, in the form of `stacks.json`
-    observations: bytes = b""  # the facts that led here, in the form of `observations.jsonl`
 
 
 @dataclass(frozen=True, slots=True)

@@ -283,11 +283,10 @@ def test_a_core_that_serves_on_is_never_stopped_for_an_image(one: Guarded) -> No
 
 
 def test_what_was_seen_before_the_verdict_stands_in_the_bundle(one: Guarded) -> None:
-    seen = replace(one.subject, first_stacks=b"[]", observations=b'{"kind": "tick"}\n')
+    seen = replace(one.subject, first_stacks=b"[]")
     taken = asyncio.run(writer.take_live(seen, BUDGET_MS, one.pool, stacks.find_tools()))
     assert isinstance(taken, Evidence), taken
     assert (taken.path / "stacks-first.json").read_bytes() == b"[]"
-    assert (taken.path / "observations.jsonl").read_bytes() == seen.observations
 
 
 def _quietly(core: Core, body: Any, headers: dict[str, str]) -> None:

@@ -101,8 +101,8 @@ def test_facts_that_a_full_disk_refused_are_written_when_there_is_room(new_house
     disk = full_disk.begin_on_a_small_disk(house)
     full_disk.fill(disk)
     house.hit("core")
-    incident = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")["last_incident"]
-    facts = disk / "incidents" / incident / bundle.FACTS
+    status = house.until(lambda s: s["safe"] == "DISK_FULL" and s["core"]["ready"], "a core that reads only")
+    facts = disk / "incidents" / status["incident"] / bundle.FACTS
     assert not facts.exists()
     (disk / "filler").unlink()
     until(facts.exists, "the facts to be tried again", 2 * START_S)
