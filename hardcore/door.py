@@ -17,7 +17,7 @@ from typing import Any, Protocol, assert_never
 import psutil
 
 from hardcore import standing, status
-from hardcore.control.protocol import PEACEFUL, Ask, Request, write_line
+from hardcore.control.protocol import PEACE_S, PEACEFUL, Ask, Request, write_line
 from hardcore.host import clock, lives, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
@@ -25,7 +25,9 @@ from hardcore.host.processes import Handle, Identity
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery.policy import Policy
+from hardcore.recovery.budget import NS_PER_S
+from hardcore.recovery.drill import DRILL_GRACE_NS
+from hardcore.recovery.policy import Policy, in_full
 from hardcore.recovery.reading import Reading
 
 CORE_ANSWER_S = 2.0
@@ -68,8 +70,9 @@ class House(Protocol):
         """Have another process take the ledger's lock for so long; return why it could not."""
 
 
-def _refuse(code: str, error: str) -> Answer:
-    return {"ok": False, "code": code, "error": error}, []
+def _refuse(code: str, error: str, **values: object) -> Answer:
+    """Say no. The code and its values are for whoever says it in another language."""
+    return {"ok": False, "code": code, "error": error, "values": values}, []
 
 
 class Door:
@@ -82,6 +85,8 @@ class Door:
         self._verified_ns: int | None = None
         self._launcher = _identity(os.getppid())
         self._stats: dict[str, int] = {}
+        self._preparing = False
+        self._peace_until_ns = 0
         self._own_cpu = _CpuMeter()
         self._core_cpu = _CpuMeter()
 
@@ -95,6 +100,8 @@ class Door:
                 return {"ok": True, "url": self._house.url}, [self._house.listen_fd]
             case Ask.DRILL:
                 return await self._drill(request)
+            case Ask.POLICY:
+                return {"ok": True, "policy": in_full(self._house.policy)}, []
             case Ask.DOWN:
                 return await self._down(request)
             case Ask.RESTART:
@@ -139,7 +146,9 @@ class Door:
         reading = self._house.reading()
         if request.image and self._house.policy.memory_image == "never":
             return _refuse(
-                "no-image", "The policy keeps no memory (`memory_image` is never): set it to on_request."
+                "no-image",
+                "The policy in force keeps no memory (`memory_image` is never). Set it to on_request; a changed "
+                "policy is read at the next start.",
             )
         if reading.phase is Phase.UNKILLABLE:
             return _refuse(
@@ -148,16 +157,53 @@ class Door:
         return self._order(seen.Verb.RESTART_HARD if request.hard else seen.Verb.RESTART, request)
 
     async def _drill(self, request: Request) -> Answer:
-        reading, life = self._house.reading(), self._house.life()
+        unfit = self._unfit(request)
+        if unfit is not None:
+            return unfit
+        self._preparing = True  # until the manager knows of it: two drills would be told as one
+        try:
+            return await self._break(request)
+        finally:
+            self._preparing = False
+
+    def _unfit(self, request: Request) -> Answer | None:
+        """Return why there can be no drill at this moment; what is broken already teaches nothing when broken."""
+        reading = self._house.reading()
         if not self._house.policy.drills:
             return _refuse("drills-off", "The policy forbids drills (`drills` is false).")
-        if reading.phase not in {Phase.RUNNING, Phase.SUSPECT} or life is None:
-            return _refuse("not-running", f"A drill needs a core that runs; it is {reading.phase} now.")
+        if reading.phase not in {Phase.RUNNING, Phase.SUSPECT} or self._house.life() is None:
+            return _refuse(
+                "not-running",
+                f"A drill needs a core that runs; it is {reading.phase} now.",
+                phase=reading.phase,
+            )
+        if self._drill_is_on(reading):
+            return _refuse("drill-under-way", "Another drill is under way. Wait until it is over.")
+        if reading.safe is not None:
+            return _refuse("reads-only", "The ledger only reads at present: there is trouble enough.")
+        if reading.incident is not None:
+            return _refuse(
+                "incident-open",
+                f"Incident {reading.incident} is still open. Wait until it is closed.",
+                incident=reading.incident,
+            )
         others = self._stats.get("connections", 0)
         if others and not request.yes:
             return _refuse(
-                "others", f"{others} connections are open. Add --yes to break the core under them."
+                "others",
+                f"Others are connected ({others}). Add --yes to break the core under them.",
+                count=others,
             )
+        return None
+
+    def _drill_is_on(self, reading: Reading) -> bool:
+        now_ns = clock.now_ns()
+        waits = reading.drill_ns is not None and now_ns - reading.drill_ns <= DRILL_GRACE_NS
+        return self._preparing or waits or now_ns < self._peace_until_ns
+
+    async def _break(self, request: Request) -> Answer:
+        life = self._house.life()
+        assert life is not None, "a core runs: that was asked just now"
         unable = await self._prepare(request.fault, life)
         if unable is not None:
             return _refuse("not-here", unable)
@@ -167,6 +213,8 @@ class Door:
         if refused:
             self._house.feed(seen.DrillStarted(0, ""))
             return _refuse("core-refused", refused)
+        if request.fault in PEACEFUL:
+            self._peace_until_ns = clock.now_ns() + int(PEACE_S * NS_PER_S)
         return {"ok": True, "fault": request.fault, "since": clock.wall(clock.now_ns())}, []
 
     async def _prepare(self, fault: str, life: Life) -> str | None:

@@ -6,6 +6,7 @@ from hardcore.host import clock, files
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.model.phases import SERVING, Phase
+from hardcore.model.verdicts import Colour
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 
@@ -70,7 +71,7 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "incident": reading.incident,
         "stage": reading.stage,
         "waits_for": reading.waits_for,
-        "worries": [*_unsound(reading), *(t.why for t in reading.verdict.testimonies)],
+        "worries": [*_unsound(reading), *_worries(reading)],
     }
     status["sentinel"] |= {"tick_ms": policy.health_check_interval_ms, "late_ticks": reading.late_ticks}
     status["budget"] = {
@@ -79,6 +80,11 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "window_s": policy.restart_window_sec,
     }
     return status
+
+
+def _worries(reading: Reading) -> list[str]:
+    """Return what is not well: a witness that says that all is well is no worry, whatever the others say."""
+    return [t.why for t in reading.verdict.testimonies if t.colour is not Colour.GREEN]
 
 
 def _unsound(reading: Reading) -> list[str]:

@@ -21,6 +21,7 @@ class Ask(StrEnum):
     RESUME = "resume"
     DOWN = "down"
     DRILL = "drill"
+    POLICY = "policy"
     ATTACH = "attach"
     SUBSCRIBE = "subscribe"
 
@@ -33,6 +34,8 @@ DRILLS = (
 
 #: Drills that make a healthy core look ill: nothing may come of them.
 PEACEFUL = frozenset({"gc"})
+#: So long nothing may come of one: some collections over millions of objects, and the calm after them.
+PEACE_S = 12.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,11 @@ class PendingDrill:
         """A drill was ordered; an empty fault takes that back."""
         self._started = fact if fact.fault else None
 
+    @property
+    def since_ns(self) -> int | None:
+        """When the drill was ordered that has shown no effect yet; None if there is none."""
+        return self._started.at_ns if self._started else None
+
     def cancel(self) -> None:
         """It was told to nobody."""
         self._started = None

@@ -148,6 +148,7 @@ class FailoverManager:
             deaths=len(c.budget.deaths_ns),
             audit=c.audit.heard if serving else None,
             safe=safe,
+            drill_ns=c.drill.since_ns,
         )
 
 

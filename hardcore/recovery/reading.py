@@ -40,3 +40,4 @@ class Reading:
     deaths: int
     audit: LedgerAudited | None
     safe: Diagnosis | None = None  # why the serving core answers reads only
+    drill_ns: int | None = None  # when a drill was ordered that has shown no effect yet
