@@ -24,7 +24,6 @@ from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase, Wanted
-from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.drill import DRILL_GRACE_NS
 from hardcore.recovery.policy import Policy, in_full
@@ -73,6 +72,10 @@ class House(Protocol):
 def _refuse(code: str, error: str, **values: object) -> Answer:
     """Say no. The code and its values are for whoever says it in another language."""
     return {"ok": False, "code": code, "error": error, "values": values}, []
+
+
+def _drill_is_on() -> Answer:
+    return _refuse("drill-under-way", "Another drill is under way. Wait until it is over.")
 
 
 class Door:
@@ -137,8 +140,12 @@ class Door:
 
     async def _resume(self, request: Request) -> Answer:
         reading = self._house.reading()
-        damaged = reading.phase is Phase.FATAL or reading.safe is Diagnosis.STORE_CORRUPT
-        if request.accept_ledger and damaged:
+        if request.accept_ledger:
+            if not reading.in_question:
+                return _refuse(
+                    "not-in-question",
+                    "No ledger is in question: what was last seen of it stays what it has to match.",
+                )
             await self._house.in_hand(lives.overrule_pages, self._house.folders)
         return self._order(seen.Verb.RESUME, request)
 
@@ -157,28 +164,32 @@ class Door:
         return self._order(seen.Verb.RESTART_HARD if request.hard else seen.Verb.RESTART, request)
 
     async def _drill(self, request: Request) -> Answer:
-        unfit = self._unfit(request)
-        if unfit is not None:
-            return unfit
+        if self._preparing:
+            return _drill_is_on()
+        life = self._fit(request)
+        if not isinstance(life, Life):
+            return life
         self._preparing = True  # until the manager knows of it: two drills would be told as one
         try:
-            return await self._break(request)
+            return await self._break(request, life)
         finally:
             self._preparing = False
 
-    def _unfit(self, request: Request) -> Answer | None:
-        """Return why there can be no drill at this moment; what is broken already teaches nothing when broken."""
-        reading = self._house.reading()
+    def _fit(self, request: Request) -> Life | Answer:
+        """Return the core to break, or why none can be: what is broken already teaches nothing when broken."""
+        reading, life = self._house.reading(), self._house.life()
         if not self._house.policy.drills:
             return _refuse("drills-off", "The policy forbids drills (`drills` is false).")
-        if reading.phase not in {Phase.RUNNING, Phase.SUSPECT} or self._house.life() is None:
+        if reading.phase not in {Phase.RUNNING, Phase.SUSPECT} or life is None:
             return _refuse(
                 "not-running",
                 f"A drill needs a core that runs; it is {reading.phase} now.",
                 phase=reading.phase,
             )
-        if self._drill_is_on(reading):
-            return _refuse("drill-under-way", "Another drill is under way. Wait until it is over.")
+        now_ns = clock.now_ns()
+        waits = reading.drill_ns is not None and now_ns - reading.drill_ns <= DRILL_GRACE_NS
+        if waits or now_ns < self._peace_until_ns:
+            return _drill_is_on()
         if reading.safe is not None:
             return _refuse("reads-only", "The ledger only reads at present: there is trouble enough.")
         if reading.incident is not None:
@@ -194,24 +205,22 @@ class Door:
                 f"Others are connected ({others}). Add --yes to break the core under them.",
                 count=others,
             )
-        return None
+        return life
 
-    def _drill_is_on(self, reading: Reading) -> bool:
-        now_ns = clock.now_ns()
-        waits = reading.drill_ns is not None and now_ns - reading.drill_ns <= DRILL_GRACE_NS
-        return self._preparing or waits or now_ns < self._peace_until_ns
-
-    async def _break(self, request: Request) -> Answer:
-        life = self._house.life()
-        assert life is not None, "a core runs: that was asked just now"
+    async def _break(self, request: Request, life: Life) -> Answer:
         unable = await self._prepare(request.fault, life)
         if unable is not None:
             return _refuse("not-here", unable)
+        fit = self._fit(request)  # again: preparing may take seconds
+        if not isinstance(fit, Life):
+            return fit
+        if fit is not life:
+            return _refuse("core-refused", "The core has changed while its drill was prepared. Ask again.")
         if request.fault not in PEACEFUL:
-            self._house.feed(seen.DrillStarted(clock.now_ns(), request.fault))
+            self._house.feed(seen.DrillStarted(clock.now_ns(), request.fault, life.number))
         refused = await self._tell_core(life, request.fault)
         if refused:
-            self._house.feed(seen.DrillStarted(0, ""))
+            self._house.feed(seen.DrillStarted(0, "", life.number))
             return _refuse("core-refused", refused)
         if request.fault in PEACEFUL:
             self._peace_until_ns = clock.now_ns() + int(PEACE_S * NS_PER_S)

@@ -351,10 +351,14 @@ class OperatorAsked:
 
 @dataclass(frozen=True, slots=True)
 class DrillStarted:
-    """The core was told to break itself: its next death is a drill. An empty `fault` takes that back."""
+    """The core was told to break itself: its next death is a drill. An empty `fault` takes that back.
+
+    `life` is the one that was told.
+    """
 
     at_ns: int
     fault: str
+    life: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,7 +58,8 @@ class FailoverManager:
             case seen.OperatorAsked():
                 _obey(c, fact)
             case seen.DrillStarted():
-                c.drill.start(fact)
+                if fact.life == c.life:
+                    c.drill.start(fact)
             case seen.GatewayHolding():
                 # A dying process closes its sockets before its pidfd wakes us: the gateway may be first.
                 c.held_ns = fact.at_ns
@@ -149,6 +150,7 @@ class FailoverManager:
             audit=c.audit.heard if serving else None,
             safe=safe,
             drill_ns=c.drill.since_ns,
+            in_question=_in_question(c),
         )
 
 
@@ -178,7 +180,7 @@ def _obey(c: Course, fact: seen.OperatorAsked) -> None:
             c.wanted = Wanted.DOWN
             fire(c, Trigger.STOP, fact.at_ns, why)
         case seen.Verb.RESUME:
-            if fact.accept_ledger:
+            if fact.accept_ledger and _in_question(c):
                 c.store.forget()
             c.safety.locked = False
             if c.phase in phases.SERVING:
@@ -190,6 +192,11 @@ def _obey(c: Course, fact: seen.OperatorAsked) -> None:
             fire(c, _restart(c, fact), fact.at_ns, why)
         case _:
             assert_never(fact.verb)
+
+
+def _in_question(c: Course) -> bool:
+    """Whether a person may say of the ledger that it is right as it stands: nothing goes on by itself."""
+    return c.phase is Phase.FATAL or c.safety.locked or c.reader is Diagnosis.STORE_CORRUPT
 
 
 def _restart(c: Course, fact: seen.OperatorAsked) -> Trigger:

@@ -41,3 +41,4 @@ class Reading:
     audit: LedgerAudited | None
     safe: Diagnosis | None = None  # why the serving core answers reads only
     drill_ns: int | None = None  # when a drill was ordered that has shown no effect yet
+    in_question: bool = False  # an operator may say that the ledger is right as it stands

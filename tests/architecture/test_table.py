@@ -140,7 +140,7 @@ _FACTS: tuple[seen.Observation, ...] = (
     seen.SentinelBegan(_NS),
     seen.SentinelBegan(_NS, leftovers=True),
     *(seen.OperatorAsked(_NS, verb) for verb in seen.Verb),
-    seen.DrillStarted(_NS, "crash"),
+    *(seen.DrillStarted(_NS, "crash", life) for life in (0, 1)),
     seen.GatewayHolding(_NS),
     seen.FirstServed(_NS, 1),
     seen.RequestsSettled(_NS, "i", ()),

@@ -202,7 +202,7 @@ def test_an_incident_is_announced_as_the_policy_says() -> None:
 
 def test_a_drill_is_neither_announced_nor_counted() -> None:
     play = Play().begin().running()
-    play.tell(seen.DrillStarted(play.now_ns, "crash"))
+    play.tell(seen.DrillStarted(play.now_ns, "crash", play.life))
     assert {"Alert", "KeepBudget"}.isdisjoint(kinds(play.die(seen.Exit(signal=6))))
     play.running(5)
     assert play.closed().drill == "crash"
@@ -210,7 +210,7 @@ def test_a_drill_is_neither_announced_nor_counted() -> None:
 
 def test_a_drill_without_effect_excuses_no_later_death() -> None:
     play = Play().begin().running()
-    play.tell(seen.DrillStarted(play.now_ns, "crash"))
+    play.tell(seen.DrillStarted(play.now_ns, "crash", play.life))
     play.now_ns += DRILL_GRACE_NS + 1
     assert "KeepBudget" in kinds(play.die())
 
@@ -218,8 +218,18 @@ def test_a_drill_without_effect_excuses_no_later_death() -> None:
 def test_a_drill_is_one_lifes() -> None:
     play = Play().begin().running()
     play.die()
-    play.tell(seen.DrillStarted(play.now_ns, "crash"))
+    play.tell(seen.DrillStarted(play.now_ns, "crash", play.life))
     assert "KeepBudget" in kinds(play.tell(seen.SpawnFailed(play.now_ns, play.life, "none")))
+
+
+def test_a_drill_that_another_core_was_told_is_nobodys() -> None:
+    play = Play().begin().running()
+    told = play.life
+    play.die()
+    play.running(5)
+    play.tell(seen.DrillStarted(play.now_ns, "crash", told))
+    assert play.manager.reading().drill_ns is None
+    assert "KeepBudget" in kinds(play.die())
 
 
 # Suspects.

@@ -114,7 +114,7 @@ def test_a_policy_that_does_nothing_does_nothing() -> None:
 
 def test_a_trouble_that_was_ordered_as_a_drill_is_not_announced() -> None:
     play = _running()
-    play.tell(seen.DrillStarted(play.now_ns, "diskfull"))
+    play.tell(seen.DrillStarted(play.now_ns, "diskfull", play.life))
     assert "Alert" not in kinds(_told(play))
     _told(play, seen.StoreFault.OK)
     play.ring()
@@ -416,6 +416,17 @@ def test_a_person_may_accept_the_ledger_while_reads_are_served() -> None:
     play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESUME, accept_ledger=True))
     play.die(seen.Exit(code=0))
     assert play.spawned() == orders.Spawn(4, None, None)
+
+
+def test_a_ledger_is_accepted_only_where_one_is_in_question() -> None:
+    play = _running()
+    assert not play.manager.reading().in_question
+    play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESUME, accept_ledger=True))
+    play.die(seen.Exit(signal=11))
+    known = play.spawned()
+    assert known.witness is not None, "what was last seen still counts"
+    play.die(seen.Exit(code=65), a_page(0, words="STORE_CORRUPT"))
+    assert play.manager.reading().in_question
 
 
 # The state as a value.

@@ -1,0 +1,107 @@
+"""The door alone, before a house that is played: what is asked again, because answering took its time."""
+
+import asyncio
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hardcore.control.protocol import Ask, Request
+from hardcore.door import Door
+from hardcore.host.folders import Folders
+from hardcore.host.lives import Life
+from hardcore.host.processes import Handle
+from hardcore.model import observations as seen
+from hardcore.model.phases import Phase
+from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.policy import Policy
+from hardcore.recovery.reading import Reading
+from tests.unit.recovery.play import Play
+
+
+@dataclass
+class House:
+    """A house with one core, in which something happens while a drill is prepared."""
+
+    folders: Folders
+    moment: Reading
+    core: Life
+    meanwhile: Callable[["House"], None] = lambda _house: None
+    policy: Policy = field(default_factory=Policy)
+    listen_fd: int = -1
+    url: str = "http://127.0.0.1:1/"
+    generation: int = 1
+    adopted: bool = False
+    told: list[seen.Observation] = field(default_factory=list)
+
+    def feed(self, fact: seen.Observation) -> None:
+        self.told.append(fact)
+
+    def reading(self) -> Reading:
+        return self.moment
+
+    def life(self) -> Life | None:
+        return self.core
+
+    def gateway(self) -> Handle | None:
+        return None
+
+    async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
+        return work(*args)
+
+    async def confine(self, life: Life) -> str | None:
+        del life
+        self.meanwhile(self)
+        return None
+
+    async def hold_lock(self, seconds: int) -> str | None:
+        del seconds
+        self.meanwhile(self)
+        return None
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> House:
+    folders = Folders(tmp_path, tmp_path / "run")
+    folders.run.mkdir()
+    return House(folders, Play().begin().running().manager.reading(), Life(1, "0" * 16, folders))
+
+
+def ask(house: House, request: Request) -> dict[str, Any]:
+    return dict(asyncio.run(Door(house).answer(request))[0])
+
+
+def another_core_serves(house: House) -> None:
+    house.core = Life(2, "1" * 16, house.folders)
+
+
+def the_core_is_gone(house: House) -> None:
+    house.moment = dataclasses.replace(house.moment, phase=Phase.BACKOFF)
+
+
+@pytest.mark.parametrize("fault", ["oom", "dblock"])
+@pytest.mark.parametrize("meanwhile", [another_core_serves, the_core_is_gone])
+def test_a_core_that_went_while_its_drill_was_prepared_is_not_broken_nor_is_another(
+    house: House, fault: str, meanwhile: Callable[[House], None]
+) -> None:
+    house.meanwhile = meanwhile
+    assert ask(house, Request(Ask.DRILL, fault=fault))["ok"] is False
+    assert house.told == []
+
+
+def test_a_drill_is_noted_on_the_core_that_was_told(house: House) -> None:
+    assert ask(house, Request(Ask.DRILL, fault="crash"))["code"] == "core-refused", "nobody listens here"
+    assert [(fact.life, fact.fault) for fact in house.told if isinstance(fact, seen.DrillStarted)] == [
+        (1, "crash"),
+        (1, ""),
+    ]
+
+
+def test_a_ledger_that_nothing_is_the_matter_with_is_not_accepted(house: House) -> None:
+    assert ask(house, Request(Ask.RESUME, accept_ledger=True))["code"] == "not-in-question"
+    assert house.told == []
+    house.moment = dataclasses.replace(house.moment, safe=Diagnosis.STORE_CORRUPT, in_question=True)
+    assert ask(house, Request(Ask.RESUME, accept_ledger=True))["ok"] is True
