@@ -1,11 +1,13 @@
 """Whether the store's disk takes a write now, asked before anything is written.
 
-In a log that is written at COMMIT, a full disk is met at COMMIT and nowhere before it (measured: BEGIN, UPDATE and
-INSERT all succeed on a disk without a free block), and a COMMIT that raised is one of which nobody knows what became.
-So a batch that has something to write looks at the file system first. Too little room then means that nothing was
-done, which is certain, and that the core can go on serving reads. It costs one system call. A quota, or a disk
-that fills up between this look and the COMMIT, is met where it always was. Not chosen: a file of room kept beside
-the ledger, which would have to be freed at the very moment when nothing can be written down about it.
+In a log that is written at COMMIT, a full disk is met at COMMIT and nowhere before it (measured: BEGIN, UPDATE
+and INSERT all succeed on a disk without a free block), and a COMMIT that raised is one of which nobody knows what
+became. So a batch that has something to write looks at the file system first. Too little room then means that
+nothing was done, which is certain, and that the core can go on serving reads. It costs one system call. What
+counts is what this very process may write, and a guard on the same disk counts alike, or it would have the core
+try what the core refuses by itself. A quota, or a disk that fills up between this look and the COMMIT, is met
+where it always was. Not chosen: a file of room kept beside the ledger, which would have to be freed at the very
+moment when nothing can be written down about it.
 """
 
 import os
@@ -19,6 +21,28 @@ from core.journal.store import StoreError, StoreFault
 ROOM_BYTES_MIN: Final = 512 << 10
 
 
+def free_bytes(seen: os.statvfs_result, *, reserve_is_ours: bool) -> int | None:
+    """Return how much may be written; None where the file system does not tell its size, as some in user space.
+
+    `reserve_is_ours`: what is kept back for the superuser is room too.
+    """
+    if seen.f_blocks == 0:
+        return None
+    return (seen.f_bfree if reserve_is_ours else seen.f_bavail) * seen.f_frsize
+
+
+def has_reserve() -> bool:
+    """Whether this process may write where room is kept back for the superuser.
+
+    The root of a container with users of its own is another one, and none such room is his.
+    """
+    try:
+        mapped = Path("/proc/self/uid_map").read_text().split()
+    except OSError:
+        return False
+    return os.geteuid() == 0 and mapped[:2] == ["0", "0"]
+
+
 class Room:
     """The room on the file system of one folder. Any thread."""
 
@@ -27,6 +51,7 @@ class Room:
         self._folder = folder
         self._now_ns = now_ns
         self._full_until_ns = 0
+        self._reserve_is_ours = has_reserve()
 
     def pretend_full(self, until_ns: int) -> None:
         """Answer as a full disk would until `until_ns`, monotonic: a drill."""
@@ -42,7 +67,7 @@ class Room:
             return None  # what can't be looked at is met by the write itself
         if seen.f_flag & os.ST_RDONLY:
             return StoreError(StoreFault.READ_ONLY, "EROFS: the disk is mounted read-only")
-        free_bytes = seen.f_bavail * seen.f_frsize
-        if free_bytes < ROOM_BYTES_MIN + bytes_needed:
-            return StoreError(StoreFault.NO_ROOM, f"ENOSPC: {free_bytes} bytes are free on the ledger's disk")
+        free = free_bytes(seen, reserve_is_ours=self._reserve_is_ours)
+        if free is not None and free < ROOM_BYTES_MIN + bytes_needed:
+            return StoreError(StoreFault.NO_ROOM, f"ENOSPC: {free} bytes are free on the ledger's disk")
         return None

@@ -7,6 +7,7 @@ of it runs as an errand: a dead network disk stops whoever asks it anything, and
 
 import errno
 import os
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,7 @@ PATIENCE_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """One look. `write_ns` None: nothing was written this time."""
+    """One look. `write_ns` None: nothing was written this time. Where nobody tells the room, it is endless."""
 
     at_ns: int
     free_bytes: int
@@ -44,6 +45,7 @@ class DiskWatch:
         self._errand = Errand("disk", self._look)
         self._wrote_ns: int | None = None
         self._write = False
+        self._reserve_is_ours = has_reserve()
         self._facts = DiskFacts(free_bytes=0, read_only=False, write_ns=None)
 
     def look(self, now_ns: int, *, now: bool = False) -> DiskFacts | None:
@@ -82,14 +84,36 @@ class DiskWatch:
             about = os.statvfs(self._data)
         except OSError as error:
             return _Look(at_ns, 0, read_only=False, write_ns=0, fault=_named(error))
-        # What is kept back for the superuser is room for us if we are it.
-        blocks = about.f_bfree if os.geteuid() == 0 else about.f_bavail
-        free_bytes, read_only = blocks * about.f_frsize, bool(about.f_flag & os.ST_RDONLY)
+        told_bytes = told_free_bytes(about, reserve_is_ours=self._reserve_is_ours)
+        free_bytes = sys.maxsize if told_bytes is None else told_bytes
+        read_only = bool(about.f_flag & os.ST_RDONLY)
         if not self._write:
             return _Look(at_ns, free_bytes, read_only, None, "")
         began_ns = time.monotonic_ns()
         fault = write_once(self._probe)
         return _Look(at_ns, free_bytes, read_only, time.monotonic_ns() - began_ns, fault)
+
+
+def told_free_bytes(about: os.statvfs_result, *, reserve_is_ours: bool) -> int | None:
+    """Return how much may be written, by the core's own rule; None where the file system does not tell its size.
+
+    `reserve_is_ours`: what is kept back for the superuser is room too.
+    """
+    if about.f_blocks == 0:
+        return None
+    return (about.f_bfree if reserve_is_ours else about.f_bavail) * about.f_frsize
+
+
+def has_reserve() -> bool:
+    """Whether this process may write where room is kept back for the superuser.
+
+    The root of a container with users of its own is another one, and none such room is his.
+    """
+    try:
+        mapped = Path("/proc/self/uid_map").read_text().split()
+    except OSError:
+        return False
+    return os.geteuid() == 0 and mapped[:2] == ["0", "0"]
 
 
 def write_once(path: Path) -> str:
