@@ -1,15 +1,17 @@
-"""Opening the book to read it only: no fence, no proof, no write, for a core that was started safe.
+"""Opening the book to read it only: no fence, no proof, no change of the book, for a core that was started safe.
 
 Such a core is started where a restart alone would not help: the disk takes no write, or the book is damaged. It
 raises no epoch, so nothing that it says is newer than what the dead core left, and it proves nothing: whoever can
-be shown the book is shown it as it stands. SQLite reads a book with a log through a shared index beside it, which
-a full or read-only disk may not be able to hold; the file alone is read then, if nothing is left in the log, and
-otherwise this core leaves with a sentence. Not chosen: a copy in memory, which a long ledger would not fit into.
+be shown the book is shown it as it stands. SQLite reads a book with a log through a shared index beside it: where
+they are missing it makes the index and an empty log, and both stay behind. A full or read-only disk may not be able
+to hold them; the file alone is read then, if nothing is left in the log. Whoever reads so sees nothing of what others
+write meanwhile, so it is never done where somebody holds the store: this core leaves with a sentence then, as it does
+where there is something in the log. Not chosen: a copy in memory, which a long ledger would not fit into.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import assert_never
+from typing import Final, assert_never
 
 from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
@@ -21,6 +23,9 @@ from core.journal import queries, schema
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_reading, snapshot, store_error
 from core.settings import Settings
+
+#: What a disk says that can't hold the log's index. Not BUSY: somebody is at work on the file then.
+_WITHOUT_INDEX: Final = frozenset({StoreFault.NO_ROOM, StoreFault.READ_ONLY, StoreFault.OTHER})
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +60,7 @@ def open_to_read(data: Path, environment: GuardedEnvironment, settings: Settings
     if not path.is_file():
         return departure.config_invalid(f"There is no ledger in {data}: name its folder with --data.")
     opened = _open(path, settings, alone=False)
-    if isinstance(opened, StoreError) and opened.fault is not StoreFault.DAMAGED and _is_whole(path):
+    if isinstance(opened, StoreError) and opened.fault in _WITHOUT_INDEX and _is_whole(path):
         opened = _open(path, settings, alone=True)
     match opened:
         case StoreError():

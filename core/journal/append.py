@@ -10,7 +10,7 @@ COMMIT above all, leaves a batch of which nobody can say what became, and such a
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, Final, assert_never
 
 from sqlalchemy import Connection, bindparam, insert, select, update
 from sqlalchemy.exc import DBAPIError
@@ -146,12 +146,16 @@ class Journal:
         self._connection.close()
         self._connection.engine.dispose()
 
-    def _at_begin(self, works: Sequence[Work], error: StoreError) -> NotBegun | NotTaken | Failed:
+    def _at_begin(self, works: Sequence[Work], error: StoreError) -> NotBegun | NotTaken | Failed | FencedBy:
         if error.fault in SHUT:
             try:
                 keys = fetch_keys(self._connection, works)
+                # After the keys: nobody else has committed anything before he has raised the epoch.
+                epoch = self._connection.execute(_META).one().epoch
             except DBAPIError as unreadable:
                 return self._failed(works, store_error(unreadable))
+            if epoch != self._epoch:
+                return FencedBy(epoch)
             self._recorder.in_store(on=False)
             return NotTaken(tuple([_recall(keys, work, error) for work in works]), error)
         if error.fault is not StoreFault.BUSY:
@@ -206,12 +210,25 @@ class Journal:
 
     def _answer(self, batch: Batch, work: Work) -> Answer:
         self._recorder.stage(work.slot, Stage.DECIDING)
-        if isinstance(work, LookUp):
-            return batch.look_up(work)
-        if isinstance(work, Exercise):
-            return self._exercise(work)
-        if isinstance(work, Touch):
-            return Done(OK, b"{}")
+        answer = self._judge(batch, work)
+        # It waits again, for the rest of its batch: DECIDING must name one work and no other.
+        self._recorder.stage(work.slot, Stage.QUEUED)
+        return answer
+
+    def _judge(self, batch: Batch, work: Work) -> Answer:
+        match work:
+            case LookUp():
+                return batch.look_up(work)
+            case Exercise():
+                return _exercise(work)
+            case Touch():
+                return Done(OK, b"{}")
+            case Order():
+                return self._decide(batch, work)
+            case _:
+                assert_never(work)
+
+    def _decide(self, batch: Batch, work: Order) -> Answer:
         # Plain strings in this frame, so that a stack dump of a hang names the command.
         transaction_id, account_id = work.transaction_id, ids_shown(work.account_ids)
         try:
@@ -220,24 +237,17 @@ class Journal:
         # nothing, and the commands beside it are innocent.
         except Exception as error:  # noqa: BLE001
             return DecisionFailed(f"deciding {transaction_id or account_id} raised {error!r}")
-        # It waits again, for the rest of its batch: DECIDING must name one command and no other.
-        self._recorder.stage(work.slot, Stage.QUEUED)
         if isinstance(decision, tuple):
             return batch.take(work, decision, self._wall_ns())
         if isinstance(decision, Refused):
             batch.refuse(work, decision)
         return decision
 
-    def _exercise(self, work: Exercise) -> Answer:
-        transaction_id, account_id = work.transaction_id, work.account_id  # noqa: F841  for stack dumps
-        if work.run is not None:
-            work.run()
-        self._recorder.stage(work.slot, Stage.QUEUED)  # as any other: DECIDING names the next one now
-        return Done(OK, b"{}")
-
     def _store(self, batch: Batch, works: Sequence[Work]) -> None:
         for work in works:
-            self._recorder.stage(work.slot, Stage.WRITING)
+            # Nothing is written for a look-up: its key is no suspect of a write that ends badly.
+            if not isinstance(work, LookUp):
+                self._recorder.stage(work.slot, Stage.WRITING)
         transaction_id, account_id = _named(works)  # noqa: RUF059  for stack dumps
         connection, book = self._connection, batch.book
         for statement, rows in (
@@ -257,13 +267,19 @@ class Journal:
         ):
             if rows:
                 connection.execute(statement, rows)
-        if (
-            batch.events or batch.is_empty
-        ):  # of nothing, it is the write without effect that a `Touch` asks for
+        # Of nothing, it is the write without effect that a `Touch` asks for.
+        if batch.events or batch.is_empty:
             moved = connection.execute(
                 _HEAD, {"seq": batch.head_seq, "hash": batch.head_hash, "mine": self._epoch}
             )
             assert moved.rowcount == 1, "the epoch changed under an exclusive lock"
+
+
+def _exercise(work: Exercise) -> Done:
+    transaction_id, account_id = work.transaction_id, work.account_id  # noqa: F841  for stack dumps
+    if work.run is not None:
+        work.run()
+    return Done(OK, b"{}")
 
 
 def _must_write(work: Work) -> bool:
