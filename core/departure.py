@@ -24,15 +24,19 @@ class ExitCode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """Why this core leaves. `sentence` says what is wrong and what to do next."""
+    """Why this core leaves. `sentence` says what is wrong and what to do next.
+
+    `finer` names the cause where one code stands for several.
+    """
 
     code: ExitCode
     sentence: str
+    finer: str = ""
 
     @property
     def word(self) -> str:
-        """The word of the last words: the name of the code, which is the name of the diagnosis."""
-        return self.code.name
+        """The word of the last words, which is the name of the diagnosis: the code's, or the finer one."""
+        return self.finer or self.code.name
 
 
 def config_invalid(sentence: str) -> Departure:
@@ -63,9 +67,15 @@ def locked(text: str) -> Departure:
 
 
 def no_room(text: str) -> Departure:
-    """The disk takes no write: it is full, or mounted read-only."""
-    sentence = f"The ledger's disk takes no write ({text}): make room or mount it writable, then start again."
+    """The disk takes no write: it is full."""
+    sentence = f"The ledger's disk takes no write ({text}): make room, then start again."
     return Departure(ExitCode.DISK_FULL, sentence)
+
+
+def read_only(text: str) -> Departure:
+    """The ledger's disk, or its file, may not be written."""
+    sentence = f"The ledger's disk or file is read-only ({text}): make it writable, then start again."
+    return Departure(ExitCode.DISK_FULL, sentence, "DISK_READ_ONLY")
 
 
 def commit_failed(text: str) -> Departure:

@@ -5,6 +5,8 @@ shows signs of life. The epoch is told to the guard the moment the fence is comm
 from then on no older core can commit, whatever the proof will say.
 """
 
+import errno
+import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -57,7 +59,7 @@ def open_book(
     """Take the book of a data folder over, raising its epoch, and prove its tail. Blocks."""
     guard = take_start_guard(data, shared=environment.guarded)
     if isinstance(guard, DoorClosed):
-        return departure.config_invalid(guard.sentence)
+        return _not_let_in(guard)
     connection = open_writing(data / LEDGER_FILE, settings.fence_busy_ms)
     if isinstance(connection, StoreError):
         return _unopened(connection, telling)
@@ -71,6 +73,17 @@ def open_book(
     room = Room(data, time.monotonic_ns)
     journal = Journal(connection, epoch, proof.head_seq, telling.recorder, room, time.time_ns)
     return OpenBook(journal, epoch, proof, guard)
+
+
+def _not_let_in(door: DoorClosed) -> Departure:
+    """A lock that a disk refuses is the disk's doing and no mistake in a setting."""
+    match door.number:
+        case errno.EROFS:
+            return departure.read_only(os.strerror(door.number))
+        case errno.ENOSPC:
+            return departure.no_room(os.strerror(door.number))
+        case _:
+            return departure.config_invalid(door.sentence)
 
 
 def _take_over(connection: Connection, expected: int | None, telling: Telling) -> int | Departure:
@@ -130,8 +143,10 @@ def _unopened(error: StoreError, telling: Telling) -> Departure:
         case StoreFault.BUSY:
             telling.beacon.fence_blocked()
             return departure.locked(error.text)
-        case StoreFault.NO_ROOM | StoreFault.READ_ONLY:
+        case StoreFault.NO_ROOM:
             return departure.no_room(error.text)
+        case StoreFault.READ_ONLY:
+            return departure.read_only(error.text)
         case StoreFault.DAMAGED:
             return departure.corrupt(f"it can't be opened ({error.text})")
         case StoreFault.OTHER:

@@ -29,9 +29,10 @@ class StartGuard:
 
 @dataclass(frozen=True, slots=True)
 class DoorClosed:
-    """The lock could not be had; the sentence says why and what to do."""
+    """The lock could not be had; the sentence says why and what to do. `number` is the system's, 0 without one."""
 
     sentence: str
+    number: int = 0
 
 
 def take_start_guard(data: Path, *, shared: bool, reading: bool = False) -> StartGuard | DoorClosed:
@@ -47,7 +48,8 @@ def take_start_guard(data: Path, *, shared: bool, reading: bool = False) -> Star
         if reading:
             return DoorClosed(f"{path} can't be opened ({error.strerror}): there is no ledger to read.")
         return DoorClosed(
-            f"{data} can't be written to ({error.strerror}): choose another folder with --data."
+            f"{data} can't be written to ({error.strerror}): choose another folder with --data.",
+            error.errno or 0,
         )
     try:
         fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

@@ -49,6 +49,10 @@ _CODES = {
 }
 
 
+#: Codes that stand for several diagnoses: the first of the last words says which.
+_FINER = {73: frozenset({Diagnosis.DISK_READ_ONLY})}
+
+
 @dataclass(frozen=True, slots=True)
 class Death:
     """What an end means: a diagnosis, how sure it is, and the facts it rests on."""
@@ -82,7 +86,8 @@ def judge_death(
     """
     facts = [Testimony("pidfd", Colour.RED, f"the core {describe(how)}")]
     if words is not None:
-        facts.append(Testimony("last words", Colour.RED, f"{words.code}: {words.text}"))
+        # Their code alone: the sentence may quote what a person typed, and a testimony goes everywhere unmasked.
+        facts.append(Testimony("last words", Colour.RED, words.code))
     if term_sent:
         facts.append(Testimony("core", Colour.RED, "a TERM had reached it from another process"))
     if how.signal == _SIGKILL and oom_kills:
@@ -110,7 +115,10 @@ def _name(how: Exit, words: LastWords | None, *, was_ready: bool, term_sent: boo
         return Diagnosis.KILLED_FROM_OUTSIDE, Grade.CERTAIN if how.signal == _SIGKILL else Grade.LIKELY
     if how.code in _CODES:
         # A program of somebody else's may use these numbers too: only with last words are they certain.
-        return _CODES[how.code], Grade.CERTAIN if words is not None else Grade.LIKELY
+        if words is None:
+            return _CODES[how.code], Grade.LIKELY
+        finer = next((one for one in _FINER.get(how.code, ()) if one == words.code), None)
+        return finer or _CODES[how.code], Grade.CERTAIN
     if how.code is None:
         return Diagnosis.EXITED, Grade.UNKNOWN
     if term_sent and how.code == 0:

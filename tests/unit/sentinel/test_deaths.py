@@ -55,6 +55,11 @@ def test_the_codes_of_the_wire_mean_what_it_says(code: int, diagnosis: Diagnosis
     assert _named(Exit(code=code), words=diagnosis) == (diagnosis, Grade.CERTAIN)
 
 
+def test_a_disk_that_may_not_be_written_is_told_from_one_that_is_full() -> None:
+    assert _named(Exit(code=73), words="DISK_READ_ONLY") == (Diagnosis.DISK_READ_ONLY, Grade.CERTAIN)
+    assert _named(Exit(code=74), words="DISK_READ_ONLY")[0] is Diagnosis.COMMIT_FAILED, "no other code's word"
+
+
 @pytest.mark.parametrize("code", CODES)
 def test_a_code_without_last_words_is_only_likely(code: int) -> None:
     assert _named(Exit(code=code))[1] is Grade.LIKELY
