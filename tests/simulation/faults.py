@@ -299,7 +299,8 @@ def _page_is_lost(world: World) -> None:
 
 def _drill(world: World) -> None:
     """The core is told to break itself."""
-    world.to_guard(seen.DrillStarted(world.clock.now_ns, "crash"))
+    number = world.guard.life.number if world.guard.life is not None else 0
+    world.to_guard(seen.DrillStarted(world.clock.now_ns, "crash", number))
     if world.rng.random() < 0.9:
         world.clock.after(2 * MS, lambda: _ends(signal=6)(world))
 
