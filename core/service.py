@@ -222,11 +222,12 @@ class Service:
     async def _kept(self, key: str, slot: int) -> KeyRow | OutcomeUnknown | None:
         """Return the row of a key, read from the store once nothing under it stands in the writer's line.
 
-        Unknown: it can't be read, another core has taken over, or it is there and this core has raised no epoch:
-        then nobody has seen to it that what the dead one wrote last lasts.
+        Unknown: what stands in the line is not over in the time that a batch may wait for the store, the row can't
+        be read, another core has taken over, or it is there and this core has raised no epoch: then nobody has
+        seen to it that what the dead one wrote last lasts.
         """
-        while (ahead := self._in_line.get(key)) is not None:
-            await asyncio.wait([ahead])
+        if not await self._is_out_of_line(key):
+            return OutcomeUnknown()
         found_now = await self.read(slot, partial(read_key, key=key))
         if isinstance(found_now, ReadTooLong | StoreError):
             return OutcomeUnknown()
@@ -234,6 +235,20 @@ class Service:
         if epoch != self.epoch or (row is not None and isinstance(self._writer, Unwritten)):
             return OutcomeUnknown()
         return row
+
+    async def _is_out_of_line(self, key: str) -> bool:
+        """Wait until nothing under this key stands in the line, and return whether that came about.
+
+        Not for ever: the very writer that made this core read only may never come back, and whoever waits here
+        has a slot that a read could have.
+        """
+        try:
+            async with asyncio.timeout(self.settings.write_busy_ms / 1000):
+                while (ahead := self._in_line.get(key)) is not None:
+                    await asyncio.wait([ahead])
+        except TimeoutError:
+            return False
+        return True
 
     def _tell_claim(self, answer: Answer) -> None:
         """Tell the recorder what the answer claims to be committed, in its own words and not in the writer's.
@@ -355,7 +370,7 @@ def _name_task(command: str) -> None:
 
 
 @contextmanager
-def holding(
+def holding_slot(
     service: Service,
     kind: str,
     payload: bytes,

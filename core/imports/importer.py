@@ -43,7 +43,7 @@ from core.journal.answers import (
 from core.ledger.commands import accounts_of
 from core.ledger.entries import RecordEntry
 from core.ledger.reasons import Rejection, Slug
-from core.service import UNANSWERED, Draining, NoSlot, Service, holding
+from core.service import UNANSWERED, Draining, NoSlot, Service, holding_slot
 
 T = TypeVar("T")
 
@@ -222,7 +222,7 @@ class Importer:
         """Ask the ledger once; None where it could not be asked now."""
         transaction_id, account_ids = command.id, accounts_of(command)
         account_id = ids_shown(account_ids)  # noqa: F841  for whoever asks for tasks
-        with holding(
+        with holding_slot(
             self._service,
             KIND,
             judging.payload_of(candidate),

@@ -31,7 +31,7 @@ from core.imports.troubles import Trouble, unreadable
 from core.journal import queries
 from core.journal.store import StoreError
 from core.ledger.accounts import Account
-from core.service import Draining, NoSlot, ReadTooLong, Service, holding
+from core.service import Draining, NoSlot, ReadTooLong, Service, holding_slot
 
 T = TypeVar("T")
 
@@ -180,7 +180,7 @@ class Looker:
         return surveyor.found(duplicates, fitting)
 
     async def _ask(self, kind: str, question: Callable[[Connection], T]) -> T | Trouble:
-        with holding(self._service, kind, b"") as held:
+        with holding_slot(self._service, kind, b"") as held:
             if isinstance(held, NoSlot):
                 return Trouble("busy")
             if isinstance(held, Draining):

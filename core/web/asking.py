@@ -30,7 +30,7 @@ from core.journal.answers import (
 from core.journal.store import StoreError
 from core.ledger.commands import Command, accounts_of, transaction_of
 from core.ledger.reasons import Rejection
-from core.service import Draining, Held, NoSlot, ReadTooLong, Service, holding
+from core.service import Draining, Held, NoSlot, ReadTooLong, Service, holding_slot
 from core.web.door import take_slot
 from core.web.intake import digest_of, idempotency_key
 from core.web.problems import PROBLEM_KINDS, Outcome, Problem, ProblemError, refusal, safe_mode
@@ -102,7 +102,7 @@ def begin(request: Request, kind: str, payload: bytes, **named: Any) -> int:
 @contextmanager
 def working(request: Request, kind: str, payload: bytes, **named: Any) -> Iterator[Held]:
     """Hold a slot for one of several pieces of work of this request; a problem that ends it gives it its status."""
-    with holding(service_of(request), kind, payload, **named) as found:
+    with holding_slot(service_of(request), kind, payload, **named) as found:
         held = granted(found)
         try:
             yield held

@@ -16,7 +16,7 @@ from core.frames import MISSED_EVENTS_MAX
 from core.hub import Frame, Seat
 from core.journal import queries
 from core.journal.store import StoreError
-from core.service import Draining, NoSlot, ReadTooLong, Service, holding
+from core.service import Draining, NoSlot, ReadTooLong, Service, holding_slot
 from core.web.problems import Problem, respond
 from core.web.same_origin import is_foreign
 from frontend.render import language
@@ -86,7 +86,7 @@ async def _missed(service: Service, after: int | None, head: int) -> list[Frame]
     """Return the frames of what was missed, or the code to close with where the book can't be asked."""
     if after is None or after >= head:
         return frames.catch_up(after, head, ())
-    with holding(service, "read.missed", b"after=%d" % after) as held:
+    with holding_slot(service, "read.missed", b"after=%d" % after) as held:
         if isinstance(held, NoSlot):
             return TRY_AGAIN_LATER
         if isinstance(held, Draining):

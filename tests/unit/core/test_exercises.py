@@ -7,8 +7,8 @@ from pathlib import Path
 
 from sqlalchemy import Connection
 
-from core.guarded.recorder import Stage
-from core.journal.answers import Done, Exercise
+from core.guarded.recorder import NoRecorder, Stage
+from core.journal.answers import DecisionFailed, Done, Exercise, LookUp, Touch
 from tests import waiting
 from tests.unit.core.books import Pen, moving, opening, order, pen
 from tests.unit.core.test_service import serving
@@ -44,6 +44,56 @@ def test_an_exercise_is_decided_like_a_command_and_books_nothing(tmp_path: Path)
         assert stage == Stage.DECIDING
         assert (names["transaction_id"], names["account_id"]) == ("tx-1", "system:drill")
         assert made.journal.head_seq == 2
+
+
+def test_deciding_names_the_one_that_is_judged_and_nothing_else_of_its_batch(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("a"), opening("b"))
+        slots = [made.recorder.begin("c", None, "test", "", (), b"", 0) for _ in range(6)]
+        looked_up, touched, failed, taken, drilled, waits = [slot for slot in slots if slot is not None]
+        broken = order(moving(1, "a", "b"), slot=failed)
+        object.__setattr__(broken.command, "postings", None)
+        seen: list[dict[int, Stage]] = []
+
+        def run() -> None:
+            words = made.recorder._words
+            seen.append({slot: Stage(words[(4096 + 1024 * slot) // 8 + 8]) for slot in slots if slot})
+
+        answers = made.write(
+            LookUp("k", looked_up),
+            Touch(touched),
+            broken,
+            order(moving(2, "a", "b"), slot=taken),
+            Exercise(drilled, "tx-1", "system:drill", run),
+            order(moving(3, "a", "b"), slot=waits),
+        )
+        assert isinstance(answers[2], DecisionFailed)
+        ((stages),) = seen
+        assert [slot for slot, stage in stages.items() if stage is Stage.DECIDING] == [drilled]
+
+
+class Staged(NoRecorder):
+    """Remembers who was in the store's write."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wrote: list[int] = []
+
+    def stage(self, slot: int, stage: Stage) -> None:
+        super().stage(slot, stage)
+        if stage is Stage.WRITING:
+            self.wrote.append(slot)
+
+
+def test_a_key_that_is_looked_up_is_no_part_of_the_write_it_stands_beside(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        staged = made.journal._recorder = Staged()
+        asked, writes = (staged.begin("c", "k", "test", "", (), b"", 0) for _ in range(2))
+        assert asked is not None
+        assert writes is not None
+        made.write(LookUp("k", asked), order(opening("a"), "other", writes))
+        assert staged.wrote == [writes]
+        staged.close()
 
 
 def test_a_batch_that_waits_for_the_store_names_all_who_wait(tmp_path: Path) -> None:

@@ -258,6 +258,34 @@ def test_a_touch_writes_nothing_that_can_be_seen_and_fails_on_a_full_disk(tmp_pa
         assert queries.head(made.connection) == head
 
 
+def refusing_writes(made: Pen) -> None:
+    """Have the store refuse the very BEGIN of a write, as one on a read-only disk."""
+    made.connection.exec_driver_sql("PRAGMA query_only = ON").close()
+
+
+def test_where_not_even_begin_is_taken_what_is_known_is_still_told(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        command = opening("a")
+        first = made.write(order(command, "k"))[0]
+        assert isinstance(first, Done)
+        refusing_writes(made)
+        outcome = made.journal.write([LookUp("k", 0), LookUp("new", 0), order(opening("b"))])
+        assert isinstance(outcome, NotTaken)
+        again = Done(first.status, first.body, replayed=True)
+        assert outcome.answers == (again, KeyUnknown(), ReadOnly("DISK_READ_ONLY"))
+
+
+def test_a_fenced_core_says_nothing_of_a_key_also_where_not_even_begin_is_taken(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("a"))
+        successor = opened(tmp_path)
+        assert fence(successor, None) == Raised(2)
+        successor.close()
+        successor.engine.dispose()
+        refusing_writes(made)
+        assert made.journal.write([LookUp("k", 0), order(opening("b"), "k")]) == FencedBy(2)
+
+
 def test_a_drill_that_does_nothing_itself_meets_the_full_disk(tmp_path: Path) -> None:
     with pen(tmp_path) as made:
         made.journal.pretend_full(FOR_EVER_NS)

@@ -2,13 +2,14 @@
 
 import asyncio
 import socket
+import threading
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 from core.guarded.beacon import Beacon
-from core.journal.answers import Done, KeyUnknown, OutcomeUnknown, ReadOnly
+from core.journal.answers import Done, Exercise, KeyUnknown, OutcomeUnknown, ReadOnly
 from core.journal.fence import Raised, fence
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.writer import Writer
@@ -25,13 +26,13 @@ FOR_EVER_NS = 3_600_000_000_000
 class Switch:
     """A service with its switch, and the guard's end of the notify socket."""
 
-    def __init__(self, folder: Path, made: Pen, writer: Writer, heard: Heard) -> None:
+    def __init__(self, folder: Path, made: Pen, writer: Writer, heard: Heard, settings: Settings) -> None:
         self.writer, self.heard = writer, heard
         self._ears = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self._ears.bind(str(folder / "notify"))
         self._beacon = Beacon(str(folder / "notify"))
         readers = open_reading(folder / LEDGER_FILE, 2, 1_000)
-        self.service = Service(writer, readers, made.recorder, Settings(), made.epoch)
+        self.service = Service(writer, readers, made.recorder, settings, made.epoch)
         self.safety = Safety(self.service, writer, made.recorder, self._beacon)
 
     async def open(self, name: str, key: str | None = None) -> object:
@@ -71,10 +72,10 @@ class Switch:
 
 
 @asynccontextmanager
-async def switch(folder: Path) -> AsyncIterator[Switch]:
+async def switch(folder: Path, settings: Settings | None = None) -> AsyncIterator[Switch]:
     made, heard = Pen(folder), Heard()
     async with writing(made, heard) as writer:
-        one = Switch(folder, made, writer, heard)
+        one = Switch(folder, made, writer, heard, settings or Settings())
         try:
             yield one
         finally:
@@ -139,6 +140,36 @@ def test_what_stands_in_line_is_finished_and_its_key_is_told_only_then(tmp_path:
             assert again == looked_up == Done(done.status, done.body, replayed=True)
             assert await one.look_up("new") == KeyUnknown()
             assert await one.open("b", "new") == ReadOnly("DISK_FULL")
+
+    asyncio.run(scenario())
+
+
+def test_behind_a_writer_that_does_not_come_back_a_key_is_unknown_and_its_slot_is_free_again(
+    tmp_path: Path,
+) -> None:
+    comes_back = threading.Event()
+
+    async def scenario() -> None:
+        async with switch(tmp_path, Settings(write_busy_ms=1)) as one:
+            stuck = one.service.begin("drill", b"")
+            assert isinstance(stuck, int)
+            drilled = one.writer.submit(Exercise(stuck, "tx", "system:drill", comes_back.wait))
+            try:
+                first = asyncio.create_task(one.open("a", "k"))
+                await asyncio.sleep(0)  # it stands in the writer's line
+                await one.safety.switch("DISK_STALLED")
+                assert await one.look_up("k") == OutcomeUnknown()
+                assert await one.open("a", "k") == OutcomeUnknown()
+                assert one.service.in_flight == 2  # the writer's two
+                assert await one.look_up("other") == KeyUnknown()
+            finally:
+                comes_back.set()
+            await drilled
+            one.service.finish(stuck, 200)
+            done = await first
+            assert isinstance(done, Done)
+            assert await one.look_up("k") == Done(done.status, done.body, replayed=True)
+            assert one.service.head_seq == 1
 
     asyncio.run(scenario())
 
