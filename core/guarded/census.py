@@ -3,14 +3,16 @@
 A thread lists what the collector tracks, looks at an even sample of it and leaves the largest types on the
 recorder page: once a minute, and more often when memory runs short. What it must never do is hold up the core:
 the listing is one call that keeps the interpreter for about 20 ns an object, so it is only made while that is
-expected to be short; the looking goes in slices with rests. No code of anybody's class is run: a type's name,
-size and number of items are read through `type` and the built-in bases. What was frozen after loading is not
-listed, so the census shows what has grown since; strings, numbers and bytes are never listed, so a leak of
-them shows as the containers that hold them; the attributes of an object count only where they have a dict of
-their own. Above one to three million objects the listing is too long for every minute and is made only where
-memory runs short; the page then keeps the last ones, and an event says so. Not chosen: a fork that counts in peace, which copies the
-page tables of the very process that is short of memory and is a child that a guard wonders about; tracemalloc,
-which makes every allocation dearer.
+expected to be short; the counting goes in slices with rests. To learn about an object no code of its class is
+run: a type's name, size and number of items are read through `type` and the built-in bases. But whatever dies
+while the sample holds it is finalised on this thread, as garbage in cycles is on whichever thread the collector
+runs: so the sample is measured at once, without a rest, and dropped after 10 to 30 ms. What was frozen after
+loading is not listed, so the census shows what has grown since; strings, numbers and bytes are never listed, so
+a leak of them shows as the containers that hold them; the attributes of an object count only where they have a
+dict of their own. Above one to three million objects the listing is too long for every minute and is made only
+where memory runs short; the page then keeps the last ones, and an event says so. Not chosen: a fork that counts
+in peace, which copies the page tables of the very process that is short of memory and is a child that a guard
+wonders about; tracemalloc, which makes every allocation dearer.
 """
 
 import gc
@@ -18,6 +20,7 @@ import os
 import sys
 import threading
 import time
+from array import array
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -60,7 +63,6 @@ class _Tally:
     """One type of the sample. `size_bytes` is of those that are not large."""
 
     kind: type
-    measure: Callable[[Any], int]
     count: int = 0
     size_bytes: int = 0
     large_bytes: int = 0
@@ -77,7 +79,7 @@ class Counted:
 
 
 def count_types(rss_bytes: int, rest: Callable[[], object] = lambda: None) -> Counted:
-    """Count what the collector tracks by type, `rest`-ing between slices; nothing is larger than `rss_bytes`."""
+    """Count by type what the collector tracks, `rest`-ing between slices; nothing is larger than `rss_bytes`."""
     started_ns = time.thread_time_ns()
     listed = gc.get_objects()
     listing_ns = time.thread_time_ns() - started_ns
@@ -87,10 +89,13 @@ def count_types(rss_bytes: int, rest: Callable[[], object] = lambda: None) -> Co
     listed.clear()
     del listed
     examined = len(sample)
+    kinds, sizes = _measure(sample)
+    # The sample goes before the first rest: what it holds might be finalised on this thread.
+    sample.clear()
     tallies: dict[int, _Tally] = {}
-    while sample:
-        _tell_apart(sample[-SLICE:], tallies, rss_bytes)
-        del sample[-SLICE:]
+    for start in range(0, examined, SLICE):
+        part = slice(start, start + SLICE)
+        _tell_apart(kinds[part], sizes[part], tallies, rss_bytes)
         rest()
     scaled = [
         (name(tally.kind), tally.count * objects // examined, _bytes_of(tally, objects, examined))
@@ -100,15 +105,21 @@ def count_types(rss_bytes: int, rest: Callable[[], object] = lambda: None) -> Co
     return Counted(objects, examined, listing_ns, tuple(scaled[: page.CENSUS_TYPES]))
 
 
-def _tell_apart(some: list[Any], tallies: dict[int, _Tally], bytes_max: int) -> None:
-    for one in some:
-        kind = type(one)
-        # By its address: a metaclass may have its own idea of hash and equality.
+def _measure(sample: list[Any]) -> tuple[list[type], "array[int]"]:
+    """Return type and own bytes of each object."""
+    kinds = list(map(type, sample))
+    # By its address: a metaclass may have its own idea of hash and equality.
+    measures = {at: measure_of(kind) for at, kind in {id(kind): kind for kind in kinds}.items()}
+    return kinds, array("q", [measures[id(kind)](one) for kind, one in zip(kinds, sample, strict=True)])
+
+
+def _tell_apart(kinds: list[type], sizes: "array[int]", tallies: dict[int, _Tally], bytes_max: int) -> None:
+    for kind, measured_bytes in zip(kinds, sizes, strict=True):
         tally = tallies.get(id(kind))
         if tally is None:
-            tally = tallies[id(kind)] = _Tally(kind, measure_of(kind))
+            tally = tallies[id(kind)] = _Tally(kind)
         # Some types' number of items is none; then nothing is sure but that it fits into the process.
-        size_bytes = min(max(tally.measure(one), 0) + COLLECTOR_BYTES, bytes_max)
+        size_bytes = min(max(measured_bytes, 0) + COLLECTOR_BYTES, bytes_max)
         tally.count += 1
         if size_bytes < LARGE_BYTES:
             tally.size_bytes += size_bytes

@@ -118,10 +118,18 @@ def test_nothing_is_kept_alive_by_having_been_counted() -> None:
 
 
 @pytest.mark.usefixtures("frozen")
-def test_what_dies_between_two_slices_is_no_trouble() -> None:
+def test_the_sample_is_let_go_of_before_the_first_rest() -> None:
     held = [Held() for _ in range(2 * census.SLICE)]
-    counted = count_types(GIB, held.clear)
+    gone = [weakref.ref(one) for one in held]
+    left: list[bool] = []
+
+    def rest() -> None:
+        held.clear()
+        left.append(any(one() for one in gone))
+
+    counted = count_types(GIB, rest)
     assert {one: count for one, count, _ in counted.types}[name(Held)] == 2 * census.SLICE
+    assert not any(left)
 
 
 @pytest.mark.parametrize(("kind", "base"), [(dict, dict), (deque, deque), (tuple, object), (Held, object)])
