@@ -32,13 +32,13 @@ from core.guarded.control import ControlUnboundError
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
-from core.holding import SECONDS_MAX, hold_lock
 from core.imports.desk import Desk
 from core.journal.store import LEDGER_FILE, StoreError, open_reading
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.journal.writer import Writer
 from core.listening import LedgerServer, bind_loopback, bind_unix
+from core.lock_holder import SECONDS_MAX, hold_lock
 from core.obedience import Obedience
 from core.opening import OpenBook, Telling, open_book
 from core.opening_to_read import ReadableBook, open_to_read
@@ -287,19 +287,20 @@ class Life:
         logger.info("Serving the ledger of %s on %s, epoch %d%s.", self._data, place, book.epoch, only)
 
     async def _leave(self, service: Service, server: LedgerServer, book: Book, desk: Desk) -> None:
+        leaving_s = (self._settings.drain_ms + self._settings.close_ms) / 1000
+        gone_s = asyncio.get_running_loop().time() + leaving_s
         self._recorder.set_state(LifeState.DRAINING)
         self._beacon.stopping()
         service.drain()
         answered = await service.all_answered(self._settings.drain_ms)
         self._recorder.set_state(LifeState.STOPPING)
-        if answered:
-            await self._close(service, server, book, desk)
-            return
-        self._recorder.event("DRAIN_INCOMPLETE", f"{service.in_flight} requests are not answered")
+        if not answered:
+            self._recorder.event("DRAIN_INCOMPLETE", f"{service.in_flight} requests are not answered")
         try:
-            # One that is stuck may be stuck for ever, in the store or in a thread that can't be joined. What it
-            # has not committed is not done; the store is as whole as after any death.
-            async with asyncio.timeout(self._settings.close_ms / 1000):
+            # What is stuck may be stuck for ever, in the store or in a thread that can't be joined, also where
+            # every request is answered: a proof of the whole book takes no slot. What has not been committed is
+            # not done; the store is as whole as after any death. Time that was not drained is left to the closing.
+            async with asyncio.timeout_at(gone_s):
                 await self._close(service, server, book, desk)
         except TimeoutError:
             self._recorder.event("CLOSE_INCOMPLETE", "left with work that does not end")

@@ -248,6 +248,37 @@ def test_a_term_is_obeyed_also_while_a_command_is_stuck_for_ever(tmp_path: Path)
         assert watch.events()[-2:] == ["DRAIN_INCOMPLETE", "CLOSE_INCOMPLETE"]
 
 
+def test_a_term_is_obeyed_also_while_a_proof_of_the_whole_book_is_stuck_for_ever(tmp_path: Path) -> None:
+    stuck = (sys.executable, "-m", "tests.contract.core_with_stuck_proof")
+    with watched(
+        tmp_path, before=stuck, CORE_DRAIN_MS="50", CORE_CLOSE_MS="50", CORE_VERIFY_AFTER_MS="0"
+    ) as watch:
+        ready(watch.core)
+        until(lambda: "The proof is stuck" in watch.core.said(), "the proof to be stuck")
+        watch.core.process.terminate()
+        assert watch.core.ends_with() == 0
+        assert watch.events()[-1] == "CLOSE_INCOMPLETE"
+        assert "DRAIN_INCOMPLETE" not in watch.events()
+
+
+def test_a_key_behind_a_stuck_writer_is_unknown_and_reads_go_on(tmp_path: Path) -> None:
+    with watched(tmp_path, CORE_WRITE_BUSY_MS="10") as watch:
+        ready(watch.core)
+        assert watch.core.open("cash").status == 201
+        assert watch.core.open("food", "expense").status == 201
+        assert watch.drill("slow-tx") == ""
+        watch.decided("drill")
+        watch.post(5)
+        watch.waits("transaction.post")
+        assert safe(watch, 1, on=True) == ""
+        for _ in range(3):
+            assert watch.core.ask("GET", "/api/ledger/commands/k-5").body["outcome"] == "unknown"
+        again = watch.core.move(5, "food", "cash", Idempotency_Key="k-5")
+        assert (again.status, again.body["outcome"]) == (503, "unknown")
+        until(lambda: set(watch.in_flight()) == {"drill", "transaction.post"}, "the slots of those who asked")
+        assert watch.core.ask("GET", "/api/ledger/accounts").status == 200
+
+
 @pytest.mark.parametrize("fault", ["slow-tx", "deadlock"])
 def test_what_a_drill_has_stuck_leaves_no_trace_in_the_ledger(watch: Watched, fault: str) -> None:
     head = watch.core.ask("GET", "/healthz").body["seq"]
