@@ -38,8 +38,6 @@ REPORT_S = 20.0
 #: What is under way when all is stopped gets this long: a last report, and evidence that a slow disk takes.
 FINISH_S = 30.0
 LOG_S = 1.0
-#: A process that was killed and is not gone by then hangs in the kernel. The manager asks again.
-GONE_S = 10.0
 #: A core says WATCHDOG=1 at least twice in this time; its silence is judged by the recorder, not by this.
 WATCHDOG_USEC = 2_000_000
 
@@ -75,8 +73,8 @@ class Executor:
         self.switch: dict[str, object] = {"generation": generation, "step": "begin"}
         self._switch_lock = threading.Lock()
         self._keeping = asyncio.Lock()
-        self._adopting = asyncio.Lock()
-        self._adopted = False
+        self._adopting = False
+        self._living_leftovers = 0
         self.pool = ThreadPoolExecutor(THREADS_MAX, thread_name_prefix="hand")
         self._folders = folders
         self._generation = generation
@@ -280,16 +278,25 @@ class Executor:
         handles = [life.handle for life in self.leftovers if life.handle is not None]
         for handle in handles:
             await self.in_hand(handle.kill_tree)
-        if self._adopted or self._adopting.locked():
-            return  # the manager asks again while one does not die; once is told
-        async with self._adopting:
-            loop = asyncio.get_running_loop()
-            give_up_at = loop.time() + GONE_S
-            for handle in handles:
-                if not await gone(handle, give_up_at - loop.time()):
-                    self.note("leftover", core=handle.pid, gone=False)
-                    return
-            self._adopted = True
+        if self._adopting:
+            return  # it is asked again while one does not die: that kills again, and one waiting is enough
+        self._adopting = True
+        self._living_leftovers = len(handles)
+        loop = asyncio.get_running_loop()
+        for handle in handles:  # no time limit: what hangs in the kernel may end in hours, and then a core may begin
+            loop.add_reader(handle.pidfd, self._leftover_ended, handle)
+        if not handles:
+            self._adopt()
+
+    def _leftover_ended(self, handle: processes.Handle) -> None:
+        asyncio.get_running_loop().remove_reader(handle.pidfd)
+        self._living_leftovers -= 1
+        if not self._living_leftovers:
+            self._adopt()
+
+    def _adopt(self) -> None:
+        """Nothing of the earlier guard's lives any more: take over what its cores left."""
+        handles = [life.handle for life in self.leftovers if life.handle is not None]
         pages = [page for life in self.leftovers if (page := life.page()) is not None]
         last = max(pages, key=lambda page: page.beats.epoch, default=None)
         for life in self.leftovers:

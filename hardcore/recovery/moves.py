@@ -124,7 +124,7 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
         case Step.TERMINATE:
             order(c, Terminate(c.life))
         case Step.KILL:
-            order(c, Kill(c.life))
+            order(c, Kill(c.life) if c.life else KillLeftovers())  # no core of ours yet: an earlier guard's
         case Step.KILL_LEFTOVERS:
             order(c, KillLeftovers())
         case Step.OPEN | Step.OPEN_PLANNED:

@@ -3,9 +3,11 @@
 import asyncio
 import json
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -17,6 +19,7 @@ from hardcore.host.folders import Folders
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.verdicts import Diagnosis
+from tests.waiting import until
 
 
 @pytest.fixture
@@ -38,6 +41,11 @@ def at_work(house: Folders, work: Callable[[Executor], None]) -> list[seen.Obser
 
     asyncio.run(run())
     return facts
+
+
+async def condition(holds: Callable[[], bool]) -> None:
+    """Wait for something without standing in the loop's way."""
+    await asyncio.get_running_loop().run_in_executor(None, until, holds, "the hands")
 
 
 @pytest.mark.parametrize(
@@ -105,26 +113,31 @@ def test_the_investigators_log_is_rotated_too(house: Folders, monkeypatch: pytes
 def test_a_leftover_that_does_not_die_is_no_exit_until_it_does_and_then_is_one(
     house: Folders, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hands, "GONE_S", 0.05)
     argv = [sys.executable, "-c", "import time; time.sleep(600)"]
     handle = processes.spawn(argv, lives.clean_environment(), house.logs / "log", house.data)
-    kill = handle.kill_tree
+    kills: list[int] = []
+    monkeypatch.setattr(handle, "kill_tree", lambda: kills.append(1))  # as if it hung in the kernel
+    facts: list[seen.Observation] = []
 
-    def work(executor: Executor) -> None:
+    def killed(times: int) -> bool:
+        return len(kills) == times
+
+    async def run() -> None:
+        executor = Executor(house, 1, facts.append, lambda _line: None, lambda: None)
         executor.leftovers = (lives.Life(0, "0" * 16, house, None, handle),)
+        for times in (1, 2, 3):
+            executor.carry_out(orders.KillLeftovers())
+            await condition(partial(killed, times))
+        assert facts == []
+        handle.signal(signal.SIGKILL)  # the kernel lets it go, whenever that is
+        await condition(lambda: facts != [])
         executor.carry_out(orders.KillLeftovers())
+        await executor.finish()
 
-    monkeypatch.setattr(handle, "kill_tree", lambda: None)  # as if it hung in the kernel
-    assert at_work(house, work) == []
-    monkeypatch.setattr(handle, "kill_tree", kill)
-    monkeypatch.setattr(hands, "GONE_S", 10)
-
-    def ask_twice(executor: Executor) -> None:
-        work(executor)
-        work(executor)
-
-    (told,) = at_work(house, ask_twice)
+    asyncio.run(run())
+    (told,) = facts
     assert isinstance(told, seen.CoreExited)
+    assert told.life == 0
     os.waitpid(handle.pid, 0)
 
 

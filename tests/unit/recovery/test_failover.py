@@ -61,6 +61,16 @@ def test_what_an_earlier_guard_left_is_ended_before_anything_is_started() -> Non
     assert play.spawned().expected_epoch == 6
 
 
+def test_what_an_earlier_guard_left_is_killed_again_until_it_is_gone_whenever_that_is() -> None:
+    play = Play()
+    play.tell(seen.SentinelBegan(play.now_ns, leftovers=True))
+    assert kinds(play.ring()) == ["Alert"]
+    assert play.phase is Phase.UNKILLABLE
+    for given in (play.ring(), play.ring(), play.ask(seen.Verb.RESUME), play.ask(seen.Verb.RESTART_HARD)):
+        assert kinds(given) == ["KillLeftovers"]
+    assert kinds(play.die()) == ["Spawn"]
+
+
 def test_a_guard_that_nobody_wants_ends_at_once() -> None:
     assert kinds(Play(wanted=Wanted.DOWN).begin().ordered) == ["Halt"]
 
