@@ -81,7 +81,7 @@ class Executor:
         self._tell = tell
         self._publish = publish
         self._still_ours = still_ours
-        self._log = logs.LogThread(logs.LogFile(folders.logs / "sentinel.log"))
+        self._log = logs.LogThread(logs.LogFile(folders.logs / "sentinel.log", folders.run))
         self._bounds = bounds
         self.tools = find_tools()
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
@@ -195,7 +195,6 @@ class Executor:
     def _make(self, order: orders.Spawn, living: set[str]) -> Life:
         self.mark("spawn", life=order.life, expected_epoch=order.expected_epoch)
         lives.sweep(self._folders, living)
-        logs.rotate(self._folders.logs / "core.log")
         life = lives.conceive(self._folders, order.life)
         try:
             handle = lives.start(
@@ -325,7 +324,7 @@ class Executor:
             pidfd=life.handle.pidfd,
             nonce=life.nonce,
             recorder=self._folders.recorder(life.nonce),
-            logs=(self._folders.logs / "core.log",),
+            logs=(life.log or self._folders.logs / "core.log",),
             incident=order.incident,
             incidents=self._folders.incidents,
             data=self._folders.data,
@@ -380,8 +379,7 @@ class Executor:
 
     async def _report(self, folder: Path) -> None:
         """Have the investigators read the box: a process of its own, which nothing of the guard waits for."""
-        log = self._folders.logs / "postmortem.log"
-        await self.in_hand(logs.rotate, log)
+        log = await self.in_hand(logs.place, self._folders.logs / "postmortem.log", self._folders.run)
         argv = [sys.executable, "-I", "-m", "postmortem", "report", str(folder)]
         handle = await self.in_hand(
             processes.spawn,

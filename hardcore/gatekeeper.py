@@ -59,7 +59,6 @@ class Gatekeeper:
                 logs.end_with(f"a new gateway's end can't be watched: {error}")
 
     def _spawn(self) -> Handle:
-        logs.rotate(self._folders.logs / "gateway.log")
         environment = lives.environment_of_gateway(self._folders)
         environment["HARDCORE_LIMITS"] = json.dumps(dataclasses.asdict(self._policy.gateway))
         argv = [sys.executable, "-I", "-m", "hardcore.crisis"]
@@ -67,7 +66,7 @@ class Gatekeeper:
         if os.environ.get(lives.DEMO_SWITCH) == "1":
             argv.append("--demo")
         argv += ["--recoveries", str(self._folders.state / "recoveries.json")]
-        log = self._folders.logs / "gateway.log"
+        log = logs.place(self._folders.logs / "gateway.log", self._folders.run)
         handle = processes.spawn(argv, environment, log, self._folders.data, fds=(self._listen_fd,))
         identity = {"pid": handle.pid, "start": handle.identity.start}
         self._executor.hint(None, gateway=identity)

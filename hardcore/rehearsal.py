@@ -9,7 +9,7 @@ import asyncio
 import sys
 
 from hardcore.executor import Executor, gone
-from hardcore.host import lives, locks, processes
+from hardcore.host import lives, locks, logs, processes
 from hardcore.host.folders import Folders
 
 BEGIN_S = 5.0
@@ -26,7 +26,7 @@ async def hold_lock(executor: Executor, folders: Folders, seconds: int) -> str |
             processes.spawn,
             [*argv, "--seconds", str(seconds)],
             lives.clean_environment(),
-            folders.logs / "drill.log",
+            logs.place(folders.logs / "drill.log", folders.run),
             folders.data,
         )
     except OSError as error:

@@ -84,6 +84,15 @@ def store_wanted(folders: Folders, what: Wanted) -> None:
     files.write_json(folders.state / "wanted.json", {"wanted": str(what), "at": clock.wall(clock.now_ns())})
 
 
+def want_up(folders: Folders) -> None:
+    """Write down that it should run; a disk that refuses is no hindrance where nothing else is written there."""
+    try:
+        store_wanted(folders, Wanted.UP)
+    except OSError:
+        if wanted(folders) is Wanted.DOWN:
+            raise
+
+
 def own_run_folder(folders: Folders) -> None:
     """Make sure that what lies in the run folder was left by this data folder; else its pages are removed.
 
@@ -97,7 +106,7 @@ def own_run_folder(folders: Folders) -> None:
     if not known and kept.exists():
         return  # it can't be read now: in doubt the witness stays
     # Data from before there were identities: a guard has watched it, and its run folder knows no other.
-    older = not known and not seen and (folders.state / "generation.json").exists()
+    older = not known and not seen and folders.generation.exists()
     if known and seen == known:
         return
     with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
@@ -111,7 +120,7 @@ def own_run_folder(folders: Folders) -> None:
 
 def next_generation(folders: Folders) -> int:
     """Take the next generation number. The caller holds the sentinel's lock."""
-    paths = (folders.state / "generation.json", folders.run / "generation")
+    paths = (folders.generation, folders.run / "generation")
     stored = [files.read_json(path).get("generation") for path in paths]
     number = max(value if isinstance(value, int) else 0 for value in stored) + 1
     with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back

@@ -18,7 +18,6 @@ from hardcore import standing
 from hardcore.control import client
 from hardcore.host import files, lives
 from hardcore.host.folders import Folders, Unusable, locate, prepare, prepare_data
-from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, PolicyFault
 
 BACKLOG = 1024
@@ -104,7 +103,7 @@ def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: s
     if isinstance(listener, Refused):
         return listener
     # Only now: a start that was refused must not have changed what is wanted.
-    standing.store_wanted(folders, Wanted.UP)
+    standing.want_up(folders)
     shown = f"[{host}]" if ":" in host else host
     port = listener.getsockname()[1]
     return Ready(folders, listener.detach(), f"http://{shown}:{port}", attached=False, warning=warning)

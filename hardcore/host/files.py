@@ -1,5 +1,6 @@
 """Small files that survive a death in the middle of writing them: temp, fsync, rename, fsync the folder."""
 
+import errno
 import fcntl
 import json
 import os
@@ -60,8 +61,14 @@ def take_lock(path: Path) -> int | None:
 
     The file is never unlinked, and its inode is compared after locking: two owners were seen when a lock
     file was removed and made anew between one's open and lock.
+    On a disk that takes no write the file is locked as it lies there. Raises OSError where there is none.
     """
-    fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        if error.errno != errno.EROFS or not path.exists():
+            raise
+        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if os.fstat(fd).st_ino == path.stat().st_ino:

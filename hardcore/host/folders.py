@@ -6,6 +6,7 @@ link in the data says it to everybody else. The link is made anew when the data 
 folder is gone. The locks that keep a second guard away lie in the data itself: there is only one of it.
 """
 
+import errno
 import hashlib
 import os
 import stat
@@ -13,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 SOCKET_PATH_BYTES_MAX = 107
+#: What a disk says that takes no writes at all, whatever room there is.
+REFUSED = frozenset({errno.EROFS, errno.EIO})
 _LONGEST_NAME = "core-0123456789abcdef.sock"
 
 
@@ -44,6 +47,11 @@ class Folders:
     def state(self) -> Path:
         """Small files about what is wanted and what is counted."""
         return self.data / "state"
+
+    @property
+    def generation(self) -> Path:
+        """The last guard's number; there as soon as a guard has watched this data."""
+        return self.state / "generation.json"
 
     @property
     def incidents(self) -> Path:
@@ -158,6 +166,7 @@ def locate(data: Path) -> Folders:
 
 def prepare_data(data: Path) -> Folders | Unusable:
     """Make what lies in the data folder itself, owner-only; nothing that another environment would make anew."""
+    folders = None
     try:
         data.mkdir(parents=True, exist_ok=True, mode=0o700)
         folders = locate(data)
@@ -167,6 +176,9 @@ def prepare_data(data: Path) -> Folders | Unusable:
         probe.write_bytes(b"")
         probe.unlink()
     except OSError as error:
+        # On a disk that takes no writes, what a guard has left there can still be read and watched.
+        if error.errno in REFUSED and folders is not None and folders.generation.exists():
+            return folders
         return _unusable(data, error)
     return folders
 

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hardcore.host import clock, files, memory, processes, vitals
+from hardcore.host import clock, files, logs, memory, processes, vitals
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle, Identity
 from hardcore.host.recorder import PageReader, make_page
@@ -67,6 +67,7 @@ class Life:
     fds: int | None = None  # from the last time they were counted
     oom: memory.OomCounter | None = None
     confined: memory.Confined | None = None
+    log: Path | None = None  # what it says goes there
     _ticks: int = 0
     _threads: Threads = field(default_factory=Threads)
     _one_is_slow: bool = False
@@ -218,7 +219,8 @@ def start(
     if safe is not None:
         environment["HARDCORE_SAFE"] = safe
     argv = [sys.executable, "-I", "-m", "core", "serve", "--data", str(folders.data)]
-    life.handle = processes.spawn(argv, environment, folders.logs / "core.log", folders.data)
+    life.log = logs.place(folders.logs / "core.log", folders.run)
+    life.handle = processes.spawn(argv, environment, life.log, folders.data)
     life.oom = memory.oom_counter(life.handle.pid)
     return life.handle
 

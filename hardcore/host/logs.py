@@ -1,9 +1,14 @@
-"""The guard's own log: JSON lines, bounded, rotated; control characters can't forge a line."""
+"""The guard's own log: JSON lines, bounded, rotated; control characters can't forge a line.
+
+A disk that takes no write takes no log either, and that is when one is wanted most: whatever writes one is then given
+its place in the run folder, which is memory.
+"""
 
 import json
 import os
 import threading
 from collections import deque
+from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -29,6 +34,20 @@ def rotate(path: Path) -> None:
     path.replace(path.with_name(f"{path.name}.1"))
 
 
+def place(path: Path, instead: Path) -> Path:
+    """Return where this log can be written to now: at `path`, or under its name in the folder `instead`."""
+    for chosen in (path, instead / path.name):
+        with suppress(OSError):
+            rotate(chosen)
+            os.close(_open(chosen))
+            return chosen
+    return path  # nowhere: whoever opens it is told why
+
+
+def _open(path: Path) -> int:
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
+
+
 def end_with(reason: str) -> NoReturn:
     """End the process at once over a bug of ours: a guard that may be blind is worse than one started anew."""
     try:
@@ -40,21 +59,29 @@ def end_with(reason: str) -> NoReturn:
 class LogFile:
     """Appends lines. Written from one thread only: the deciding loop never waits for a disk."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, instead: Path | None = None) -> None:
+        """Write to `path`; while that is refused under its name in the folder `instead`, if there is one."""
+        self._paths = (path,) if instead is None else (path, instead / path.name)
 
     def append(self, entry: dict[str, object]) -> None:
-        """Write one entry as one line. A disk that refuses must not stop the watch: the line is lost."""
+        """Write one entry as one line. Disks that refuse must not stop the watch: the line is lost."""
         try:
             line = json.dumps(entry, ensure_ascii=False, default=str).encode("utf-8", "replace") + b"\n"
-            rotate(self._path)
-            fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
-            try:
-                os.write(fd, line)
-            finally:
-                os.close(fd)
-        except (OSError, ValueError, TypeError, RecursionError):
+        except (ValueError, TypeError, RecursionError):
             return
+        for path in self._paths:
+            with suppress(OSError):
+                _append(path, line)
+                return
+
+
+def _append(path: Path, line: bytes) -> None:
+    rotate(path)
+    fd = _open(path)
+    try:
+        os.write(fd, line)
+    finally:
+        os.close(fd)
 
 
 class LogThread:
