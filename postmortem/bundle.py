@@ -13,7 +13,7 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,16 +30,11 @@ FILES_MAX = 128
 MANIFEST_BYTES_MAX = 256 << 10
 #: Folders looked at when a place is listed.
 FOLDERS_MAX = 20_000
-#: What is kept of incidents: the newest ones, in number and in bytes; and how many go at one time.
-INCIDENTS_MAX = 200
-INCIDENTS_BYTES_MAX = 512 << 20
-REMOVED_AT_ONCE_MAX = 64
 
 #: By this name a memory image is missing.
 IMAGE = "image"
-#: What is kept of memory images: so many of one incident, and their bytes in all, besides those of the stories.
+#: So many memory images are kept of one incident.
 IMAGES_MAX = 4
-IMAGES_BYTES_MAX = 2 << 30
 
 FACTS = "incident.json"
 _HAS_ONE = "this incident has a bundle already"
@@ -48,7 +43,6 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,95}")
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _PARTIAL = re.compile(rf"\.({_ID.pattern})\.partial")
 _IMAGE = re.compile(r"core\.[1-9][0-9]?")
-_GONE = re.compile(rf"\.{_ID.pattern}\.gone")
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +120,7 @@ def write_bundle(
             try:
                 placing.empty(temporary)  # of a writer that died: this one says it anew
                 manifest = _put_all(temporary, Manifest(incident_id, placing.now(), complete), files, missing)
-                _write_manifest(temporary, manifest)
+                write_manifest(temporary, manifest)
                 placing.sync_folder(temporary)
                 temporary.rename(final)
             except OSError:
@@ -148,6 +142,7 @@ def add_files(
     """
     try:
         with placing.writing(path):
+            placing.remove_drafts(path)
             before = read_manifest(path)
             if isinstance(before, BundleFailed):
                 reason = f"begun anew, files from before are not listed: {before.reason}"
@@ -160,7 +155,7 @@ def add_files(
                 missing,
             )
             placing.sync_folder(path)
-            _write_manifest(path, after)
+            write_manifest(path, after)
             placing.sync_folder(path)
     except OSError as error:
         return BundleFailed(placing.why(error, "a file could not be added to the bundle"))
@@ -187,7 +182,7 @@ def add_image(path: Path, written: Path) -> str | BundleFailed:
             written.rename(path / name)
             missing = {other: why for other, why in before.missing.items() if other != IMAGE}
             images = {**before.images, name: size_bytes}
-            _write_manifest(path, replace(before, images=images, missing=missing))
+            write_manifest(path, replace(before, images=images, missing=missing))
             placing.sync_folder(path)
     except OSError as error:
         return BundleFailed(placing.why(error, "the memory image could not be kept"))
@@ -281,6 +276,11 @@ def find_bundles(parent: Path) -> list[Found]:
     return sorted(found, key=lambda one: (one.id, not one.partial), reverse=True)
 
 
+def is_image(name: str) -> bool:
+    """Tell whether a file of a bundle is a memory image, by its name."""
+    return _IMAGE.fullmatch(name) is not None
+
+
 def is_there(path: Path) -> bool:
     """Tell whether something stands at `path`, a dangling link included. Unreadable counts as nothing."""
     try:
@@ -315,7 +315,7 @@ def complete_partial(found: Found) -> Path | BundleFailed | None:
                 return None
             missing = {MANIFEST: "begun anew: the guard ended while it wrote the evidence"}
             manifest = Manifest(found.id, placing.now(), complete=False, missing=missing)
-            _write_manifest(found.path, _put_all(found.path, manifest, kept, {}))
+            write_manifest(found.path, _put_all(found.path, manifest, kept, {}))
             for name in names:
                 if name.endswith(".partial"):
                     (found.path / name).unlink(missing_ok=True)
@@ -325,97 +325,6 @@ def complete_partial(found: Found) -> Path | BundleFailed | None:
     except OSError as error:
         return BundleFailed(placing.why(error, "the half-written evidence could not be completed"))
     return final
-
-
-def prune(
-    parent: Path,
-    keep: str,
-    count_max: int = INCIDENTS_MAX,
-    bytes_max: int = INCIDENTS_BYTES_MAX,
-    images_bytes_max: int = IMAGES_BYTES_MAX,
-) -> list[str]:
-    """Remove the oldest closed incidents above the maxima, the incident `keep` never; return their ids.
-
-    An incident without facts is open, so it stays. What a writer holds stays until the next time. Memory images
-    are counted by themselves and go first, the oldest too: an image never drives a story out.
-    """
-    _remove_gone(parent)
-    found = [one for one in find_bundles(parent) if not one.partial]
-    _prune_images([one.path for one in reversed(found) if one.id != keep], parent / keep, images_bytes_max)
-    sizes = {one.id: _size_bytes(one.path) for one in found}
-    count, size_bytes = len(found), sum(sizes.values())
-    removed: list[str] = []
-    for one in reversed(found):
-        if (count <= count_max and size_bytes <= bytes_max) or len(removed) >= REMOVED_AT_ONCE_MAX:
-            break
-        if one.id != keep and is_there(one.path / FACTS) and _remove(one.path):
-            removed.append(one.id)
-            count, size_bytes = count - 1, size_bytes - sizes[one.id]
-    return removed
-
-
-def _prune_images(oldest_first: list[Path], kept: Path, bytes_max: int) -> None:
-    images = {path: _images_in(path) for path in (*oldest_first, kept)}
-    size_bytes = sum(sum(sizes.values()) for sizes in images.values())
-    for path in oldest_first:
-        if size_bytes <= bytes_max:
-            return
-        if images[path] and _remove_images(path, images[path]):
-            size_bytes -= sum(images[path].values())
-
-
-def _images_in(path: Path) -> dict[str, int]:
-    with suppress(OSError), os.scandir(path) as items:
-        looked_at = [item for _, item in zip(range(FOLDERS_MAX), items, strict=False)]
-        return {
-            item.name: item.stat(follow_symlinks=False).st_size
-            for item in looked_at
-            if _IMAGE.fullmatch(item.name)
-        }
-    return {}
-
-
-def _remove_images(path: Path, names: Collection[str]) -> bool:
-    """Remove the memory images of one incident; its manifest says where they went, also if that fails."""
-    try:
-        with placing.writing(path, wait_ms=0):
-            for name in names:
-                (path / name).unlink()
-            before = read_manifest(path)
-            if isinstance(before, Manifest):
-                told = dict.fromkeys(names, "removed to make room for newer ones")
-                _write_manifest(path, replace(before, images={}, missing={**before.missing, **told}))
-    except OSError:
-        return False
-    return True
-
-
-def _remove(path: Path) -> bool:
-    """Remove a bundle; its name goes first, so that a death in the middle leaves no half incident."""
-    gone = path.with_name(f".{path.name}.gone")
-    try:
-        with placing.writing(path, wait_ms=0):
-            path.rename(gone)
-            shutil.rmtree(gone)
-    except OSError:
-        return False
-    return True
-
-
-def _remove_gone(parent: Path) -> None:
-    with suppress(OSError), os.scandir(parent) as items:
-        for _, item in zip(range(FOLDERS_MAX), items, strict=False):
-            if _GONE.fullmatch(item.name):
-                shutil.rmtree(item.path, ignore_errors=True)
-
-
-def _size_bytes(path: Path) -> int:
-    total = 0
-    with suppress(OSError), os.scandir(path) as items:
-        for _, item in zip(range(FOLDERS_MAX), items, strict=False):
-            if not _IMAGE.fullmatch(item.name):
-                total += item.stat(follow_symlinks=False).st_size
-    return total
 
 
 def _read_entries(raw: object) -> dict[str, Entry] | None:
@@ -473,7 +382,8 @@ def _put_all(
     return replace(manifest, files=entries, missing=absent)
 
 
-def _write_manifest(folder: Path, manifest: Manifest) -> None:
+def write_manifest(folder: Path, manifest: Manifest) -> None:
+    """Say what is in the bundle, for whoever holds it alone. Raises OSError."""
     raw = {
         "version": VERSION,
         "incident": manifest.incident,

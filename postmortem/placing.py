@@ -8,16 +8,18 @@ import errno
 import fcntl
 import hashlib
 import os
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
 
 #: How long a writer waits for another one of the same bundle.
 LOCK_WAIT_MS = 2_000
+_DRAFT = re.compile(r"\..+\.[0-9]+\.partial")
 
 
 def empty(folder: Path) -> None:
@@ -64,6 +66,17 @@ def replace_all(folder: Path, files: Mapping[str, bytes]) -> None:
         finally:
             for temporary in waiting:
                 temporary.unlink(missing_ok=True)
+
+
+def remove_drafts(folder: Path) -> None:
+    """Remove the drafts of writers that died, for whoever holds the bundle alone: no other draft can be there.
+
+    A draft that can't be removed stays, and is told as a stranger among the files. Raises OSError.
+    """
+    for item in list(os.scandir(folder)):
+        if _DRAFT.fullmatch(item.name):
+            with suppress(OSError):
+                Path(item.path).unlink()
 
 
 def _open(path: Path) -> BinaryIO:

@@ -7,7 +7,7 @@ copy as well; facts and orders are frozen and are only kept, and written when an
 thread, if the shell likes). One line for each tick in a file was not chosen: ten writes a second for ever, for the sake of
 a minute now and then.
 
-What clients wrote (payloads) is left out: no decision rests on it.
+What clients wrote (payloads) and what a core said last in words is left out: no decision rests on it.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ from hardcore.model import actions, observations, phases, recorder, verdicts
 from hardcore.model.actions import Action
 from hardcore.model.codec import Codec, Json, UnencodableError
 from hardcore.model.observations import CoreExited, EvidenceTaken, Observation, Sampled
-from hardcore.model.recorder import CommandNote, Page
+from hardcore.model.recorder import CommandNote, LastWords, Page
 from hardcore.recovery import failover, policy
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
@@ -61,9 +61,14 @@ def _classes() -> Iterator[type]:
     yield Limits
 
 
-#: Nothing a client wrote, and nothing of a page that no decision rests on.
+#: Nothing a client wrote or an exception quotes, and nothing of a page that no decision rests on.
 CODEC = Codec(
-    _classes(), {CommandNote: {"payload": b""}, Page: {"finished": (), "events": (), "censuses": ()}}
+    _classes(),
+    {
+        CommandNote: {"payload": b""},
+        LastWords: {"text": ""},
+        Page: {"finished": (), "events": (), "censuses": ()},
+    },
 )
 
 

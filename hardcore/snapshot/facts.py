@@ -29,7 +29,9 @@ def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int],
         "outcome": incident.outcome,
         "diagnosis": str(incident.diagnosis),
         "grade": str(incident.grade),
-        "evidence": [{"kind": fact.witness, "text": fact.why} for fact in incident.evidence],
+        "evidence": [
+            {"kind": fact.witness, "colour": str(fact.colour), "text": fact.why} for fact in incident.evidence
+        ],
         "planned": incident.planned,
         "drill": incident.drill,
         "reason": incident.reason or None,

@@ -123,6 +123,7 @@ class Filing:
 
     async def close_abandoned(self, found: Sequence[writer.Abandoned]) -> None:
         """Close what a dead guard left open: each gets closing facts and a report, or is removed."""
+        await self._hands.in_hand(writer.sweep, self._incidents)
         left = list(found)
         for pause_s in (*self._pauses_s, None):
             left = [one for one in left if not await self._close_one(one)]

@@ -3,7 +3,7 @@
 First an allow-list: a value is shown only where its name says that it is an id, an amount or a number with a
 unit, and only if it has that form; of free text only plain words, numbers, ids and places in code. Then a
 list of names: whatever is said to be a secret goes, with all that follows it. Then patterns: what looks like
-a secret by its shape. To hide only what has a secret's name was the rule before and was not kept: a password
+a secret by its shape, and in a line of text a long number that has no unit. To hide only what has a secret's name was the rule before and was not kept: a password
 typed into a description has no name. What no sieve can tell is one plain word of prose from another.
 """
 
@@ -16,7 +16,7 @@ HIDDEN = b"*"
 _SECRET_NAME = re.compile(
     r"pass(?:word|wd|phrase|code)|\bpwd\b|_pwd|pwd_|secret|token|cookie|authori[sz]ation|bearer|credential"
     r"|api_?-?key|private_?-?key|key_?material|signing_?key|encryption_?key|session_?id|\botp\b|one_time_code"
-    r"|비밀번호|암호",
+    r"|\bpin\b|비밀번호|암호|인증번호|주민(?:등록)?번호",
     re.IGNORECASE,
 )
 
@@ -55,8 +55,10 @@ _SHAPES = re.compile(
 #: The shape of a card number. A time in nanoseconds has it too, so the check digit decides, and the parts
 #: of an id made of hexadecimal groups are no candidates.
 _CARD = re.compile(r"(?<![\w.-])(?:(?:\d{4}[ -]){3}\d{1,4}|\d{15,16})(?![\w-])")
-#: A secret in a line of text: its name, then what is said to be its value, to the end of the line.
+#: A secret in a rendered value: its name, then what is said to be its value, to the end.
 _ASSIGNED = re.compile(rf"({_SECRET_NAME.pattern})[\w-]*[\"']?\s*[:=].*", re.IGNORECASE)
+#: A secret in a line of text: its name, and whatever stands behind it. A file of code may be called so.
+_SPOKEN = re.compile(rf"({_SECRET_NAME.pattern})(?![\w./-]*\.py\b).*", re.IGNORECASE)
 _CARRIED = re.compile(r"\b(Bearer|Basic)\s+\S+", re.IGNORECASE)
 
 #: What may be shown of a line of text, piece by piece; what stands between blanks and is none of it is hidden.
@@ -74,6 +76,13 @@ _IN_CODE = re.compile(r'\s*File "(?:[^"]*/)?([^"/]+)", line (\d+)(?:, in ([\w<>.
 #: A function behind its place, as the stories of exceptions tell it.
 _STORY = re.compile(r"\w\.py:\d+ ([\w<>]{1,80})(?=[:,)])")
 _MASKS = re.compile(rf"{MASK}(?:\s+{MASK})+")
+#: So many digits in a row are a time, a size, or a number that is somebody's: of an account, a card, a person.
+_MANY_DIGITS = re.compile(r"\d(?:[.,]?\d){8,}")
+_UNIT = r"(?:ns|us|ms|s|b|kb|mb|bytes)"
+_MEASURED = re.compile(rf"[(\[]*[-+#]?[\d.,]+{_UNIT}[)\].,:;]*", re.IGNORECASE)
+_A_UNIT = re.compile(rf"{_UNIT}[)\].,:;]*", re.IGNORECASE)
+#: A moment, an id of ours, a place in code: their digits are nobody's number.
+_OURS = re.compile(rf"[(\[]*(?:{_MOMENT}|[0-9a-f]{{8}}-[0-9a-f-]{{27}}|\S+\.py:\d+)[)\].,:;]*")
 
 _PAIR = re.compile(
     rb'"('
@@ -104,14 +113,24 @@ def mask_line(line: str) -> str:
     if (place := _IN_CODE.fullmatch(line)) is not None:
         return f'  File "{place[1]}", line {place[2]}' + (f", in {place[3]}" if place[3] else "")
     functions = set(_STORY.findall(line))
-    secret = _ASSIGNED.search(line)
-    open_part = line[: secret.start()] if secret else line
+    secret = _SPOKEN.search(line)
+    words = (line[: secret.start()] if secret else line).split(" ")
     pieces = [
-        piece if not piece or _PIECE.fullmatch(piece) or piece.rstrip(":,)") in functions else MASK
-        for piece in open_part.split(" ")
+        word if _may_be_told(word, after) or word.rstrip(":,)") in functions else MASK
+        for word, after in zip(words, [*words[1:], ""], strict=True)
     ]
     told = " ".join(pieces) + (f"{secret[1]}: {MASK}" if secret else "")
     return _MASKS.sub(MASK, mask_shapes(_CARRIED.sub(rf"\1 {MASK}", told)))
+
+
+def short_path(path: str) -> str:
+    """Return the last two parts of a file's path: enough to find it, nothing about the machine."""
+    return "/".join(path.rsplit("/", 2)[-2:])
+
+
+def visible(text: str) -> str:
+    """Return `text` with every character that does not print as an escape: a name of the core moves no terminal."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
 
 
 def mask_payload(payload: bytes) -> bytes:
@@ -142,6 +161,17 @@ def mask_shapes(text: str) -> str:
 def is_id(text: str) -> bool:
     """Tell whether `text` has the form of an id, or of several with commas between, and looks like no secret."""
     return re.fullmatch(_IDS, text) is not None and _masked_text(text) == text
+
+
+def _may_be_told(word: str, after: str) -> bool:
+    """Tell whether a word of a line may be shown; `after` is the next one, which may be its unit."""
+    if not word:
+        return True
+    if _PIECE.fullmatch(word) is None:
+        return False
+    if _MANY_DIGITS.search(word) is None or _OURS.fullmatch(word):
+        return True
+    return bool(_MEASURED.fullmatch(word) or _A_UNIT.fullmatch(after))
 
 
 def _has_form(name: str, value: str) -> bool:

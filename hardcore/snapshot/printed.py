@@ -6,10 +6,12 @@ other evidence is taken while they are being printed. They are asked for only wh
 handler stands: otherwise the signal would be the end of the process.
 """
 
+import re
 import signal
 import time
 from pathlib import Path
 
+from hardcore.snapshot.masking import mask_line, short_path, visible
 from hardcore.snapshot.subject import Haul, Subject
 from hardcore.snapshot.threads import stands_still
 
@@ -17,6 +19,12 @@ TRACEBACK_BYTES_MAX = 256 << 10
 _POLL_S = 0.0005
 #: A traceback that has not grown for so long is taken for finished: its writer says no end.
 _SETTLED_NS = 3_000_000
+_FRAME = re.compile(r'\s*File "(?P<path>[^"]*)", line (?P<line>\d+|\?\?\?) in (?P<function>.*)')
+#: The handler's own sentences; any other line is somebody's text.
+_OWN_LINE = re.compile(
+    r"(?:Current thread|Thread) 0x[0-9a-f]+(?: \[[^\]]{0,64}\])? \(most recent call first\):|  <[\w ]{1,40}>"
+    r"|(?:Fatal Python error|Extension modules|Python runtime state): .*"
+)
 
 
 def traceback_path(subject: Subject) -> Path:
@@ -66,9 +74,18 @@ def _printed(path: Path, after_bytes: int) -> bytes | str:
     try:
         with path.open("rb") as file:
             file.seek(after_bytes)
-            return file.read(TRACEBACK_BYTES_MAX)
+            text = file.read(TRACEBACK_BYTES_MAX).decode("utf-8", "replace")
     except OSError as error:
         return error.strerror or "unreadable"
+    return "".join(f"{told(line)}\n" for line in text.splitlines()).encode()
+
+
+def told(line: str) -> str:
+    """Return one line that the handler printed as evidence shows it: without the folders of the machine."""
+    if frame := _FRAME.fullmatch(line):
+        path, function = short_path(visible(frame["path"])), visible(frame["function"])
+        return f'  File "{path}", line {frame["line"]} in {function}'
+    return visible(line if _OWN_LINE.fullmatch(line) else mask_line(line))
 
 
 def _has_handler(pid: int) -> bool:

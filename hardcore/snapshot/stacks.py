@@ -17,7 +17,7 @@ from typing import Any
 from hardcore.model.observations import StackFrame, ThreadStack
 from hardcore.snapshot import children
 from hardcore.snapshot.form import as_bytes
-from hardcore.snapshot.masking import MASK, mask_local, parts
+from hardcore.snapshot.masking import MASK, mask_local, parts, short_path, visible
 from hardcore.snapshot.subject import Haul, Tools
 
 STACKS_BYTES_MAX = 4 << 20
@@ -106,10 +106,16 @@ def _frame(frame: Mapping[str, Any]) -> StackFrame:
 
 def _masked(threads: Any) -> list[dict[str, Any]]:
     for thread in threads:
-        _ = thread["os_thread_id"], thread["thread_name"], thread["active"], thread["owns_gil"]
+        _ = thread["os_thread_id"], thread["active"], thread["owns_gil"]
+        thread["thread_name"] = visible(thread["thread_name"] or "")
         for frame in thread["frames"]:
-            _ = frame["short_filename"], frame["filename"], frame["line"]
+            _ = frame["line"]
+            frame["name"] = visible(frame["name"])
+            frame["filename"] = short_path(visible(frame["filename"]))
+            short = visible(frame["short_filename"] or "")
+            frame["short_filename"] = frame["filename"] if short[:1] in {"", "/"} else short
             for local in frame["locals"] or ():
+                local["name"] = visible(local["name"])
                 local["repr"] = mask_local(frame["name"], local["name"], local["repr"] or "")
     return list(threads)
 

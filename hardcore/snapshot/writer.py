@@ -24,7 +24,7 @@ from hardcore.snapshot.gathering import Gathering, abandon, gather, prepare
 from hardcore.snapshot.image import ImageLimits, write_image
 from hardcore.snapshot.recipe import Piece
 from hardcore.snapshot.subject import Evidence, EvidenceFailed, Haul, Subject, Tools
-from postmortem import bundle
+from postmortem import bundle, keeping
 
 #: How much longer than the budget the disk may take before the kill goes on without it.
 STORE_GRACE_MS = 250
@@ -166,9 +166,14 @@ def close_abandoned(found: Abandoned, closed_at: str) -> Path | bundle.BundleFai
     return path if failed is None else failed
 
 
+def sweep(incidents: Path) -> None:
+    """Remove what a dead guard left half written in the folders of its incidents, closed ones too."""
+    keeping.sweep(incidents)
+
+
 def prune(incidents: Path, keep: str) -> list[str]:
     """Remove the oldest closed incidents above what is kept; return their ids."""
-    return bundle.prune(incidents, keep)
+    return keeping.prune(incidents, keep)
 
 
 def _read(path: Path, name: str) -> Mapping[str, Any] | bundle.BundleFailed:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from hardcore.snapshot import writer
-from postmortem import bundle, placing
+from postmortem import bundle, keeping, placing
 from postmortem.bundle import BundleFailed, Manifest
 
 ID = "0199a000-0000-7000-8000-00000000000a"
@@ -327,7 +327,7 @@ def test_the_oldest_closed_incidents_go_and_an_open_one_never(tmp_path: Path) ->
     still_open = closed(tmp_path, 0, facts=False)
     names = [closed(tmp_path, number) for number in range(1, 7)]
     assert writer.prune(tmp_path, keep=names[-1]) == []
-    removed = bundle.prune(tmp_path, keep=names[0], count_max=4)
+    removed = keeping.prune(tmp_path, keep=names[0], count_max=4)
     assert removed == names[1:4]
     left = [one.id for one in bundle.find_bundles(tmp_path)]
     assert left == [*reversed(names[4:]), names[0], still_open]
@@ -336,13 +336,13 @@ def test_the_oldest_closed_incidents_go_and_an_open_one_never(tmp_path: Path) ->
 
 def test_what_is_kept_of_incidents_has_a_maximum_of_bytes(tmp_path: Path) -> None:
     names = [closed(tmp_path, number, size_bytes=100_000) for number in range(4)]
-    assert bundle.prune(tmp_path, keep=names[-1], bytes_max=250_000) == names[:2]
+    assert keeping.prune(tmp_path, keep=names[-1], bytes_max=250_000) == names[:2]
 
 
 def test_an_incident_in_somebodys_hands_is_not_removed(tmp_path: Path) -> None:
     names = [closed(tmp_path, number) for number in range(3)]
     with placing.writing(tmp_path / names[0]):
-        assert bundle.prune(tmp_path, keep=names[2], count_max=2) == [names[1]]
+        assert keeping.prune(tmp_path, keep=names[2], count_max=2) == [names[1]]
     assert (tmp_path / names[0] / bundle.FACTS).exists()
 
 
@@ -350,7 +350,7 @@ def test_a_removal_that_was_cut_short_is_finished_and_shown_to_nobody(tmp_path: 
     (tmp_path / f".{ID}.gone").mkdir()
     (tmp_path / f".{ID}.gone" / "recorder.bin").write_bytes(b"x")
     assert bundle.find_bundles(tmp_path) == []
-    assert bundle.prune(tmp_path, keep="") == []
+    assert keeping.prune(tmp_path, keep="") == []
     assert list(tmp_path.iterdir()) == []
 
 
@@ -399,7 +399,7 @@ def test_old_images_go_before_any_story_does(tmp_path: Path) -> None:
     names = [closed(tmp_path, number) for number in range(3)]
     for name in names:
         image(tmp_path / name)
-    assert bundle.prune(tmp_path, keep=names[2], images_bytes_max=5_000) == []
+    assert keeping.prune(tmp_path, keep=names[2], images_bytes_max=5_000) == []
     assert [sorted(manifest_of(tmp_path / name).images) for name in names] == [[], [], ["core.1"]]
     assert "core.1" in manifest_of(tmp_path / names[0]).missing
     assert bundle.verify_bundle(tmp_path / names[0]) == []
@@ -408,4 +408,42 @@ def test_old_images_go_before_any_story_does(tmp_path: Path) -> None:
 def test_an_image_drives_no_story_out(tmp_path: Path) -> None:
     names = [closed(tmp_path, number) for number in range(3)]
     image(tmp_path / names[2], 100_000)
-    assert bundle.prune(tmp_path, keep=names[2], bytes_max=50_000) == []
+    assert keeping.prune(tmp_path, keep=names[2], bytes_max=50_000) == []
+
+
+def test_half_an_image_counts_with_the_images_and_drives_no_story_out(tmp_path: Path) -> None:
+    names = [f"{ID}{number}" for number in range(3)]
+    for name in names:
+        assert isinstance(bundle.write_bundle(tmp_path, name, {bundle.FACTS: b"{}"}, {}), Path)
+    half = tmp_path / names[1] / ".core.4242"
+    with half.open("wb") as file:
+        file.truncate(1 << 30)
+    assert keeping.prune(tmp_path, keep=names[2]) == []
+    assert half.exists(), "it may be one that is being written"
+    assert keeping.prune(tmp_path, keep=names[2], images_bytes_max=1 << 20) == []
+    assert not half.exists()
+    assert bundle.verify_bundle(tmp_path / names[1]) == []
+
+
+def test_what_a_dead_writer_left_half_written_is_removed_at_a_guards_beginning(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    (path / ".core.4242").write_bytes(b"half an image")
+    (path / ".observations.jsonl.4242.partial").write_bytes(b"half a recording")
+    keeping.sweep(tmp_path)
+    assert bundle.verify_bundle(path) == []
+
+
+def test_the_next_writer_removes_the_drafts_of_one_that_died(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    (path / ".observations.jsonl.4242.partial").write_bytes(b"half a recording")
+    assert bundle.add_file(path, "log.txt", b"line\n") is None
+    assert bundle.verify_bundle(path) == []
+
+
+def test_a_bundle_that_is_being_written_is_not_swept(tmp_path: Path) -> None:
+    path = made(tmp_path)
+    draft = path / ".log.txt.4242.partial"
+    draft.write_bytes(b"half a file")
+    with placing.writing(path):
+        keeping.sweep(tmp_path)
+    assert draft.exists()

@@ -10,18 +10,23 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import psutil
 import pytest
 
 from hardcore.host.recorder import make_page
-from hardcore.model.observations import ProcessSample
+from hardcore.model.actions import CloseIncident
+from hardcore.model.observations import CoreExited, Exit, ProcessSample
 from hardcore.model.recorder import SlotStage
+from hardcore.recovery.flight import CODEC
+from hardcore.sentinel.deaths import judge_death
 from hardcore.snapshot import stacks, writer
+from hardcore.snapshot.facts import facts
 from hardcore.snapshot.subject import Evidence, EvidenceFailed, Subject, Tools
 from postmortem import bundle, cli
+from tests.unit.snapshot.test_filing import incident
 
 ID = "0199a000-0000-7000-8000-00000000000b"
 NONCE = "abcdef0123456789"
@@ -59,6 +64,11 @@ def settle(transaction_id, account_id):
             pass
     if how == "crash":
         os.abort()
+    if how == "raise":
+        thread = threading.Thread(target=lambda: int("password: " + canary))
+        thread.start()
+        thread.join()
+        raise ValueError(f"the form said password={canary} and {canary}")
     time.sleep(600)
 
 
@@ -184,6 +194,27 @@ def test_no_secret_value_reaches_the_bundle(bench: Bench) -> None:
     files = {file.name: file.read_bytes() for file in taken.path.iterdir()}
     assert [name for name, data in files.items() if CANARY.encode() in data] == []
     assert "잔액 확인" in files["log.txt"].decode()
+
+
+def test_no_secret_that_an_exception_quotes_is_in_any_file_of_its_incident(bench: Bench) -> None:
+    subject = bench.core("raise")
+    assert bench.children[0].wait() == 1
+    taken = whole(bench.dead(subject))
+    page = taken.page
+    assert page is not None
+    assert page.last_words is not None
+    assert CANARY in page.last_words.text, "else this asks nothing"
+    how = Exit(code=1)
+    death = judge_death(how, page.last_words, was_ready=True, term_sent=False)
+    closed = replace(incident(), evidence=death.evidence, exit=how, last_words=page.last_words)
+    assert writer.write_facts(taken.path, facts(closed, subject.pid, NONCE, str)) is None
+    heard = json.dumps(CODEC.encode((CoreExited(1, 1, how, page), CloseIncident(closed)))).encode()
+    assert writer.add_recording(taken.path, lambda: heard) is None
+    assert cli.write_report(taken.path) is None
+    files = {file.name: file.read_bytes() for file in taken.path.iterdir()}
+    assert {"recorder.bin", "incident.json", "observations.jsonl", "report.md", "report.json"} <= set(files)
+    assert [name for name, data in files.items() if CANARY.encode() in data] == []
+    assert b"EXCEPTION" in files["report.md"]
 
 
 def test_where_each_thread_slept_was_read_before_the_stop(bench: Bench) -> None:

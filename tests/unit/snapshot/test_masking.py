@@ -114,6 +114,39 @@ def test_what_is_none_of_these_is_hidden_in_a_line(line: str) -> None:
     assert CANARY not in mask_line(line)
 
 
+@pytest.mark.parametrize(
+    ("line", "secret"),
+    [
+        ("ran backup --password Sommer now", "Sommer"),
+        ("password Sommer accepted", "Sommer"),
+        ("Cookie sid Abcdefgh", "Abcdefgh"),
+        ("비밀번호 봄여름", "봄여름"),
+        ("PIN 4711 was right", "4711"),
+    ],
+)
+def test_the_name_of_a_secret_hides_the_rest_of_a_line_whatever_stands_between(
+    line: str, secret: str
+) -> None:
+    assert secret not in mask_line(line)
+
+
+@pytest.mark.parametrize("number", ["110234567890", "9001011234567", "(110234567890),", "110234567890x"])
+def test_a_long_number_without_a_unit_is_somebodys(number: str) -> None:
+    assert mask_line(f"moved to account {number} today") == f"moved to account {MASK} today"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "took 2518728192772 ns, held 1073741824 bytes",
+        "took 2518728192772ns at 2026-11-21T14:08:15.000000000Z",
+        "KeyError at web/session_tokens.py:12 parse: no such key",
+    ],
+)
+def test_a_time_a_size_and_a_file_of_code_are_nobodys(line: str) -> None:
+    assert mask_line(line) == line
+
+
 def test_a_frame_in_a_log_names_its_file_without_the_folders_of_the_machine() -> None:
     assert mask_line('  File "/home/me/core/main.py", line 3, in run') == '  File "main.py", line 3, in run'
 

@@ -1,5 +1,6 @@
 """The pieces that ask somebody: the core's loop, the kernel. Whoever answers strangely or never is named."""
 
+import json
 import os
 import socket
 import threading
@@ -11,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from hardcore.model.recorder import Census, TypeCount
-from hardcore.snapshot import aside, memory, tasks
+from hardcore.snapshot import aside, children, memory, printed, stacks, tasks
+from hardcore.snapshot.subject import Haul
 
 S = 1_000_000_000
 
@@ -125,3 +127,42 @@ def test_the_growth_is_what_lies_between_two_censuses_the_largest_first() -> Non
         ("list", 1, 10, False),
         ("x", 1, 1, True),
     ]
+
+
+def test_what_a_core_calls_its_threads_and_files_moves_no_terminal_and_names_no_folder() -> None:
+    hostile = "w\x1b]0;pwned\x07\x1b[2J"
+    frame = {
+        "name": hostile,
+        "filename": "/home/minji/site/core/x.py",
+        "short_filename": None,
+        "line": 3,
+        "locals": [{"name": hostile, "repr": '"a"'}],
+    }
+    thread = {"os_thread_id": 1, "thread_name": hostile, "active": True, "owns_gil": False, "frames": [frame]}
+    child = children.start(["printf", "%s", json.dumps([thread])])
+    assert not isinstance(child, str), child
+    haul = Haul()
+    stacks.collect_stacks(haul, child, time.monotonic_ns() + 30 * S)
+    assert haul.missing == {}
+    for data in haul.files.values():
+        assert b"\x1b" not in data
+        assert b"\\u001b" not in data
+        assert b"minji" not in data
+    assert "(core/x.py:3)" in haul.files["stacks.txt"].decode()
+
+
+@pytest.mark.parametrize(
+    ("printed_line", "kept"),
+    [
+        ('  File "/home/minji/core/x.py", line 3 in run', '  File "core/x.py", line 3 in run'),
+        (
+            "Current thread 0x00007f4718fedb80 (most recent call first):",
+            "Current thread 0x00007f4718fedb80 (most recent call first):",
+        ),
+        ("Fatal Python error: Aborted", "Fatal Python error: Aborted"),
+        ("\x1b[2Jpassword: canary", "<masked>password: <masked>"),
+        ("", ""),
+    ],
+)
+def test_what_a_dying_core_prints_is_shown_in_the_known_form_only(printed_line: str, kept: str) -> None:
+    assert printed.told(printed_line) == kept
