@@ -4,7 +4,8 @@ Plain data and one lookup. A sentence that tells of a failure says the next step
 right after a value.
 """
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 #: key -> (ko, en)
 CLI: Final[dict[str, tuple[str, str]]] = {
@@ -56,6 +57,22 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "고친 뒤 다시 시작하거나, 파일을 지우면 기본값으로 시작해요.",
         "Mend it and start again, or remove it to start with the defaults.",
     ),
+    "policy_changed": (
+        "정책 파일이 그 뒤에 바뀌었어요. 다음에 시작할 때부터 써요 (`hardcore policy show --file`로 볼 수 있어요).",
+        "The file has changed since; it is read at the next start. See `hardcore policy show --file`.",
+    ),
+    "policy_of_next_start": (
+        "감시자가 돌고 있지 않아요. 다음에 시작할 때 쓸 정책이에요.",
+        "No sentinel is running: this is what the next start will use.",
+    ),
+    "policy_none": (
+        "정책 파일이 없어서 기본값을 써요: {path}",
+        "There is no policy file, so the defaults hold: {path}",
+    ),
+    "no_diagnosis": (
+        "{name}: 이런 진단은 없어요. `hardcore policy explain`으로 목록을 볼 수 있어요.",
+        "{name} is no diagnosis. `hardcore policy explain` lists them.",
+    ),
     "policy_good": ("정책 파일이 올바라요: {path}", "The policy is fine: {path}"),
     "unreachable": (
         "감시자가 돌고 있지 않아요. `hardcore up`으로 시작하세요.",
@@ -94,12 +111,17 @@ CLI: Final[dict[str, tuple[str, str]]] = {
     ),
     "restarting": ("핵심 서버를 다시 켜는 중이에요.", "Restarting the core."),
     "restarted": (
-        "다시 켰어요. {seconds}초 걸렸어요. 사건 번호: {incident}",
-        "Restarted in {seconds} seconds. Incident: {incident}",
+        "다시 켰어요. {seconds}초 만에 다시 응답했어요. 사건 번호: {incident}",
+        "Restarted: it served again after {seconds} seconds. Incident: {incident}",
     ),
+    "restarted_to_read": (
+        "다시 켰지만 지금은 읽기만 돼요. {next} 사건 번호: {incident}",
+        "Restarted, but it only reads at present. {next} Incident: {incident}",
+    ),
+    "not_back": ("다시 켜지 못했어요. {next}", "It does not serve. {next}"),
     "starting_already": (
-        "이미 켜지는 중이에요. `hardcore status`로 볼 수 있어요.",
-        "It is already being started. See `hardcore status`.",
+        "이미 새로 켜는 중이에요. 돌아오기를 기다려요.",
+        "A new core is on its way already. Waiting for it.",
     ),
     "no_comeback": (
         "{seconds}초 안에 돌아오지 않았어요. `hardcore status`와 `hardcore incidents`를 보세요.",
@@ -111,30 +133,29 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "There is nothing to try again: it is {state}.",
     ),
     "drill_begins": (
-        "훈련: {fault}. 핵심 서버를 일부러 고장 내고 돌아오기를 기다려요.",
-        "Drill: {fault}. Breaking the core on purpose and waiting for it to come back.",
+        "훈련 {fault}: {done}\n약속: {promised}",
+        "Drill {fault}: {done}\nPromised: {promised}",
     ),
-    "drill_done": (
-        "돌아왔어요. 진단: {diagnosis} · 발견까지 {detected}ms · 다시 서비스까지 {outage}ms · 사건 번호: {incident}",
-        "It is back. Diagnosis: {diagnosis} · noticed after {detected} ms · serving again after {outage} ms · incident {incident}",
-    ),
-    "drill_done_serving": (
-        "지나갔어요. 진단: {diagnosis} · 발견까지 {detected}ms · 서비스는 끊기지 않았어요 · 사건 번호: {incident}",
-        "It is over. Diagnosis: {diagnosis} · noticed after {detected} ms · reading never stopped · incident {incident}",
-    ),
-    "drill_begins_peaceful": (
-        "훈련: {fault}. 건강한 핵심 서버를 아파 보이게 해요. 아무 일도 일어나지 않아야 해요.",
-        "Drill: {fault}. Making a healthy core look ill; nothing may come of it.",
-    ),
-    "drill_calm": ("아무도 건드리지 않았어요. 맞게 했어요.", "Nobody touched it: as it should be."),
-    "drill_disturbed": (
-        "건강한 핵심 서버를 건드렸어요. `hardcore incidents show {incident}`를 보세요.",
-        "A healthy core was disturbed. See `hardcore incidents show {incident}`.",
+    "drill_kept": (
+        "약속대로예요. {summary}\n발견까지 {detected} · 사건 번호: {incident}",
+        "As promised. {summary}\nNoticed {detected} · incident {incident}",
     ),
     "drill_other": (
-        "기대한 결과가 아니에요: {outcome}, 진단 {diagnosis}. `hardcore incidents show {incident}`를 보세요.",
-        "Not what was expected: {outcome}, diagnosis {diagnosis}. See `hardcore incidents show {incident}`.",
+        "약속과 달라요.\n  약속: {promised}\n  결과: {summary}\n자세히: `hardcore incidents show {incident}`",
+        "Not as promised.\n  Promised: {promised}\n  Came:     {summary}\nMore: `hardcore incidents show {incident}`",
     ),
+    "drill_untold": (
+        "약속과 달라요. 훈련이 끝나지 않았고 사람의 확인이 필요해요. {next}",
+        "Not as promised: the drill has not come to an end, and it waits for you. {next}",
+    ),
+    "drill_calm": ("약속대로예요. 아무도 건드리지 않았어요.", "As promised: nobody touched it."),
+    "drill_disturbed": (
+        "약속과 달라요. 건강한 장부 서버를 건드렸어요. `hardcore incidents`를 보세요.",
+        "Not as promised: a healthy server was disturbed. See `hardcore incidents`.",
+    ),
+    "noticed_at_once": ("바로", "at once"),
+    "noticed_after": ("{ms} ms", "after {ms} ms"),
+    "noticed_untold": ("기록 없음", "at a time that is not on record"),
     "replay_same": (
         "기록된 사실 {facts}건을 다시 넣었더니 똑같이 했어요 (명령 {orders}건).",
         "{facts} recorded facts were given again, and all {orders} orders were the same.",
@@ -147,11 +168,14 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "처음 달라진 곳: {line}번째 줄, {fact}\n  기록: {recorded}\n  지금: {given}",
         "First at line {line}, {fact}\n  recorded: {recorded}\n  given now: {given}",
     ),
-    "replay_unreadable": (
-        "사건 {incident}의 기록을 다시 넣어 볼 수 없어요: {why}. `hardcore incidents`에서 번호를 확인하세요.",
-        "Incident {incident} can't be replayed: {why}. `hardcore incidents` lists the ids.",
+    "replay_damaged": (
+        "사건 {incident}: 기록을 다시 넣어 볼 수 없어요. 파일이 상했거나 다른 버전이 남긴 것이에요.\n  {file}: {why}",
+        "Incident {incident} can't be replayed: its recording is damaged, or another version's.\n  {file}: {why}",
     ),
-    "no_such": ("그런 사건이 없어요", "there is no such incident"),
+    "replay_missing": (
+        "사건 {incident}: 다시 넣어 볼 기록이 없어요. 아직 끝나지 않았거나, 감시자가 기록을 쓰기 전에 멈췄어요.",
+        "Incident {incident} has no recording: it is not closed yet, or its guard ended before it wrote one.",
+    ),
     "verify_ok": (
         "장부가 맞아요. 기록 {events}건, 모든 통화의 합이 0이에요.",
         "The ledger is whole: {events} events, and every currency sums to zero.",
@@ -165,6 +189,46 @@ CLI: Final[dict[str, tuple[str, str]]] = {
 }
 
 LANGUAGES: Final = ("ko", "en")
+
+#: Why the guard says no, by the code of its answer -> (ko, en). What has no text here is said in its own words.
+REFUSALS: Final[dict[str, tuple[str, str]]] = {
+    "drills-off": (
+        "정책이 훈련을 막아 두었어요 (`drills`가 false).",
+        "The policy forbids drills (`drills` is false).",
+    ),
+    "not-running": (
+        "훈련은 장부 서버가 돌고 있을 때만 할 수 있어요. `hardcore status`를 보세요.",
+        "A drill needs a ledger that runs. See `hardcore status`.",
+    ),
+    "not-in-question": (
+        "지금은 장부에 문제가 있다고 보지 않아서, 마지막으로 확인된 것을 그대로 기준으로 삼아요.",
+        "No ledger is in question: what was last seen of it stays what it has to match.",
+    ),
+    "drill-under-way": (
+        "다른 훈련을 하는 중이에요. 끝난 뒤에 다시 하세요.",
+        "A drill is under way. Wait until it is over.",
+    ),
+    "reads-only": (
+        "지금은 읽기만 되는 상태라서 훈련을 하지 않아요. `hardcore status`에 까닭이 있어요.",
+        "The ledger only reads at present, so there is no drill. `hardcore status` says why.",
+    ),
+    "incident-open": (
+        "아직 끝나지 않은 사건이 있어요 ({incident}). 끝난 뒤에 다시 하세요.",
+        "An incident is still open ({incident}). Wait until it is closed.",
+    ),
+    "others": (
+        "다른 연결이 열려 있어요 ({count}개). 그래도 하려면 --yes를 붙이세요.",
+        "Others are connected ({count}). Add --yes to break the core under them.",
+    ),
+    "no-image": (
+        "지금 쓰는 정책의 `memory_image`가 never예요. on_request로 고치고 `hardcore down` 뒤에 다시 켜세요.",
+        "`memory_image` is never in the policy in force. Set it to on_request, then `hardcore down` and `up`.",
+    ),
+    "unkillable": (
+        "앞의 서버가 아직 끝나지 않았어요. 둘이 함께 돌면 돈을 잃을 수 있어서 기다려요.",
+        "The old core does not die; a second one beside it could lose money.",
+    ),
+}
 
 
 def text(key: str, lang: str, **values: object) -> str:
@@ -252,6 +316,14 @@ _NEXT_STEP: Final = (
 def next_step(why: str | None, lang: str) -> str:
     """Return what a person should do when the guard waits for one."""
     return NEXT_STEPS.get(why or "", _NEXT_STEP)[LANGUAGES.index(lang)]
+
+
+def refused_words(answer: Mapping[str, Any], lang: str) -> str:
+    """Return why the guard said no, in a language where it has one; else in the guard's own words."""
+    known = REFUSALS.get(str(answer.get("code")))
+    if known is None:
+        return str(answer.get("error"))
+    return known[LANGUAGES.index(lang)].format_map(answer.get("values") or {})
 
 
 def label(key: str, lang: str) -> str:

@@ -27,13 +27,21 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
         "The data folder is not there yet: {path}. `hardcore up` makes it.",
     ),
     "data_not_writable": (
-        "데이터 폴더에 쓸 수 없어요: {path}. 폴더의 주인과 권한을 확인하세요.",
-        "The data folder can't be written: {path}. Check its owner and mode.",
+        "데이터 폴더에 쓸 수 없어요: {path} ({why}). 폴더의 주인과 권한, 디스크를 확인하세요.",
+        "The data folder can't be written: {path} ({why}). Check its owner and mode, and the disk.",
     ),
     "room": ("디스크 여유: {free_mb}MB ({path})", "Room on the disk: {free_mb} MB ({path})"),
+    "room_little": (
+        "디스크 여유: {free_mb}MB ({path}). {floor_mb}MB보다 적어지면 읽기만 할 수 있어요 (disk_floor_mb).",
+        "Room on the disk: {free_mb} MB ({path}). Below {floor_mb} MB (disk_floor_mb) the ledger only reads.",
+    ),
+    "room_untold": (
+        "디스크가 여유를 알려 주지 않아요 ({path}). 그대로 두어도 돼요.",
+        "The disk does not tell its room ({path}). Nothing needs to be done.",
+    ),
     "room_none": (
-        "디스크 여유가 {free_mb}MB뿐이에요 ({path}). 자리를 만들어 주세요. 모자라면 읽기만 할 수 있어요.",
-        "Only {free_mb} MB are free ({path}). Make room: without it the ledger can only be read.",
+        "디스크 여유가 {free_mb}MB뿐이에요 ({path}). {floor_mb}MB보다 적으면 읽기만 돼요 (disk_floor_mb). 자리를 만드세요.",
+        "Only {free_mb} MB are free ({path}): below {floor_mb} MB (disk_floor_mb) the ledger only reads. Make room.",
     ),
     "in_memory": (
         "데이터 폴더가 메모리({kind}) 위에 있어요. 컴퓨터를 끄면 사라져요. --data로 디스크를 고르세요.",

@@ -113,6 +113,11 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "새 핵심 서버를 켜요. 새 서버는 장부를 확인한 뒤에만 요청을 받아요.",
         "Another core is started; it serves once it has proven the ledger.",
     ),
+    "not-adopted": _text(
+        "새 감시자는 돌고 있던 핵심 서버를 건강해도 종료하고 새로 켜요. 그대로 이어받는 일은 이 버전에 아직 없어요.",
+        "The next guard ends the core that it finds, also a healthy one, and starts another. To adopt it is not in "
+        "this version.",
+    ),
     "waits": _text(
         "다시 켜지 않고 `hardcore resume`을 기다려요.",
         "None is started: the guard waits for `hardcore resume`.",
@@ -134,6 +139,49 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "No command is suspect.",
     ),
 }
+
+
+#: What each diagnosis means, in a few words -> (ko, en)
+DIAGNOSES: Final[Mapping[str, tuple[str, str]]] = {
+    "CRASHED": _text("비정상 종료", "it crashed"),
+    "EXITED": _text("아무도 시키지 않은 종료", "it ended by itself, unasked"),
+    "KILLED_FROM_OUTSIDE": _text("밖에서 강제로 종료됨", "somebody else killed it"),
+    "STOPPED_FROM_OUTSIDE": _text("밖에서 종료를 요청받음", "somebody else asked it to stop"),
+    "OUT_OF_MEMORY": _text("메모리가 모자라서 종료됨", "it ended for lack of memory"),
+    "FENCED": _text("새 서버가 장부를 넘겨받음", "a newer core has taken over"),
+    "COMMIT_FAILED": _text("기록의 마지막 단계가 실패함", "a commit failed"),
+    "FROZEN": _text("통째로 정지함", "stopped in its tracks"),
+    "LOOP_BLOCKED": _text("한곳에서 멈춤", "it hangs in one place"),
+    "SPINNING": _text("끝나지 않는 계산", "an endless calculation"),
+    "GIL_HELD": _text("한 가지 일이 전체를 붙듦", "one piece of work holds up all"),
+    "DEADLOCK": _text("작업들이 서로를 기다림", "parts of it wait for each other"),
+    "TRANSACTION_TIMEOUT": _text("요청 하나가 제시간에 끝나지 않음", "one command is over its time"),
+    "NO_PROGRESS": _text("아무 요청도 끝나지 않음", "it finishes nothing any more"),
+    "DB_LOCKED": _text("다른 프로그램이 장부를 잠금", "another program holds the ledger"),
+    "DISK_FULL": _text("디스크가 가득 참", "the disk is full"),
+    "DISK_READ_ONLY": _text("디스크에 쓸 수 없음", "the disk can't be written to"),
+    "DISK_STALLED": _text("디스크가 대답하지 않음", "the disk does not answer"),
+    "STORE_CORRUPT": _text("장부가 맞지 않음", "the ledger does not hold"),
+    "COMPONENT_STALLED": _text("한 부분이 멈춤", "a part of it has stopped"),
+    "MEMORY_PRESSURE": _text("메모리가 거의 참", "memory is running out"),
+    "LEAK": _text("메모리가 계속 늘어남", "memory keeps growing"),
+    "FD_EXHAUSTION": _text("열어 둔 파일이 너무 많음", "too many files are open"),
+    "STARTUP_FAILED": _text("시작하지 못함", "it could not start"),
+    "CRASH_LOOP": _text("거듭 종료됨", "it keeps failing"),
+    "CONFIG_INVALID": _text("설정이 잘못됨", "it can't start as it is set up"),
+    "STARVED": _text("컴퓨터가 바빠서 차례가 오지 않음", "the machine is too busy to let it run"),
+    "SLEPT": _text("컴퓨터가 잠들었다 깨어남", "the machine has slept"),
+    "SENTINEL_LOST": _text("감시자가 종료됨", "the guard itself has died"),
+    "GATEWAY_LOST": _text("관문이 종료됨", "the gateway has died"),
+    "SPARE_LOST": _text("예비 서버가 종료됨", "the spare core has died"),
+    "OPERATOR": _text("사람이 다시 켜게 함", "somebody asked for a restart"),
+    "PLANNED_SWITCH": _text("계획된 교체", "a planned switch"),
+}
+
+
+def diagnosis_words(name: str, lang: str) -> str:
+    """Return what a diagnosis means, in a few words."""
+    return DIAGNOSES[name][LANGUAGES.index(lang)]
 
 
 def explained(key: str, numbers: Mapping[str, int], lang: str) -> str:

@@ -11,17 +11,19 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
 import click
 
-from frontend.catalogue import text
+from frontend.catalogue import next_step, refused_words, text
 from hardcore import status
 from hardcore.control import client
 from hardcore.host.folders import Folders, locate
+from hardcore.lines import wrapped
+from hardcore.recovery.policy import Policy, read_policy
 from hardcore.up import held
 
 WAIT_S = 60.0
@@ -52,7 +54,7 @@ class Asked:
     def say(self, key: str, **values: object) -> None:
         """Print a text, unless a program reads."""
         if not self.json:
-            click.echo(text(key, self.lang, **values))
+            click.echo(wrapped(text(key, self.lang, **values)))
 
     def words(self, key: str, **values: object) -> str:
         """Return a text in the operator's language."""
@@ -66,7 +68,7 @@ class Asked:
     def fail(self, words: str, code: int = 1) -> NoReturn:
         """Say why it can't be done and end."""
         self.tell({"ok": False, "error": words})
-        click.echo(words, err=True)
+        click.echo(wrapped(words), err=True)
         sys.exit(code)
 
     def ask(self, **request: object) -> dict[str, Any]:
@@ -76,8 +78,13 @@ class Asked:
         except client.Unreachable:
             self.fail(text("silent" if is_held(self.folders) else "unreachable", self.lang))
         if answer.get("ok") is False:
-            self.fail(text("refused", self.lang, why=answer.get("error")))
+            self.fail(text("refused", self.lang, why=refused_words(answer, self.lang)))
         return answer
+
+
+def next_words(told: Mapping[str, Any], lang: str) -> str:
+    """Return the next step of a status that needs a person, or that reads only."""
+    return next_step(told.get("waits_for") or told.get("safe"), lang)
 
 
 def is_held(folders: Folders) -> bool:
@@ -132,6 +139,16 @@ def status_of(asked: Asked) -> dict[str, Any]:
         return client.ask(asked.folders.control, {"verb": "status"})
     except client.Unreachable:
         return status.from_files(asked.folders)
+
+
+def ask_policy(folders: Folders) -> Policy | None:
+    """Return the policy that the running guard goes by; None where none runs, or none that can say."""
+    try:
+        answer = client.ask(folders.control, {"verb": "policy"})
+    except client.Unreachable:
+        return None
+    found = read_policy(json.dumps(answer.get("policy")))
+    return found if isinstance(found, Policy) else None
 
 
 def keep(context: click.Context, given: dict[str, Any]) -> None:

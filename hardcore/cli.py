@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 import urllib.request
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from frontend.catalogue import text
 from hardcore import __version__, standing
 from hardcore import up as starting
 from hardcore.asked import WAIT_S as STOP_S
-from hardcore.asked import Asked, come_back, is_held, operator, options, status_of, until
+from hardcore.asked import Asked, come_back, is_held, next_words, operator, options, status_of, until
 from hardcore.drilling import drill
 from hardcore.examination import doctor
 from hardcore.host import lives
@@ -166,17 +167,30 @@ def _show_once(asked: Asked, *, clear: bool) -> int:
 @operator
 def restart(asked: Asked, reason: str, *, hard: bool, image: bool) -> None:
     """Start a new core. Requests wait meanwhile; none is lost."""
+    before = _core_of(status_of(asked))
     answer = asked.ask(verb="restart", reason=reason, hard=hard or image, image=image)
-    if not answer.get("changed"):
-        asked.say("starting_already")
-        asked.tell(answer)
-        return
-    asked.say("restarting")
+    asked.say("restarting" if answer.get("changed") else "starting_already")
     began = time.monotonic()
     incident = answer.get("incident")
-    come_back(asked, lambda told: told["phase"] in SERVING and told["incident"] is None)
-    asked.say("restarted", seconds=f"{time.monotonic() - began:.1f}", incident=incident or "-")
-    asked.tell({"ok": True, "incident": incident})
+    come_back(asked, lambda told: _serves_anew(told, before))
+    served_s = time.monotonic() - began
+    told = come_back(asked, lambda told: _serves_anew(told, before) and told["phase"] in SERVING)
+    step = next_words(told, asked.lang)
+    if not _serves_anew(told, before):
+        asked.fail(asked.words("not_back", next=step))
+    said = "restarted_to_read" if told["safe"] else "restarted"
+    asked.say(said, seconds=f"{served_s:.1f}", incident=incident or "-", next=step)
+    asked.tell({"ok": True, "incident": incident, "safe": told["safe"]})
+
+
+def _core_of(told: Mapping[str, Any]) -> tuple[object, object]:
+    """Return which core it is; the number of a process alone may be given again."""
+    return told["core"]["pid"], told["core"]["epoch"]
+
+
+def _serves_anew(told: Mapping[str, Any], before: tuple[object, object]) -> bool:
+    """Tell whether another core serves than the one before, whatever other trouble may be open."""
+    return bool(told["core"]["ready"]) and _core_of(told) != before
 
 
 @main.command()
@@ -195,9 +209,9 @@ def resume(asked: Asked, *, accept_ledger: bool) -> None:
         return
     asked.say("resumed")
     told = come_back(asked, lambda told: told["phase"] in SERVING | {"FATAL"})
-    serves = told["phase"] in SERVING
-    asked.tell({"ok": serves, "phase": told["phase"]})
-    sys.exit(0 if serves else 1)
+    if told["phase"] not in SERVING:
+        asked.fail(asked.words("not_back", next=next_words(told, asked.lang)))
+    asked.tell({"ok": True, "phase": told["phase"]})
 
 
 @main.command()

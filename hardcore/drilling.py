@@ -8,19 +8,19 @@ healthy core look ill, and passes if nobody does anything about it.
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
 
 import click
 
-from hardcore.asked import LOOK_EVERY_S, Asked, come_back, operator, status_of
-from hardcore.control.protocol import DRILLS
+from frontend.catalogue_drills import done_words, promised_words
+from hardcore.asked import LOOK_EVERY_S, Asked, come_back, next_words, operator, status_of
+from hardcore.control.protocol import DRILLS, PEACE_S
 from hardcore.looking_back import told_incident
 
-#: A collection over some millions of objects is over after a few seconds; so long nobody may have acted.
-PEACE_S = 12.0
 #: The longest way back: a transaction's whole time, a full disk's first tries, a restart and its probation.
 BACK_S = 120.0
+#: Noticed sooner than this is noticed by no watch: the core has said so itself.
+AT_ONCE_MS = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,32 +66,34 @@ def drill(asked: Asked, fault: str, *, yes: bool) -> None:
     """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
     before = status_of(asked).get("last_incident")
     asked.ask(verb="drill", fault=fault, yes=yes)
-    asked.say("drill_begins" if fault in PROMISES else "drill_begins_peaceful", fault=fault)
+    promised = promised_words(fault, asked.lang)
+    asked.say("drill_begins", fault=fault, done=done_words(fault, asked.lang), promised=promised)
     if fault not in PROMISES:
         _stays_calm(asked, before)
         return
     told = come_back(asked, lambda told: told["last_incident"] != before and told["incident"] is None, BACK_S)
+    if told["last_incident"] == before:
+        asked.fail(asked.words("drill_untold", next=next_words(told, asked.lang)))
     story = told_incident(asked, str(told["last_incident"]))
     kept = (story["diagnosis"], story["outcome"]) == (PROMISES[fault].diagnosis, PROMISES[fault].outcome)
-    asked.say(_verdict(story, kept=kept), **_particulars(story))
-    asked.tell({"ok": kept, "incident": story["id"], "story": story})
+    asked.say(
+        "drill_kept" if kept else "drill_other",
+        promised=promised,
+        summary=story["summary"],
+        detected=noticed(asked, story["detected_ms"]),
+        incident=story["id"],
+    )
+    asked.tell({"ok": kept, "incident": story["id"], "promised": asdict(PROMISES[fault]), "story": story})
     sys.exit(0 if kept else 1)
 
 
-def _verdict(story: Mapping[str, Any], *, kept: bool) -> str:
-    if not kept:
-        return "drill_other"
-    return "drill_done" if story["outage_ms"] is not None else "drill_done_serving"
-
-
-def _particulars(story: Mapping[str, Any]) -> dict[str, object]:
-    return {
-        "diagnosis": story["diagnosis"],
-        "outcome": story["outcome"],
-        "detected": story["detected_ms"],
-        "outage": story["outage_ms"],
-        "incident": story["id"],
-    }
+def noticed(asked: Asked, detected_ms: float | None) -> str:
+    """Return when a fault was noticed, in words: one that the core tells itself is known as soon as it is there."""
+    if detected_ms is None:
+        return asked.words("noticed_untold")
+    if detected_ms < AT_ONCE_MS:
+        return asked.words("noticed_at_once")
+    return asked.words("noticed_after", ms=f"{detected_ms:.1f}")
 
 
 def _stays_calm(asked: Asked, before: object) -> None:
@@ -101,7 +103,7 @@ def _stays_calm(asked: Asked, before: object) -> None:
     while time.monotonic() < give_up_at:
         told = status_of(asked)
         if told["core"]["pid"] != core or told["last_incident"] != before:
-            asked.fail(asked.words("drill_disturbed", incident=told["last_incident"] or told["incident"]))
+            asked.fail(asked.words("drill_disturbed"))
         time.sleep(LOOK_EVERY_S)
     asked.say("drill_calm")
     asked.tell({"ok": True, "incident": None, "story": None})

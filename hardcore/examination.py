@@ -1,13 +1,13 @@
 """`hardcore doctor`: what this machine lets the guard see, do and keep, before the night it is needed.
 
-Each finding is a fact with a next step where there is one: well, worth knowing, or bad. Looking changes nothing
-but for one short-lived child of our own, which is dumped to see whether dumping works here. Everything that the
+Each finding is a fact with a next step where there is one: well, worth knowing, or bad. Looking leaves nothing
+behind: a small file is written and removed, because a mode says little about a disk, and one short-lived child of
+our own is dumped to see whether dumping works here. Everything that the
 guard does works without what is only worth knowing; a `bad` is what would lose evidence or the ledger's room.
 """
 
 import os
 import resource
-import shutil
 import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ import click
 
 from frontend.catalogue_doctor import doctor_text
 from hardcore import standing
-from hardcore.asked import Asked, is_held, operator, status_of
-from hardcore.host import capability, clock, files
+from hardcore.asked import Asked, ask_policy, is_held, operator, status_of
+from hardcore.host import capability, clock, disk, files
 from hardcore.host.folders import Folders
+from hardcore.lines import wrapped
 from hardcore.model.verdicts import Colour
 from hardcore.recovery.policy import Policy, PolicyFault
 from hardcore.snapshot import stacks
 
 KERNEL_MIN = (5, 4)
 FREE_BYTES_GOOD = 1 << 30
-FREE_BYTES_MIN = 64 << 20
 FILES_MIN = 1024
 MB = 1 << 20
 DUMP_MS = 1000
@@ -34,6 +34,7 @@ DUMP_MS = 1000
 _IN_MEMORY = frozenset({"tmpfs", "ramfs"})
 #: File systems on which SQLite's locks can't be trusted.
 _FAR = frozenset({"nfs", "nfs4", "cifs", "smb3", "fuse.sshfs", "9p"})
+_NO_ROOM = frozenset({"ENOSPC", "EDQUOT"})
 _MARKS = {Colour.GREEN: "ok  ", Colour.YELLOW: "note", Colour.RED: "BAD "}
 
 
@@ -60,7 +61,7 @@ def doctor(asked: Asked) -> None:
     if not asked.json:
         for finding in findings:
             words = doctor_text(finding.text, asked.lang, **dict(finding.values))
-            click.echo(f"{_MARKS[finding.colour]}  {words}")
+            click.echo(f"{_MARKS[finding.colour]}  {wrapped(words, 6)}")
         click.echo(doctor_text("sum_bad" if bad else "sum_good", asked.lang))
     asked.tell(
         {
@@ -111,21 +112,32 @@ def _disk(folders: Folders) -> Iterable[Finding]:
     if not data.is_dir():
         yield _found("data", Colour.YELLOW, "data_missing", path=data)
         return
-    if not os.access(data, os.W_OK | os.X_OK):
-        yield _found("data", Colour.RED, "data_not_writable", path=data)
+    why = disk.write_once(data / f".doctor-{os.getpid()}")
+    if why and why not in _NO_ROOM:
+        yield _found("data", Colour.RED, "data_not_writable", path=data, why=why)
         return
-    free, kind = shutil.disk_usage(data).free, _file_system(data)
-    if free < FREE_BYTES_MIN:
-        yield _found("room", Colour.RED, "room_none", free_mb=free // MB, path=data)
-    else:
-        colour = Colour.GREEN if free >= FREE_BYTES_GOOD else Colour.YELLOW
-        yield _found("room", colour, "room", free_mb=free // MB, path=data)
+    yield _room(folders, full=bool(why))
+    kind = _file_system(data)
     if kind in _IN_MEMORY:
         yield _found("file system", Colour.YELLOW, "in_memory", kind=kind)
     elif kind in _FAR:
         yield _found("file system", Colour.RED, "far", kind=kind)
     else:
         yield _found("file system", Colour.GREEN, "file_system", kind=kind or "?")
+
+
+def _room(folders: Folders, *, full: bool) -> Finding:
+    """Hold the room on the disk against the floor that the guard goes by. `full`: our own write found none."""
+    free = disk.told_free_bytes(os.statvfs(folders.data), reserve_is_ours=disk.has_reserve())
+    policy = ask_policy(folders) or standing.policy_at_next_start(folders).policy
+    if free is None:
+        return _found("room", Colour.GREEN, "room_untold", path=folders.data)
+    colour, text = Colour.YELLOW, "room_little"
+    if full or free < policy.disk_floor_mb * MB:
+        colour, text = Colour.RED, "room_none"
+    elif free >= FREE_BYTES_GOOD:
+        colour, text = Colour.GREEN, "room"
+    return _found("room", colour, text, free_mb=free // MB, floor_mb=policy.disk_floor_mb, path=folders.data)
 
 
 def _policy(folders: Folders) -> Iterable[Finding]:

@@ -9,6 +9,7 @@ import click
 
 from hardcore.asked import Asked, keep, operator, options, until
 from hardcore.replay import Replayed, replay_incident
+from hardcore.snapshot.writer import RECORDING
 from postmortem import cli as incidents_cli
 
 
@@ -68,20 +69,20 @@ def replay(asked: Asked, incident: str) -> None:
 
     Exit code 0: every order is the same. 1: another order, or a record that can't be read.
     """
-    found = replay_incident(asked.folders.incidents / incident) if _is_name(incident) else None
+    folder = incidents_cli.find_incident(asked.folders.incidents, incident, asked.lang)
+    if isinstance(folder, incidents_cli.Refused):
+        asked.fail(folder.sentence)
+    if not (folder.path / RECORDING).exists():
+        asked.fail(asked.words("replay_missing", incident=folder.id))
+    found = replay_incident(folder.path)
     if not isinstance(found, Replayed):
-        asked.fail(asked.words("replay_unreadable", incident=incident, why=found or asked.words("no_such")))
+        asked.fail(asked.words("replay_damaged", incident=folder.id, file=RECORDING, why=found))
     other = found.first_difference
     asked.say("replay_same" if found.same else "replay_other", facts=found.facts, orders=found.orders)
     if other is not None:
         asked.say("replay_where", **asdict(other))
-    asked.tell({"ok": found.same, **asdict(found)})
+    asked.tell({"ok": found.same, "incident": folder.id, **asdict(found)})
     sys.exit(0 if found.same else 1)
-
-
-def _is_name(incident: str) -> bool:
-    """Tell whether it can be the name of one incident's folder, and of nothing else."""
-    return bool(incident) and not incident.startswith(".") and "/" not in incident
 
 
 def told_incident(asked: Asked, incident: str) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """The words about the policy: is a file right, what holds now, and what would be done on a diagnosis.
 
-All of them work with everything stopped; what is explained is read off the same words and numbers that the guard
-goes by.
+All of them work with everything stopped. What is in force is asked of the guard that runs, because a file that was
+changed since is read at the next start only; what is explained is read off the same words and numbers that it goes
+by.
 """
 
 import json
@@ -10,13 +11,18 @@ from pathlib import Path
 
 import click
 
-from frontend.catalogue_policy import explained
+from frontend.catalogue_policy import diagnosis_words, explained
 from hardcore import standing
 from hardcore import up as starting
-from hardcore.asked import Asked, keep, operator, options
+from hardcore.asked import Asked, ask_policy, keep, operator, options
+from hardcore.lines import wrapped
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.explain import explain
 from hardcore.recovery.policy import Policy, in_full, notes
+
+USAGE = 2
+#: Of a name that is none, so much is shown.
+NAME_CHARACTERS_MAX = 40
 
 
 @click.group()
@@ -48,29 +54,78 @@ def policy_check(asked: Asked, file: Path) -> None:
 
 
 @policy.command("show")
+@click.option("--file", "of_file", is_flag=True, help="What the data folder's file says, in force or not.")
 @click.option("--defaults", is_flag=True, help="Every number and action as it is without a file.")
 @operator
-def policy_show(asked: Asked, *, defaults: bool) -> None:
-    """Show the policy in force, or all that holds without one."""
-    found = Policy() if defaults else standing.policy_in_force(asked.folders).policy
+def policy_show(asked: Asked, *, of_file: bool, defaults: bool) -> None:
+    """Show the policy in force: what the running guard goes by, or what the next one would."""
+    found = Policy() if defaults else _of_file(asked) if of_file else _in_force(asked)
     click.echo(json.dumps(in_full(found), ensure_ascii=False, indent=2))
 
 
+def _of_file(asked: Asked) -> Policy:
+    path = asked.folders.policy
+    found = standing.load_policy_file(path)
+    if not path.exists():
+        asked.fail(asked.words("policy_none", path=path))
+    if not isinstance(found, Policy):
+        asked.fail(starting.policy_faults(path, found, asked.lang))
+    return found
+
+
+def _in_force(asked: Asked) -> Policy:
+    """Return the policy in force, and say beside it where it is not the file's."""
+    found, coming = ask_policy(asked.folders), standing.policy_at_next_start(asked.folders)
+    if asked.folders.policy.exists() and coming.fault:
+        _note(asked, "policy_kept", path=asked.folders.policy)
+    elif found is None:
+        _note(asked, "policy_of_next_start")
+    elif in_full(found) != in_full(coming.policy):
+        _note(asked, "policy_changed")
+    return found or coming.policy
+
+
+def _note(asked: Asked, key: str, **values: object) -> None:
+    click.echo(wrapped(asked.words(key, **values)), err=True)
+
+
 @policy.command("explain")
-@click.argument("diagnosis", metavar="DIAGNOSIS", type=click.Choice(list(Diagnosis), case_sensitive=False))
+@click.argument("diagnosis", required=False)
 @operator
-def policy_explain(asked: Asked, diagnosis: str) -> None:
-    """Say what would be done on a diagnosis: after how long, what, and who would be suspect."""
-    lines = explain(standing.policy_in_force(asked.folders).policy, Diagnosis(diagnosis))
+def policy_explain(asked: Asked, diagnosis: str | None) -> None:
+    """Say what would be done on a DIAGNOSIS: after how long, what, and who would be suspect.
+
+    Without one: the diagnoses that there are.
+    """
+    if diagnosis is None:
+        _list_diagnoses(asked)
+        return
+    name = diagnosis.upper().replace("-", "_")
+    if name not in Diagnosis.__members__:
+        asked.fail(asked.words("no_diagnosis", name=_shown(diagnosis)), USAGE)
+    lines = explain(_in_force(asked), Diagnosis(name))
     words = [explained(line.said, dict(line.numbers), asked.lang) for line in lines]
     if not asked.json:
-        click.echo(f"{diagnosis}\n" + "\n".join(f"  {line}" for line in words))
+        title = f"{name}: {diagnosis_words(name, asked.lang)}"
+        click.echo("\n".join([title, *(f"  {wrapped(line, 2)}" for line in words)]))
     asked.tell(
         {
-            "diagnosis": diagnosis,
+            "diagnosis": name,
             "lines": [
                 {"said": line.said, "text": text, **dict(line.numbers)}
                 for line, text in zip(lines, words, strict=True)
             ],
         }
     )
+
+
+def _shown(name: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in name[:NAME_CHARACTERS_MAX])
+
+
+def _list_diagnoses(asked: Asked) -> None:
+    names = {str(one): diagnosis_words(one, asked.lang) for one in Diagnosis}
+    if not asked.json:
+        width = max(map(len, names))
+        click.echo("\n".join(f"{name:<{width}}  {words}" for name, words in names.items()))
+    asked.tell([{"diagnosis": name, "text": words} for name, words in names.items()])

@@ -45,11 +45,18 @@ def load_policy_file(path: Path) -> Policy | list[PolicyFault]:
 
 
 def policy_in_force(folders: Folders) -> PolicyInForce:
-    """Return the policy of the data folder; a bad file never replaces the last good one."""
-    found = load_policy_file(folders.policy)
-    if isinstance(found, Policy):
+    """Return the policy of the data folder and keep it as the last good one, if it is one."""
+    found = policy_at_next_start(folders)
+    if not found.fault:
         with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
             files.write_whole(folders.good_policy, folders.policy.read_bytes())
+    return found
+
+
+def policy_at_next_start(folders: Folders) -> PolicyInForce:
+    """Return the policy that a guard would begin with; a bad file never replaces the last good one."""
+    found = load_policy_file(folders.policy)
+    if isinstance(found, Policy):
         return PolicyInForce(found)
     fault = f"{folders.policy.name}: {found[0]}"
     kept = load_policy_file(folders.good_policy)

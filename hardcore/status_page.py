@@ -1,18 +1,20 @@
 """The status for people: a few aligned lines, the next step where one is needed."""
 
-import unicodedata
 from typing import Any
 
 from frontend.catalogue import label, next_step, state_words
+from frontend.catalogue_policy import diagnosis_words
+from hardcore.lines import cells, wrapped
 
 
 def printed_status(told: dict[str, Any], lang: str) -> str:
     """Return the status as lines of a terminal."""
     rows = [("state", _state(told, lang))]
-    if told["state"] == "MANUAL_INTERVENTION":
-        rows.append(("next", next_step(told.get("waits_for"), lang)))
+    if told["safe"]:
+        rows.append(("safe", f"{diagnosis_words(told['safe'], lang)} ({told['safe']})"))
+    if told["state"] == "MANUAL_INTERVENTION" or told["safe"]:
+        rows.append(("next", next_step(told.get("waits_for") or told["safe"], lang)))
     none = label("none", lang)
-    rows += [("safe", told["safe"])] if told["safe"] else []
     rows.append(("address", told["url"] or none))
     rows += [("core", _core(told["core"], lang)), ("gateway", _gateway(told["gateway"], lang))]
     sentinel = told["sentinel"]
@@ -25,9 +27,12 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
     rows.append(("verified", told["ledger_verified_at"] or none))
     rows += [("worry", worry) for worry in told.get("worries", [])]
     names = [label(key, lang) for key, _value in rows]
-    width = max(_cells(name) for name in names)
+    width = max(cells(name) for name in names)
     lines = zip(names, rows, strict=True)
-    return "\n".join(f"{name}{' ' * (width - _cells(name))}  {value}" for name, (_key, value) in lines)
+    return "\n".join(
+        f"{name}{' ' * (width - cells(name))}  {wrapped(str(value), width + 2)}"
+        for name, (_key, value) in lines
+    )
 
 
 def _state(told: dict[str, Any], lang: str) -> str:
@@ -49,8 +54,3 @@ def _gateway(gateway: dict[str, Any], lang: str) -> str:
     if not gateway["pid"]:
         return label("none", lang)
     return f"pid {gateway['pid']}, {label('held', lang)} {gateway['held_requests']}"
-
-
-def _cells(words: str) -> int:
-    """Return how many columns of a terminal a text takes; Hangul takes two each."""
-    return sum(2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in words)

@@ -41,6 +41,11 @@ def show_incident(incidents: Path, incident_id: str, lang: str = "en") -> dict[s
     return found if isinstance(found, Refused) else _story(found, lang)
 
 
+def find_incident(incidents: Path, incident_id: str, lang: str = "en") -> Found | Refused:
+    """Return the folder of one incident; its id may be shortened to a beginning that is its alone."""
+    return _one(incidents, incident_id, lang)
+
+
 def print_list(items: list[dict[str, Any]], lang: str, write: Write, look: Look | None = None) -> None:
     """Print what `list_incidents` returned. `look` None: as the terminal and NO_COLOR want it."""
     as_terminal.print_list(items, lang, write, look or terminal_look())

@@ -40,6 +40,7 @@ class Said(StrEnum):
     GOES_ON = "goes-on"
     ENDED_AND_STARTED = "ended-and-started"
     STARTED_AGAIN = "started-again"
+    NOT_ADOPTED = "not-adopted"
     WAITS = "waits"
     LESS_THAN_ITS_NAME = "less-than-its-name"
     SUSPECTS_TOUCHED = "suspects-touched"
@@ -128,6 +129,8 @@ def _deeds(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
         lines.append(Line(Said.READS_ONLY))
         tries = _line(policy, Said.TRIES_TO_WRITE, "safe_retry_ms")
         lines.append(tries if diagnosis in DISK else Line(Said.READS_UNTIL_RESUME))
+    elif diagnosis is Diagnosis.SENTINEL_LOST:
+        lines.append(Line(Said.NOT_ADOPTED))
     elif ended:
         lines.append(Line(Said.ENDED_AND_STARTED if diagnosis in _LIVING else Said.STARTED_AGAIN))
     elif diagnosis in _LIVING and policy.words(diagnosis) != {Word.NONE}:

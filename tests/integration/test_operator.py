@@ -5,6 +5,7 @@ import subprocess
 
 import pytest
 
+from hardcore.snapshot.writer import RECORDING
 from tests.integration.clients import assert_exactly_once, at_work
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import START_S, House
@@ -202,3 +203,81 @@ def test_a_second_up_is_refused_and_changes_nothing(house: House) -> None:
     assert house.status()["core"]["pid"] == before["core"]["pid"]
     assert isinstance(house.launcher, subprocess.Popen)
     assert house.launcher.poll() is None
+
+
+def test_there_is_one_drill_at_a_time(house: House) -> None:
+    count = len(house.incidents())
+    house.running()
+    assert house.order("drill", fault="freeze", yes=True)["ok"]
+    second = house.order("drill", fault="spin", yes=True)
+    assert (second["ok"], second["code"]) in {(False, "drill-under-way"), (False, "not-running")}
+    story = house.closed(count + 1)
+    assert (story["diagnosis"], story["drill"]) == ("FROZEN", "freeze")
+    house.running()
+
+
+def test_a_trouble_that_is_still_open_is_made_no_worse_by_a_drill_and_does_not_keep_a_restart_waiting(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house(clean_after_ms=3_600_000).up()
+    house.open_accounts()
+    assert house.order("drill", fault="dblock", yes=True)["ok"]
+    assert house.order("drill", fault="crash", yes=True)["code"] == "drill-under-way"
+    incident = house.until(lambda status: status["incident"], "the lock to be noticed")["incident"]
+    second = house.cli("--lang", "ko", "drill", "crash", "--yes")
+    assert (second.code, incident in second.err) == (1, True)
+    before = house.status()["core"]["epoch"]
+    assert house.cli("restart").code == 0
+    assert house.status()["core"]["epoch"] > before
+
+
+def test_while_only_reads_are_served_there_is_no_drill(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.open_accounts()
+    assert house.order("drill", fault="diskfull", yes=True)["ok"]
+    house.until(lambda status: status["safe"], "reading only")
+    refused = house.order("drill", fault="crash", yes=True)
+    assert refused["code"] in {"reads-only", "incident-open"}
+    house.running()
+
+
+def test_a_restart_that_ends_without_a_serving_core_is_no_success(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    assert house.launcher is not None
+    ledger = house.data / "ledger.db"
+    house.hold("core").hit(signal.SIGSTOP)
+    for name in ("ledger.db-wal", "ledger.db-shm"):
+        ledger.with_name(name).unlink(missing_ok=True)
+    ledger.write_bytes(b"this is no ledger" * 1000)
+    done = house.cli("restart", "--hard")
+    assert (done.code, "Restarted" in done.out) == (1, False), done
+
+
+def test_what_is_in_force_is_told_and_not_what_the_file_says_since(house: House) -> None:
+    file = house.folders.policy
+    before = file.read_text("utf-8")
+    shown = house.cli("policy", "show")
+    assert (shown.told["clean_after_ms"], shown.err) == (500, "")
+    try:
+        file.write_text(before.replace('"clean_after_ms": 500', '"clean_after_ms": 777'), "utf-8")
+        changed = house.cli("policy", "show")
+        assert (changed.told["clean_after_ms"], "next start" in changed.err) == (500, True)
+        assert house.cli("policy", "show", "--file").told["clean_after_ms"] == 777
+    finally:
+        file.write_text(before, "utf-8")
+
+
+def test_a_replay_takes_what_a_list_prints_and_says_truly_what_is_not_there(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    house.hit("core")
+    incident = house.closed(1)["id"]
+    recording = house.folders.incidents / incident / RECORDING
+    until(lambda: recording.exists() and house.cli("replay", incident[:11]).code == 0, "the recording")
+    assert house.cli("--json", "replay", incident[:11]).told["incident"] == incident
+    nothing = house.cli("--lang", "ko", "replay", "nix")
+    assert (nothing.code, "이런 사고는 없어요" in nothing.err) == (1, True)
+    recording.write_bytes(recording.read_bytes()[:100])
+    damaged = house.cli("replay", incident)
+    assert (damaged.code, "damaged" in damaged.err, ".." in damaged.err) == (1, True, False)
+    recording.unlink()
+    assert "no recording" in house.cli("replay", incident).err

@@ -1,5 +1,6 @@
 """The status as a person reads it: aligned in both languages, and never without an answer."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,8 +8,11 @@ import pytest
 from hardcore import status
 from hardcore.cli import STATE_CODES
 from hardcore.host.folders import Folders
+from hardcore.model import verdicts
 from hardcore.model.phases import HAState
+from hardcore.recovery.policy import Policy
 from hardcore.status_page import printed_status
+from tests.unit.recovery.play import Play
 
 
 @pytest.mark.parametrize("lang", ["ko", "en"])
@@ -44,6 +48,22 @@ def test_a_damaged_note_of_what_is_wanted_means_up(tmp_path: Path, content: str)
     folders.state.mkdir()
     (folders.state / "wanted.json").write_text(content)
     assert status.from_files(folders)["wanted"] == "UP"
+
+
+def test_a_witness_to_whom_all_is_well_is_no_worry() -> None:
+    play = Play().begin().running(2)
+    well = verdicts.Testimony("beats", verdicts.Colour.GREEN, "both beats are fresh")
+    late = verdicts.Testimony("store", verdicts.Colour.YELLOW, "process 7 holds the lock")
+    reading = replace(
+        play.manager.reading(), verdict=verdicts.Verdict(verdicts.Colour.YELLOW, testimonies=(well, late))
+    )
+    assert status.running(reading, Policy())["worries"] == ["process 7 holds the lock"]
+
+
+@pytest.mark.parametrize(("lang", "words"), [("en", "Make room"), ("ko", "자리를 만들면")])
+def test_a_ledger_that_only_reads_says_why_and_what_to_do(tmp_path: Path, lang: str, words: str) -> None:
+    told = status.from_files(Folders(tmp_path, tmp_path)) | {"state": "SAFE_MODE", "safe": "DISK_FULL"}
+    assert words in printed_status(told, lang)
 
 
 def test_columns_are_aligned_where_letters_are_wide(tmp_path: Path) -> None:

@@ -1,0 +1,126 @@
+"""What `hardcore drill` says: what is done to the core, and what the guard promises to make of it.
+
+Plain words in Korean and English, because whoever tries a drill has not read the table of diagnoses yet. One entry
+for each drill; what came instead of a promise is told by the incident's own summary.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+LANGUAGES: Final = ("ko", "en")
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """One drill in words, each (ko, en): what is done, and what is promised to come of it."""
+
+    done: tuple[str, str]
+    promised: tuple[str, str]
+
+
+_BACK: Final = (
+    "감시자가 증거를 남기고 새로 켜요.",
+    "the guard keeps the evidence and starts it anew.",
+)
+
+
+def _back(ko: str, en: str) -> tuple[str, str]:
+    """Return a promise that ends with a new core."""
+    return f"{ko} {_BACK[0]}", f"{en}, and {_BACK[1]}"
+
+
+TOLD: Final[Mapping[str, Told]] = {
+    "crash": Told(
+        ("장부 서버를 그 자리에서 죽여요.", "The ledger's server is made to die on the spot."),
+        _back("비정상 종료라고 알아봐요.", "It is found to have crashed"),
+    ),
+    "segv": Told(
+        (
+            "장부 서버가 없는 메모리를 건드려 죽게 해요.",
+            "The server is made to touch memory that is not there.",
+        ),
+        _back("비정상 종료라고 알아봐요.", "It is found to have crashed"),
+    ),
+    "exit": Told(
+        (
+            "장부 서버가 아무도 시키지 않았는데 꺼지게 해요.",
+            "The server is made to leave, though nobody asked.",
+        ),
+        _back("스스로 꺼졌다고 알아봐요.", "It is found to have ended by itself"),
+    ),
+    "freeze": Told(
+        ("장부 서버를 통째로 정지시켜요.", "The whole server is stopped in its tracks."),
+        _back("정지했다고 알아봐요.", "It is found to be stopped"),
+    ),
+    "block": Told(
+        (
+            "장부 서버의 가운데 순환이 한곳에서 기다리게 해요.",
+            "The server's main loop is made to wait in one place.",
+        ),
+        _back("한곳에서 멈췄다고 알아봐요.", "It is found to hang in one place"),
+    ),
+    "spin": Told(
+        ("장부 서버가 끝나지 않는 계산을 하게 해요.", "The server is made to calculate without end."),
+        _back("끝나지 않는 계산이라고 알아봐요.", "It is found to be caught in a calculation"),
+    ),
+    "gil": Told(
+        (
+            "한 가지 일이 장부 서버 전체를 붙들게 해요.",
+            "One piece of work is made to hold up the whole server.",
+        ),
+        _back("한 가지 일이 전체를 붙들었다고 알아봐요.", "It is found to be held up by one piece of work"),
+    ),
+    "deadlock": Told(
+        (
+            "장부 서버의 두 작업이 서로를 기다리게 해요.",
+            "Two parts of the server are made to wait for each other.",
+        ),
+        _back("서로를 기다린다고 알아봐요.", "They are found to wait for each other"),
+    ),
+    "slow-tx": Told(
+        ("거래 하나가 끝나지 않게 해요.", "One transaction is made to go on without end."),
+        _back("그 거래가 제시간에 끝나지 않았다고 알아봐요.", "It is found to be over its time"),
+    ),
+    "oom": Told(
+        ("장부 서버가 메모리를 다 쓰게 해요.", "The server is made to use up its memory."),
+        _back("메모리가 모자라서 종료됐다고 알아봐요.", "It is found to have ended for lack of memory"),
+    ),
+    "dblock": Told(
+        (
+            "다른 프로그램이 장부 파일을 몇 초 동안 잡고 있게 해요.",
+            "Another program is made to hold the ledger's file for some seconds.",
+        ),
+        (
+            "누가 잡고 있는지 알아내고 아무것도 종료하지 않아요. 놓으면 저절로 이어져요.",
+            "The holder is named and nothing is ended; writing goes on once it lets go.",
+        ),
+    ),
+    "diskfull": Told(
+        (
+            "디스크가 가득 찬 것처럼 몇 초 동안 쓰기를 막아요.",
+            "Writes are made to fail for some seconds, as on a full disk.",
+        ),
+        (
+            "아무것도 종료하지 않고 읽기만 받아요. 자리가 나면 저절로 다시 써요.",
+            "Nothing is ended and reading goes on; it writes again by itself once there is room.",
+        ),
+    ),
+    "gc": Told(
+        (
+            "건강한 장부 서버가 메모리를 오래 정리하게 해서 아파 보이게 해요.",
+            "A healthy server is made to look ill: a long collection of garbage.",
+        ),
+        ("아무도 건드리지 않아요. 12초쯤 지켜볼게요.", "Nobody touches it. This is watched for some 12 s."),
+    ),
+}
+
+
+def done_words(fault: str, lang: str) -> str:
+    """Return what a drill does to the core."""
+    return TOLD[fault].done[LANGUAGES.index(lang)]
+
+
+def promised_words(fault: str, lang: str) -> str:
+    """Return what must come of a drill."""
+    return TOLD[fault].promised[LANGUAGES.index(lang)]

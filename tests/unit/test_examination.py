@@ -1,0 +1,33 @@
+"""`hardcore doctor` calls bad what the guard would act on, and nothing else."""
+
+from pathlib import Path
+
+import pytest
+
+from hardcore.examination import Finding, examine
+from hardcore.host.folders import Folders
+from hardcore.model.verdicts import Colour
+
+
+def _findings(data: Path) -> dict[str, Finding]:
+    return {finding.name: finding for finding in examine(Folders(data, data / "run"))}
+
+
+@pytest.mark.parametrize(("floor_mb", "bad"), [(0, False), (1 << 20, True)])
+def test_room_is_bad_only_below_the_floor_that_the_policy_names(
+    tmp_path: Path, floor_mb: int, *, bad: bool
+) -> None:
+    (tmp_path / "failover_policy.json").write_text(f'{{"disk_floor_mb": {floor_mb}}}')
+    room = _findings(tmp_path)["room"]
+    assert (room.colour is Colour.RED) is bad
+    assert dict(room.values)["floor_mb"] == floor_mb
+
+
+def test_looking_leaves_nothing_behind(tmp_path: Path) -> None:
+    examine(Folders(tmp_path, tmp_path / "run"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_takes_no_file_is_bad_whatever_its_mode_says() -> None:
+    found = _findings(Path("/proc/self"))
+    assert (found["data"].colour, found["data"].text) == (Colour.RED, "data_not_writable")
