@@ -87,7 +87,7 @@ class Executor:
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
         self._tasks: set[asyncio.Task[None]] = set()
         self._evidence: dict[str, list[asyncio.Event]] = {}
-        self.filing = Filing(folders.incidents, self, self._report)
+        self.filing = Filing(folders.incidents, self, self._report, shelter=folders.shelter)
         self.serving: tuple[dict[str, object], ...] = ()
 
     def carry_out(self, action: orders.Action) -> None:
@@ -330,6 +330,7 @@ class Executor:
             data=self._folders.data,
             control=self._folders.core_control(life.nonce),
             first_stacks=self.senses.first_stacks(life.number),
+            shelter=self._folders.shelter,
         )
         if order.living:
             if order.stop:
@@ -342,7 +343,8 @@ class Executor:
             taken = await writer.take_dead(subject, order.budget_ms, self.pool, life.sample)
         whole = isinstance(taken, Evidence) and taken.complete
         if not isinstance(taken, Evidence):
-            self.note("evidence", incident=order.incident, missing=taken.reason)
+            self.note("evidence", incident=order.incident, missing=taken.reason, kept=taken.kept.value)
+            self.filing.lose(order.incident, taken)
         self._tell(
             seen.EvidenceTaken(
                 clock.now_ns(),

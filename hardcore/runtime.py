@@ -409,7 +409,7 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         generation,
         in_force,
         lives.find_leftovers(folders),
-        writer.find_abandoned(folders.incidents),
+        writer.find_abandoned(folders.incidents, folders.shelter),
     )
 
 

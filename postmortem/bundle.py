@@ -13,7 +13,7 @@ import os
 import re
 import shutil
 import stat
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -133,11 +133,16 @@ def write_bundle(
 
 
 def add_files(
-    path: Path, files: Mapping[str, bytes], missing: Mapping[str, str], *, complete: bool | None = None
+    path: Path,
+    files: Mapping[str, bytes],
+    missing: Mapping[str, str],
+    *,
+    complete: bool | None = None,
+    found: Collection[str] = (),
 ) -> BundleFailed | None:
     """Add or replace files of a bundle, each as a whole; the manifest follows last. None: all is written.
 
-    `complete` None: as it was. A manifest that can't be read is begun anew and says so: facts are worth
+    `complete` None: as it was. `found`: names that are not missing any more. A manifest that can't be read is begun anew and says so: facts are worth
     more than a neat folder.
     """
     try:
@@ -148,12 +153,9 @@ def add_files(
                 reason = f"begun anew, files from before are not listed: {before.reason}"
                 before = Manifest(path.name, placing.now(), complete=False, missing={MANIFEST: reason})
                 complete = False
-            after = _put_all(
-                path,
-                replace(before, complete=before.complete if complete is None else complete),
-                files,
-                missing,
-            )
+            absent = {name: why for name, why in before.missing.items() if name not in found}
+            finished = before.complete if complete is None else complete
+            after = _put_all(path, replace(before, complete=finished, missing=absent), files, missing)
             placing.sync_folder(path)
             write_manifest(path, after)
             placing.sync_folder(path)

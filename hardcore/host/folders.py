@@ -59,6 +59,11 @@ class Folders:
         return self.data / "incidents"
 
     @property
+    def shelter(self) -> Path:
+        """What the disk of the incidents did not take, until it does."""
+        return self.run / "incidents"
+
+    @property
     def logs(self) -> Path:
         """Bounded logs."""
         return self.data / "logs"

@@ -1,13 +1,15 @@
 """What is written of an incident after its last word: facts, what comes late, the report, and how much is kept.
 
-All of it waits for disks and may fail, so it is tried again with pauses while the guard lives; for one
-incident one thing at a time, so that a report never tells of less than its facts. Nothing of the recovery
-waits for any of this.
+All of it waits for disks and may fail, so it is tried again with pauses as long as the guard lives; for one
+incident one thing at a time, so that a report never tells of less than its facts. What the disk of the incidents
+does not take waits in a shelter, evidence as well as facts, so that the next guard finds it too. Nothing of the
+recovery waits for any of this.
 """
 
 import asyncio
 from collections import deque
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any, Protocol
 from weakref import WeakValueDictionary
@@ -15,13 +17,18 @@ from weakref import WeakValueDictionary
 from hardcore.host import clock
 from hardcore.model.actions import AddAudit, Incident
 from hardcore.model.observations import RequestOutcome, RequestsSettled
-from hardcore.snapshot import writer
+from hardcore.snapshot import storing, writer
 from hardcore.snapshot.facts import audit, facts, requests
+from hardcore.snapshot.form import as_bytes
+from hardcore.snapshot.storing import BundleFailed
+from hardcore.snapshot.subject import EvidenceFailed, Kept
 
-#: Pauses before facts that could not be written are tried again.
+#: Pauses before what could not be written is tried again; the last one again and again.
 RETRY_PAUSES_S = (1.0, 5.0, 30.0, 120.0, 600.0)
 #: Closed incidents whose late requests wait at one time.
 LATE_INCIDENTS_MAX = 64
+#: Pieces that wait for a disk longer than all pauses; more are given up.
+WAITING_MAX = 64
 
 
 class Hands(Protocol):
@@ -45,15 +52,24 @@ class Filing:
         hands: Hands,
         report: Callable[[Path], Awaitable[None]],
         pauses_s: Sequence[float] = RETRY_PAUSES_S,
+        shelter: Path | None = None,
     ) -> None:
         self._incidents = incidents
         self._hands = hands
         self._report = report
         self._pauses_s = pauses_s
+        self._shelter = shelter
+        self._lost: dict[str, EvidenceFailed] = {}
+        self._waiting = 0
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._late: dict[str, list[RequestOutcome]] = {}
         self._stopped: deque[str] = deque(maxlen=writer.STOPPED_MAX)
         self._looked = False
+
+    def lose(self, incident_id: str, failed: EvidenceFailed) -> None:
+        """Remember until an incident is closed that evidence of it is not on its disk, and why."""
+        if failed.kept is not Kept.ELSEWHERE and len(self._lost) < LATE_INCIDENTS_MAX:
+            self._lost.setdefault(incident_id, failed)
 
     async def close(
         self, incident: Incident, pid: int | None, nonce: str, after: Sequence[asyncio.Event]
@@ -69,7 +85,8 @@ class Filing:
         async with self._alone(incident.id):
             for evidence in after:
                 await evidence.wait()
-            if not await self._persist(incident.id, writer.write_facts, folder, told):
+            lost = self._lost.pop(incident.id, None)
+            if not await self._persist(incident.id, self._write_facts, folder, told):
                 return
             self._hands.note(
                 "incident", id=incident.id, diagnosis=incident.diagnosis, outcome=incident.outcome
@@ -77,7 +94,41 @@ class Filing:
             removed = await self._hands.in_hand(writer.prune, self._incidents, incident.id)
             if removed:
                 self._hands.note("incidents", removed=removed)
+            failed = await self._bring_home(incident.id)
+            missing = {} if lost is None else {storing.LOST: lost.reason}
+            if failed is not None:
+                missing[storing.WAITING] = failed.reason
+            if missing:
+                late = lost is not None and lost.kept is Kept.PERHAPS
+                await self._hands.in_hand(storing.say_missing, folder, missing, late)
             await self._have_report(folder)
+        if failed is not None:
+            await self._bring_home_later(incident.id)
+
+    def _write_facts(self, folder: Path, told: Mapping[str, Any]) -> BundleFailed | None:
+        failed = writer.write_facts(folder, told)
+        if failed is not None and self._shelter is not None:
+            storing.shelter_facts(self._shelter, folder.name, as_bytes(told))  # else memory alone has them
+        return failed
+
+    async def _bring_home(self, incident_id: str) -> BundleFailed | None:
+        """Move what waits in the shelter into its incident; return why that can't be done."""
+        if self._shelter is None:
+            return None
+        failed: BundleFailed | None = await self._hands.in_hand(
+            storing.bring_home, self._shelter, self._incidents, incident_id
+        )
+        return failed
+
+    async def _bring_home_later(self, incident_id: str) -> None:
+        for pause_s in self._pauses():
+            await _first(self._hands.halted, pause_s)
+            if self._hands.halted.is_set():
+                return
+            async with self._alone(incident_id):
+                if await self._bring_home(incident_id) is None:
+                    await self._have_report(self._incidents / incident_id)
+                    return
 
     async def add_late(self, fact: RequestsSettled) -> None:
         """Add requests that settled after their incident was closed; many lines become few reports."""
@@ -124,14 +175,18 @@ class Filing:
     async def close_abandoned(self, found: Sequence[writer.Abandoned]) -> None:
         """Close what a dead guard left open: each gets closing facts and a report, or is removed."""
         await self._hands.in_hand(writer.sweep, self._incidents)
-        left = list(found)
-        for pause_s in (*self._pauses_s, None):
-            left = [one for one in left if not await self._close_one(one)]
-            if not left or pause_s is None or self._hands.halted.is_set():
+        left, pauses = list(found), self._pauses()
+        while left := [one for one in left if not await self._close_one(one)]:
+            pause_s = next(pauses, None)
+            if pause_s is None or self._hands.halted.is_set():
                 return
             await _first(self._hands.halted, pause_s)
 
     async def _close_one(self, one: writer.Abandoned) -> bool:
+        failed = await self._bring_home(one.id)
+        if failed is not None:
+            self._hands.note("incident", id=one.id, failed=failed.reason)
+            return False
         path = await self._hands.in_hand(writer.close_abandoned, one, clock.wall(clock.now_ns()))
         if isinstance(path, Path):
             self._hands.note("incident", id=one.id, abandoned=True)
@@ -150,17 +205,26 @@ class Filing:
         return self._locks.setdefault(incident_id, asyncio.Lock())
 
     async def _persist(self, incident_id: str, work: Callable[..., Any], *args: Any) -> bool:
-        """Do the writing until it is done or the pauses are used up; when the guard ends, once more."""
-        for pause_s in (*self._pauses_s, None):
-            last = pause_s is None or self._hands.halted.is_set()
-            failed = await self._hands.in_hand(work, *args)
-            if failed is None:
-                return True
-            self._hands.note("incident", id=incident_id, failed=failed.reason)
-            if last:
-                return False
-            await _first(self._hands.halted, pause_s or 0.0)
-        return False
+        """Do the writing until it is done; when the guard ends, once more, and then no longer."""
+        pauses = self._pauses()
+        if self._waiting >= WAITING_MAX:
+            pauses = iter(())
+        self._waiting += 1
+        try:
+            while (failed := await self._hands.in_hand(work, *args)) is not None:
+                self._hands.note("incident", id=incident_id, failed=failed.reason)
+                pause_s = next(pauses, None)
+                if pause_s is None or self._hands.halted.is_set():
+                    return False
+                await _first(self._hands.halted, pause_s)
+        finally:
+            self._waiting -= 1
+        return True
+
+    def _pauses(self) -> Iterator[float]:
+        yield from self._pauses_s
+        if self._pauses_s:
+            yield from repeat(self._pauses_s[-1])
 
 
 async def _first(event: asyncio.Event, pause_s: float) -> None:

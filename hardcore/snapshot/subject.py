@@ -6,6 +6,7 @@ in particular a process is only ever signalled through the `pidfd` given here, n
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
 
 from hardcore.model.recorder import Page
@@ -25,6 +26,7 @@ class Subject:
     data: Path
     control: Path | None = None  # the core's own control socket, to ask for its suspended tasks
     first_stacks: bytes = b""  # the suspicion's look at the stacks, in the form of `stacks.json`
+    shelter: Path | None = None  # where it goes while the disk of the incidents takes none
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,14 @@ class Evidence:
     costs_us: Mapping[str, int] = field(default_factory=dict)  # what each piece took
 
 
+class Kept(Enum):
+    """Where evidence is that its disk did not take."""
+
+    NOWHERE = "lost"
+    ELSEWHERE = "in the shelter"
+    PERHAPS = "still on its way"
+
+
 @dataclass(frozen=True, slots=True)
 class EvidenceFailed:
     """Nothing is on disk, or not yet; `reason` is one sentence. What was read is handed on all the same."""
@@ -75,3 +85,4 @@ class EvidenceFailed:
     page: Page | None
     steps: tuple[tuple[str, int], ...]
     duration_ms: int
+    kept: Kept = Kept.NOWHERE

@@ -12,35 +12,39 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from hardcore.model.observations import ProcessSample
-from hardcore.snapshot import recipe
+from hardcore.snapshot import recipe, storing
 from hardcore.snapshot.facts import abandoned
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.gathering import Gathering, abandon, gather, prepare
 from hardcore.snapshot.image import ImageLimits, write_image
 from hardcore.snapshot.recipe import Piece
-from hardcore.snapshot.subject import Evidence, EvidenceFailed, Haul, Subject, Tools
+from hardcore.snapshot.subject import Evidence, EvidenceFailed, Haul, Kept, Subject, Tools
 from postmortem import bundle, keeping
 
 #: How much longer than the budget the disk may take before the kill goes on without it.
 STORE_GRACE_MS = 250
 #: Evidence of a dead core holds nobody up: the disk gets this long.
 DEAD_STORE_MS = 10_000
-#: Lives whose evidence one incident keeps.
-LIVES_MAX = 16
 #: Requests that the facts of one incident name.
 REQUESTS_MAX = 4096
 #: Incidents in which recovery had stopped that are told when a core serves again: the newest.
 STOPPED_MAX = 64
 
-#: What the guard heard and ordered; `hardcore replay` reads it.
-RECORDING = "observations.jsonl"
-
 Abandoned = bundle.Found
+#: What the guard heard and ordered; `hardcore replay` reads it.
+RECORDING = storing.RECORDING
+
+
+@dataclass(frozen=True, slots=True)
+class _Sheltered:
+    """The disk refused, the shelter did not."""
+
+    reason: str
 
 
 async def take_live(
@@ -63,7 +67,8 @@ async def take_live(
     start_ns = await _collect(pool, shares, budget_ms, work)
     until_ns = recipe.end_ns(start_ns, budget_ms + STORE_GRACE_MS)
     taken = await _store(pool, subject, work.haul, start_ns, until_ns)
-    taken = replace(taken, steps=(*taken.steps, ("dumped", time.monotonic_ns())))
+    if not isinstance(taken, EvidenceFailed) or taken.kept is Kept.ELSEWHERE:
+        taken = replace(taken, steps=(*taken.steps, ("dumped", time.monotonic_ns())))
     if image is None or isinstance(taken, EvidenceFailed):
         return taken
     if not stop:
@@ -145,10 +150,20 @@ def is_id(text: str) -> bool:
     return bundle.is_incident_id(text)
 
 
-def find_abandoned(incidents: Path) -> tuple[Abandoned, ...]:
-    """Return the incidents that a dead guard left without facts. To be asked before a new one is opened."""
-    found = bundle.find_bundles(incidents)
-    return tuple(one for one in found if one.partial or not bundle.is_there(one.path / bundle.FACTS))
+def find_abandoned(incidents: Path, shelter: Path | None = None) -> tuple[Abandoned, ...]:
+    """Return the incidents that a dead guard left without facts, or with something of them in the shelter.
+
+    To be asked before a new one is opened.
+    """
+    found = [
+        one
+        for one in bundle.find_bundles(incidents)
+        if one.partial or not bundle.is_there(one.path / bundle.FACTS)
+    ]
+    known = {one.id for one in found}
+    waiting = storing.sheltered(shelter) if shelter is not None else []
+    left = (Abandoned(one, incidents / one, partial=False) for one in waiting if one not in known)
+    return (*found, *left)
 
 
 def close_abandoned(found: Abandoned, closed_at: str) -> Path | bundle.BundleFailed | None:
@@ -211,10 +226,12 @@ async def _store(
     await asyncio.wait({work}, timeout=_left_s(until_ns))
     duration_ms = (time.monotonic_ns() - start_ns) // 1_000_000
     if not work.done():
-        return EvidenceFailed("the disk had not taken the evidence in time", page, steps, duration_ms)
+        why = "the disk had not taken the evidence in time"
+        return EvidenceFailed(why, page, steps, duration_ms, Kept.PERHAPS)
     written = work.result()
-    if isinstance(written, bundle.BundleFailed):
-        return EvidenceFailed(written.reason, page, steps, duration_ms)
+    if not isinstance(written, Path):
+        kept = Kept.ELSEWHERE if isinstance(written, _Sheltered) else Kept.NOWHERE
+        return EvidenceFailed(written.reason, page, steps, duration_ms, kept)
     costs_us = dict(haul.costs_us)
     return Evidence(written, not missing, missing, page, steps, duration_ms, costs_us)
 
@@ -256,26 +273,12 @@ def _image(subject: Subject, tools: Tools, folder: Path, limits: ImageLimits) ->
 
 def _write(
     subject: Subject, files: Mapping[str, bytes], missing: Mapping[str, str]
-) -> Path | bundle.BundleFailed:
-    """Write a bundle, or beside the first life of this incident the evidence of its next one."""
-    path = subject.incidents / subject.incident
-    if not bundle.is_there(path):
-        made = bundle.write_bundle(subject.incidents, subject.incident, files, missing)
-        if isinstance(made, Path) or not bundle.is_there(path):  # else the one of another life came first
-            return made
-    before = bundle.read_manifest(path)
-    taken = {*before.files, *before.missing} if isinstance(before, bundle.Manifest) else set()
-    ours = {*files, *missing}
-    prefixes = ("", *(f"life-{number}." for number in range(2, LIVES_MAX + 1)))
-    prefix = next((text for text in prefixes if taken.isdisjoint(text + name for name in ours)), None)
-    if prefix is None:
-        return bundle.BundleFailed(f"this incident has the evidence of {LIVES_MAX} lives already")
-    added = bundle.add_files(
-        path,
-        {prefix + name: data for name, data in files.items()},
-        {prefix + name: reason for name, reason in missing.items()},
-    )
-    return added if isinstance(added, bundle.BundleFailed) else path
+) -> Path | bundle.BundleFailed | _Sheltered:
+    stored = storing.store_life(subject.incidents, subject.incident, files, missing)
+    if isinstance(stored, Path) or subject.shelter is None:
+        return stored
+    kept = storing.shelter_life(subject.shelter, subject.incident, files, missing)
+    return _Sheltered(stored.reason) if isinstance(kept, Path) else stored
 
 
 def _left_s(until_ns: int) -> float:
