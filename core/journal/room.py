@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+from core.guarded.privilege import has_reserve
 from core.journal.store import StoreError, StoreFault
 
 #: More than an ordinary batch and its checkpoint write; a batch of larger bodies asks for more.
@@ -29,18 +30,6 @@ def free_bytes(seen: os.statvfs_result, *, reserve_is_ours: bool) -> int | None:
     if seen.f_blocks == 0:
         return None
     return (seen.f_bfree if reserve_is_ours else seen.f_bavail) * seen.f_frsize
-
-
-def has_reserve() -> bool:
-    """Whether this process may write where room is kept back for the superuser.
-
-    The root of a container with users of its own is another one, and none such room is his.
-    """
-    try:
-        mapped = Path("/proc/self/uid_map").read_text().split()
-    except OSError:
-        return False
-    return os.geteuid() == 0 and mapped[:2] == ["0", "0"]
 
 
 class Room:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from core.guarded import privilege
 from core.journal import room
 from hardcore.host import disk
 from tests.integration.lone_core import ROOT
@@ -15,7 +16,7 @@ BLOCK = 4096
 #: Becomes nobody, and then the root of a namespace of users in which nobody is called root.
 CONTAINED = """
 import ctypes, os, pathlib
-from core.journal import room
+from core.guarded import privilege
 from hardcore.host import disk
 if os.geteuid() == 0:
     os.setresuid(65534, 65534, 65534)
@@ -24,7 +25,7 @@ libc.prctl(4, 1)  # PR_SET_DUMPABLE: whoever changed his user may not write his 
 assert libc.unshare(0x10000000) == 0  # CLONE_NEWUSER
 pathlib.Path("/proc/self/uid_map").write_text(f"0 {nobody} 1")
 assert os.geteuid() == 0
-print(room.has_reserve(), disk.has_reserve())
+print(privilege.has_reserve(), disk.has_reserve())
 """
 
 
@@ -51,7 +52,7 @@ def test_what_is_free_is_what_this_process_may_write_where_it_is_told_at_all(
 
 
 def test_both_know_alike_whether_what_is_kept_back_is_theirs() -> None:
-    assert room.has_reserve() == disk.has_reserve()
+    assert privilege.has_reserve() == disk.has_reserve()
 
 
 def test_the_root_of_a_container_with_users_of_its_own_has_no_reserve() -> None:
