@@ -43,6 +43,7 @@ from core.obedience import Obedience
 from core.opening import OpenBook, Telling, open_book
 from core.opening_to_read import ReadableBook, open_to_read
 from core.safety import Safety
+from core.saying import Unkept, say
 from core.service import Service, Unwritten
 from core.settings import Settings
 from core.web.app import make_app
@@ -58,7 +59,8 @@ logger = logging.getLogger("core")
 @click.group()
 def cli() -> None:
     """The ledger core. It runs alone on loopback, or under a guard that says so in the environment."""
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s %(message)s")
+    form = "%(asctime)s %(levelname)s %(name)s %(message)s"
+    logging.basicConfig(level=logging.INFO, format=form, stream=Unkept())
     logging.getLogger("uvicorn.error").setLevel(
         logging.WARNING
     )  # its "started" and "finished" are ours to say
@@ -336,5 +338,5 @@ def _faults(read: object) -> list[str]:
 
 
 def _say(left: Departure) -> int:
-    print(left.sentence, file=sys.stderr, flush=True)
+    say(left.sentence)
     return left.code.value

@@ -5,8 +5,6 @@ shows signs of life. The epoch is told to the guard the moment the fence is comm
 from then on no older core can commit, whatever the proof will say.
 """
 
-import errno
-import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -21,6 +19,7 @@ from core.departure import Departure
 from core.guarded.beacon import Beacon
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.recorder import FlightRecorder
+from core.journal import disk
 from core.journal.append import Journal
 from core.journal.chain import Broken, EventRow
 from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack, fence
@@ -62,11 +61,15 @@ def open_book(
         return _not_let_in(guard)
     connection = open_writing(data / LEDGER_FILE, settings.fence_busy_ms)
     if isinstance(connection, StoreError):
-        return _unopened(connection, telling)
+        return _unopened(connection, data, telling)
     epoch = _take_over(connection, environment.expected_epoch, telling)
+    if isinstance(epoch, StoreError):
+        return _unopened(epoch, data, telling)
     if isinstance(epoch, Departure):
         return epoch
     proof = _prove(connection, environment, settings, telling)
+    if isinstance(proof, StoreError):
+        return _unproven(proof, data)
     if isinstance(proof, Departure):
         return proof
     connection.exec_driver_sql(f"PRAGMA busy_timeout = {settings.write_busy_ms}").close()
@@ -77,16 +80,11 @@ def open_book(
 
 def _not_let_in(door: DoorClosed) -> Departure:
     """A lock that a disk refuses is the disk's doing and no mistake in a setting."""
-    match door.number:
-        case errno.EROFS:
-            return departure.read_only(os.strerror(door.number))
-        case errno.ENOSPC:
-            return departure.no_room(os.strerror(door.number))
-        case _:
-            return departure.config_invalid(door.sentence)
+    error = disk.refused(door.number)
+    return departure.config_invalid(door.sentence) if error is None else _of_store(error)
 
 
-def _take_over(connection: Connection, expected: int | None, telling: Telling) -> int | Departure:
+def _take_over(connection: Connection, expected: int | None, telling: Telling) -> int | StoreError | Departure:
     outcome = fence(connection, expected)
     match outcome:
         case Raised(epoch):
@@ -106,12 +104,12 @@ def _take_over(connection: Connection, expected: int | None, telling: Telling) -
                 f"{LEDGER_FILE} has schema {version}, made by another version of this program: use that version."
             )
         case StoreError():
-            return _unopened(outcome, telling)
+            return outcome
 
 
 def _prove(
     connection: Connection, environment: GuardedEnvironment, settings: Settings, telling: Telling
-) -> Proven | Departure:
+) -> Proven | StoreError | Departure:
     seen = environment.witness
     # A witness of nothing (a predecessor that committed nothing) is nobody's word about any event.
     witness = Witness(seen.seq, seen.epoch, seen.hash) if seen is not None and seen.seq > 0 else None
@@ -122,7 +120,7 @@ def _prove(
         proof = prove(replace(tail, rows=rows), witness)
         connection.exec_driver_sql("ROLLBACK").close()
     except DBAPIError as error:
-        return departure.corrupt(f"it can't be read ({store_error(error).text})")
+        return store_error(error)
     return departure.corrupt(proof.sentence) if isinstance(proof, Broken) else proof
 
 
@@ -138,10 +136,22 @@ def asking_for_time(
         yield row
 
 
-def _unopened(error: StoreError, telling: Telling) -> Departure:
+def _unopened(error: StoreError, data: Path, telling: Telling) -> Departure:
+    if error.fault is StoreFault.BUSY:
+        telling.beacon.fence_blocked()
+        return _of_store(error)
+    # What it says of a disk that takes no writes depends on where it met that: the disk itself is asked first.
+    return _of_store(disk.refusal(data) or error)
+
+
+def _unproven(error: StoreError, data: Path) -> Departure:
+    refused = disk.refusal(data)
+    return departure.corrupt(f"it can't be read ({error.text})") if refused is None else _of_store(refused)
+
+
+def _of_store(error: StoreError) -> Departure:
     match error.fault:
         case StoreFault.BUSY:
-            telling.beacon.fence_blocked()
             return departure.locked(error.text)
         case StoreFault.NO_ROOM:
             return departure.no_room(error.text)

@@ -19,7 +19,7 @@ from sqlalchemy.exc import DBAPIError
 from core import departure
 from core.departure import Departure
 from core.guarded.environment import GuardedEnvironment
-from core.journal import queries, schema
+from core.journal import disk, queries, schema
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_reading, snapshot, store_error
 from core.settings import Settings
@@ -64,7 +64,7 @@ def open_to_read(data: Path, environment: GuardedEnvironment, settings: Settings
         opened = _open(path, settings, alone=True)
     match opened:
         case StoreError():
-            return _unread(opened)
+            return _unread(opened, data)
         case _NotOurs():
             return departure.config_invalid(
                 f"{LEDGER_FILE} is no ledger that this version can read without changing it."
@@ -104,13 +104,16 @@ def _is_whole(path: Path) -> bool:
     return not log.exists() or log.stat().st_size == 0
 
 
-def _unread(error: StoreError) -> Departure:
-    match error.fault:
+def _unread(error: StoreError, data: Path) -> Departure:
+    refused = disk.refusal(data) if error.fault is StoreFault.OTHER else None
+    match (refused or error).fault:
         case StoreFault.DAMAGED:
             return departure.corrupt(f"not even its head can be read ({error.text})")
         case StoreFault.BUSY:
             return departure.locked(error.text)
-        case StoreFault.NO_ROOM | StoreFault.READ_ONLY | StoreFault.OTHER:
+        case StoreFault.READ_ONLY:
+            return departure.read_only(f"and its log can't be read without a write: {error.text}")
+        case StoreFault.NO_ROOM | StoreFault.OTHER:
             return departure.no_room(f"and the ledger can't be read without one: {error.text}")
-        case _:
-            assert_never(error.fault)
+        case _ as never:
+            assert_never(never)

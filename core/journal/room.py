@@ -3,7 +3,7 @@
 In a log that is written at COMMIT, a full disk is met at COMMIT and nowhere before it (measured: BEGIN, UPDATE
 and INSERT all succeed on a disk without a free block), and a COMMIT that raised is one of which nobody knows what
 became. So a batch that has something to write looks at the file system first. Too little room then means that
-nothing was done, which is certain, and that the core can go on serving reads. It costs one system call. What
+nothing was done, which is certain, and that the core can go on serving reads. It costs three system calls. What
 counts is what this very process may write, and a guard on the same disk counts alike, or it would have the core
 try what the core refuses by itself. A quota, or a disk that fills up between this look and the COMMIT, is met
 where it always was. Not chosen: a file of room kept beside the ledger, which would have to be freed at the very
@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Final
 
 from core.guarded.privilege import has_reserve
+from core.journal.disk import refuses_to_open
+from core.journal.lock import LOCK_FILE
 from core.journal.store import StoreError, StoreFault
 
 #: More than an ordinary batch and its checkpoint write; a batch of larger bodies asks for more.
@@ -56,6 +58,9 @@ class Room:
             return None  # what can't be looked at is met by the write itself
         if seen.f_flag & os.ST_RDONLY:
             return StoreError(StoreFault.READ_ONLY, "EROFS: the disk is mounted read-only")
+        # One that has met an error may still be called writable, and refuse everybody: that shows at an opening.
+        if (refused := refuses_to_open(self._folder / LOCK_FILE)) is not None:
+            return refused
         free = free_bytes(seen, reserve_is_ours=self._reserve_is_ours)
         if free is not None and free < ROOM_BYTES_MIN + bytes_needed:
             return StoreError(StoreFault.NO_ROOM, f"ENOSPC: {free} bytes are free on the ledger's disk")
