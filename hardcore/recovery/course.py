@@ -65,6 +65,8 @@ class Course:
     epoch: int | None = None  # what it serves under
     challenge: Witness | None = None  # what it has to prove its ledger against
     blame: Diagnosis = Diagnosis.OPERATOR  # what its end is called
+    heard_ns: int = 0  # its loop's last beat that was seen
+    outlasted_ns: int | None = None  # when the time of its probation was over, whatever it looked like then
     term_sent: bool = False
     verdict: Verdict = GREEN
     growth: Growth = field(default_factory=Growth)

@@ -82,7 +82,11 @@ class FailoverManager:
                 limit_ms = (now_ns - c.since_ns) // NS_PER_MS
                 said = Testimony("start", Colour.RED, f"the core was not ready within {limit_ms} ms")
                 c.pending = Trouble(Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (said,)), c.since_ns)
-            fire(c, Trigger.DEADLINE, now_ns, "time is over")
+            if c.phase is Phase.PROBATION:
+                c.outlasted_ns = now_ns
+                _last(c, now_ns)
+            else:
+                fire(c, Trigger.DEADLINE, now_ns, "time is over")
         relief.ring(c, now_ns)
 
     def next_deadline_ns(self) -> int | None:
@@ -306,8 +310,27 @@ def _ready(c: Course, fact: seen.CoreReady) -> None:
     fire(c, Trigger.READY, fact.at_ns, f"proof: {fact.proof.kind}, {fact.proof.tail} events")
 
 
+def _last(c: Course, now_ns: int) -> None:
+    """End the probation if its time is over and the core is well.
+
+    A worry that no patience makes a verdict of (a machine that is busy for ever) ends it too, but never silence.
+    """
+    if c.phase is not Phase.PROBATION or c.outlasted_ns is None:
+        return
+    silent_ns = now_ns - c.heard_ns
+    if c.verdict.colour is Colour.GREEN:
+        fire(c, Trigger.LASTED, now_ns, "it has served for its probation")
+    elif (
+        now_ns - c.outlasted_ns >= plan.patience_max_ns(c.policy)
+        and silent_ns <= c.policy.health_check_timeout_ms * NS_PER_MS
+    ):
+        fire(c, Trigger.LASTED, now_ns, "it has served for its probation, and what worries has come to nothing")
+
+
 def _watch(c: Course, tick: seen.Sampled) -> None:
     now_ns = tick.at_ns
+    # Where no beat can be read there is no silence to be heard: others have to say how it is.
+    c.heard_ns = max(c.heard_ns, tick.beats.loop_ns if tick.beats is not None else now_ns)
     c.budget = c.budget.at(now_ns)
     if tick.process is not None:
         c.growth.look(now_ns, tick.process.rss_bytes)
@@ -326,6 +349,7 @@ def _watch(c: Course, tick: seen.Sampled) -> None:
         relief.judged(c, verdict, now_ns, why)
     c.verdict = verdict
     relief.settle(c, now_ns)
+    _last(c, now_ns)
     if verdict.colour is Colour.GREEN:
         fire(c, Trigger.ON_TIME, now_ns, "the beats are back")
     else:

@@ -27,7 +27,14 @@ def patience(policy: Policy) -> Patience:
         memory_bytes=policy.memory_limit_mb << 20,
         disk_floor_bytes=policy.disk_floor_mb << 20,
         disk_slow_ms=policy.disk_slow_ms,
+        survey_ms=policy.survey_interval_ms,
     )
+
+
+def patience_max_ns(policy: Policy) -> int:
+    """Return the longest time for which anything may look ill before it is a verdict or will never be one."""
+    longest_ms = max(policy.confirm_hang_ms, policy.gc_grace_ms, policy.transaction_timeout_ms)
+    return longest_ms * NS_PER_MS
 
 
 def hopeless(policy: Policy, diagnosis: Diagnosis, *, spent: bool) -> Diagnosis | None:

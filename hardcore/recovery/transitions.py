@@ -24,7 +24,8 @@ reason. Why nothing leads back from SNAPSHOT_LIVE to RUNNING: the core was stopp
 something, and two kinds of evidence had agreed. Why an order is repeated at SPAWNED: a core may be told to
 leave while its process is still being made, and an order to nobody is lost.
 
-Each phase has at most one deadline; `plan.limit_ns` names it.
+Each phase has at most one deadline; `plan.limit_ns` names it. The one of PROBATION alone changes no phase: a core that
+is silent when it comes has proven nothing, so the end of the probation is a fact of its own (LASTED).
 """
 
 from collections.abc import Mapping
@@ -48,6 +49,7 @@ class Trigger(StrEnum):
     SPAWN_FAILED = "SPAWN_FAILED"
     EPOCH_RAISED = "EPOCH_RAISED"
     READY = "READY"
+    LASTED = "LASTED"  # its probation is over, and it is well
     EXITED = "EXITED"  # the core is gone
     LATE = "LATE"  # the verdict is yellow
     ON_TIME = "ON_TIME"  # the verdict is green
@@ -131,7 +133,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.RESTART_HARD: _RENEWED_HARD,
     },
     P.PROBATION: {
-        T.DEADLINE: (P.RUNNING, (S.SETTLED, S.CLOSE)),
+        T.LASTED: (P.RUNNING, (S.SETTLED, S.CLOSE)),
         T.EXITED: _DIED,
         T.LOST: _JUDGED,
         T.STOP: _LEAVE,

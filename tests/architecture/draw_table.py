@@ -44,6 +44,7 @@ _ROWS = """
 #: How long a phase may last, where the shipped policy's number is not the whole answer.
 _LENGTHS = {
     Phase.BACKOFF: "its pause: doubling with each core that proved nothing, else `restart_delay_ms`",
+    Phase.PROBATION: "`probation_ms`, and then until the core is well or lost",
     Phase.FATAL: "`slow_retry_sec`, if the budget was spent; else until the operator speaks",
 }
 

@@ -62,7 +62,7 @@ def test_a_phase_ends_by_itself_or_is_meant_to_last(phase: Phase) -> None:
     timed = limit_ns(Policy(), phase, 1, Diagnosis.CRASHED) is not None
     assert timed != (phase in MAY_LAST)
     if timed:
-        assert Trigger.DEADLINE in TABLE[phase]
+        assert (Trigger.LASTED if phase is Phase.PROBATION else Trigger.DEADLINE) in TABLE[phase]
 
 
 def test_only_a_spent_budget_ends_fatal_by_itself() -> None:
