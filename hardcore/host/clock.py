@@ -10,6 +10,10 @@ from pathlib import Path
 
 from hardcore.model.observations import Clocks
 
+#: Clocks that are read within this time are read together, and this often it is tried.
+TOGETHER_NS = 10_000_000
+READINGS_MAX = 4
+
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
@@ -18,8 +22,20 @@ def now_ns() -> int:
     return time.monotonic_ns()
 
 
-def others() -> Clocks:
-    """Return what the two clocks say that are no basis for a decision: one counts sleep, one is set by people."""
+def together() -> tuple[int, Clocks]:
+    """Return the time, and what the two other clocks say at that moment: one counts sleep, one is set by people.
+
+    They are read one after the other, and again if we were kept from that for so long in between that one would
+    seem to have run ahead.
+    """
+    for _ in range(READINGS_MAX - 1):
+        at_ns, others = now_ns(), _others()
+        if now_ns() - at_ns <= TOGETHER_NS:
+            return at_ns, others
+    return now_ns(), _others()
+
+
+def _others() -> Clocks:
     return Clocks(time.clock_gettime_ns(time.CLOCK_BOOTTIME), time.time_ns())
 
 

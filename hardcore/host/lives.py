@@ -74,7 +74,7 @@ class Life:
 
     def look(self) -> Sampled:
         """Return what can be seen of the core now."""
-        now_ns, others = clock.now_ns(), clock.others()
+        now_ns = clock.now_ns()
         seen = self.reader.look() if self.reader else None
         beats, witness = (None, None) if seen is None else seen
         in_flight = self._in_flight(beats, now_ns)
@@ -83,9 +83,13 @@ class Life:
             self.sample = self.handle.sample(self._wanted(beats, in_flight, now_ns))
             if self.sample is not None and self.sample.fds is not None:
                 self.fds = self.sample.fds
+        page_fault = self.reader.why_blind() if self.reader is not None and beats is None else ""
+        process_fault = _why_unseen(self.handle) if self.handle is not None and self.sample is None else ""
+        at_ns, others = clock.together()
         return Sampled(
-            clock.now_ns(), self.number, beats, self._threads, self.sample, in_flight, witness, others
-        )
+            at_ns, self.number, beats, self._threads, self.sample, in_flight, witness, others,
+            page_fault, process_fault,
+        )  # fmt: skip
 
     def _in_flight(self, beats: Beats | None, now_ns: int) -> tuple[CommandNote, ...] | None:
         """Return the commands in flight if they are worth their reading: some wait, and not for the first time.
@@ -107,8 +111,10 @@ class Life:
         self, beats: Beats | None, in_flight: tuple[CommandNote, ...] | None, now_ns: int
     ) -> vitals.Wanted:
         fds = self._ticks % FDS_EVERY_TICKS == 1
-        if beats is None or self.reader is None:
+        if self.reader is None:
             return vitals.Wanted(fds=fds)
+        if beats is None:  # without them the kernel is all there is to ask
+            return vitals.Wanted(self._threads.loop, self._threads.writer, self._threads.beat, fds=fds)
         if not (self._threads.writer and self._threads.beat):  # those that run last are told last
             self._threads = self.reader.threads()
         if in_flight is None and now_ns - min(beats.loop_ns, beats.thread_ns) <= STALE_NS:
@@ -276,6 +282,17 @@ def end_leftovers(folders: Folders, grace_s: float) -> int:
             _ends(handle, KILL_S)
         handle.close()
     return len(left)
+
+
+def _why_unseen(handle: Handle) -> str:
+    """Return why nothing is known of a process that nobody has told us is gone (one that ended is still there)."""
+    try:
+        vitals.stat_fields(handle.pid)
+    except OSError as error:
+        return f"/proc can't be read: {error.strerror}."
+    except ValueError:
+        return "/proc makes no sense."
+    return "/proc could not be read a moment ago."
 
 
 def _ends(handle: Handle, within_s: float) -> bool:

@@ -119,6 +119,17 @@ class PageReader:
             return None
         return beats, page.newest_witness(head)
 
+    def why_blind(self) -> str:
+        """Return why `look` finds no evidence, as a sentence; cheap, because a tick may ask again and again."""
+        if self.fault is not None:
+            return self.fault.reason
+        head = self._pread(page.LOOK_BYTES, 0)
+        if len(head) != page.LOOK_BYTES or not self._long_enough():
+            return "The recorder page has not the size it was made with, or can't be read."
+        if head[: page.MADE_BYTES] != self._made:
+            return "The recorder page's header was changed."
+        return "The recorder page holds a life state that nobody writes."
+
     def threads(self) -> Threads:
         """Return the core's thread ids, 0 where not known."""
         head = self._head()

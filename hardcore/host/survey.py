@@ -16,6 +16,9 @@ from hardcore.host.disk import DiskWatch
 from hardcore.host.lives import Life
 from hardcore.model.observations import Conduct, Surveyed
 
+#: A write of ours that is not back yet is looked at again so soon: how long it took is known only from looking.
+PENDING_S = 0.5
+
 
 @dataclass(slots=True)
 class _Watched:
@@ -41,7 +44,7 @@ class Survey:
         self._tell = tell
         self._trouble = trouble
         self._wake = threading.Event()
-        self._asked = self._closed = False
+        self._asked = self._closed = self._pending = False
         self._life: Life | None = None
         self._watched: _Watched | None = None
         self._last_trouble = ""
@@ -80,7 +83,7 @@ class Survey:
                 self._say("")
                 if surveyed is not None and not self._closed:
                     self._tell(surveyed)
-            self._wake.wait(self._interval_s)
+            self._wake.wait(min(self._interval_s, PENDING_S) if self._pending else self._interval_s)
 
     def _say(self, trouble: str) -> None:
         """Tell of a trouble once, not once a second."""
@@ -97,6 +100,7 @@ class Survey:
         # A core that is gone has no conduct, but its disk is what its successor will need.
         conduct = _conduct(self._watched) if life.handle.signal(0) else None
         disk = self._disk.look(clock.now_ns(), now=now)
+        self._pending = disk is not None and disk.pending_ns > 0
         return Surveyed(clock.now_ns(), life.number, disk, conduct, life.oom_kills())
 
 

@@ -84,7 +84,8 @@ class SentinelBegan:
 class Sampled:
     """One tick of the watch. `in_flight` is read only while commands wait; None: not looked.
 
-    `witness` is the last commit as the page shows it at this tick.
+    `witness` is the last commit as the page shows it at this tick. `page_fault`: why there are no beats to read;
+    `process_fault`: why nobody could look at the process.
     """
 
     at_ns: int
@@ -95,6 +96,8 @@ class Sampled:
     in_flight: tuple[CommandNote, ...] | None = None
     witness: Witness | None = None
     clocks: Clocks | None = None
+    page_fault: str = ""
+    process_fault: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ class Patience:
     this; `hang_ms`: any other. `gc_grace_ms`: processor time that a collection of memory may take.
     `transaction_ms`: how long a command may be decided whose page names no limit of its own; 0: for ever.
     `memory_bytes`: resident memory above this is worth saying; 0: never. `disk_floor_bytes`: less free space is a
-    full disk. `disk_slow_ms`: a small write of ours that takes longer means that the disk stands still.
+    full disk. `disk_slow_ms`: a small write of ours that takes longer means that the disk stands still. `survey_ms`:
+    the time between two surveys.
     """
 
     interval_ms: int
@@ -23,3 +24,4 @@ class Patience:
     memory_bytes: int = 0
     disk_floor_bytes: int = 16 << 20
     disk_slow_ms: int = 2_000
+    survey_ms: int = 1_000

@@ -2,13 +2,14 @@
 
 Two different kinds of evidence must agree before a living process is called lost: what the core wrote about
 itself (beats, queue, stages) and what others say of it (the kernel, the stacks, our own disk). One kind alone
-is yellow. Both must have lasted: a core that was busy for long and then slept for a moment is not blocked.
-So a busy core, a long garbage collection, a core that the machine does not schedule and a guard that was
-itself asleep all stay alive.
+is yellow. Both must have lasted, in time that we were there to see: a core that was busy for long and then slept
+for a moment is not blocked. So a busy core, a long garbage collection, a core that the machine does not schedule and
+a guard that was itself asleep all stay alive.
 
 The diagnoses are asked in the order of `TABLE`, and the first that speaks is right: what explains a silence from
 outside the core comes before what blames it, what is named by two looks at the stacks before what is inferred,
-and what ends nobody (a full disk) behind what a full disk does not explain.
+and what ends nobody (a full disk) behind what a full disk does not explain. A look that finds no page, or no process,
+has a judge of its own, and is never green.
 """
 
 from collections.abc import Callable
@@ -36,13 +37,16 @@ from hardcore.sentinel.diagnoses import (
     gil_held,
     loop_blocked,
     no_progress,
+    pageless,
     slept,
     spinning,
     starved,
     transaction_timeout,
 )
+from hardcore.sentinel.lasting import NS_PER_MS
 from hardcore.sentinel.look import Look
 from hardcore.sentinel.patience import Patience
+from hardcore.sentinel.seen_time import SeenTime
 from hardcore.sentinel.wishes import Wishes
 from hardcore.sentinel.witnesses import (
     answers,
@@ -57,6 +61,7 @@ from hardcore.sentinel.witnesses import (
     processor,
     progress,
     resources,
+    sight,
     stacks,
     store,
     transactions,
@@ -64,8 +69,6 @@ from hardcore.sentinel.witnesses import (
 from hardcore.sentinel.witnesses import beats as beat_witness
 
 __all__ = ["Bench", "Patience"]
-
-_NS_PER_MS = 1_000_000
 
 #: Who is asked, in this order; the first that speaks is right.
 TABLE: tuple[tuple[Diagnosis, Callable[[Look, Patience], Verdict | None]], ...] = (
@@ -95,7 +98,9 @@ class Bench:
 
     patience: Patience
     _own_stall: own_stall.OwnStall = field(init=False)
+    _seen: SeenTime = field(init=False)
     _disk: disk.Disk = field(init=False)
+    _sight: sight.Sight = field(default_factory=sight.Sight)
     _lone_thread: beat_witness.LoneThread = field(default_factory=beat_witness.LoneThread)
     _process: process_state.ProcessState = field(default_factory=process_state.ProcessState)
     _processor: processor.Processor = field(default_factory=processor.Processor)
@@ -113,8 +118,10 @@ class Bench:
     _said: Verdict = GREEN
 
     def __post_init__(self) -> None:
-        self._own_stall = own_stall.OwnStall(self.patience.interval_ms * _NS_PER_MS)
-        self._disk = disk.Disk(self.patience.disk_floor_bytes, self.patience.disk_slow_ms)
+        patience = self.patience
+        self._own_stall = own_stall.OwnStall(patience.interval_ms * NS_PER_MS)
+        self._seen = SeenTime(patience.interval_ms * NS_PER_MS)
+        self._disk = disk.Disk(patience.disk_floor_bytes, patience.disk_slow_ms, patience.survey_ms)
 
     @property
     def late_ticks(self) -> int:
@@ -140,60 +147,87 @@ class Bench:
 
     def judge(self, tick: Sampled) -> Verdict:
         """Return the verdict on this tick's facts; what was said last stands if we overslept this one."""
-        overslept = self._own_stall.look(tick.at_ns)
-        clocks_found = self._clocks.look(tick.clocks, tick.at_ns)
-        if clocks_found.slept_ns:
-            self._own_stall.forgive(tick.at_ns)
-        if tick.beats is None or tick.process is None or not tick.beats.loop_ns:
-            return GREEN  # no page or no process to look at: its end is told by the pidfd, not by silence
-        look = self._look(tick, tick.beats, tick.process, clocks_found, overslept=overslept)
-        if overslept:
-            # Nothing is concluded from this look, but that we are late again is known all the same.
-            found = starved.judge(look, self.patience)
-            return _told(found, self._testimonies(look)) if found else _unasking(self._said)
+        self._seen.look(tick.at_ns, late=self._own_stall.look(tick.at_ns))
+        found = self._clocks.look(tick.clocks, tick.at_ns)
+        if found.slept_ns:
+            self._seen.forgive()
+        missing = self._sight.look(tick)
+        if missing.page or missing.process:
+            self._said = self._judge_what_remains(tick, missing, found)
+            return self._said
+        assert tick.beats is not None, "nothing is missing"
+        assert tick.process is not None, "as above"
+        if not tick.beats.loop_ns:
+            return GREEN  # it has not begun to beat
+        look = self._look(tick, tick.beats, tick.process, found)
+        return self._conclude_nothing(look) if self._own_stall.excused else self._conclude(look)
+
+    def _conclude(self, look: Look) -> Verdict:
         said, found = self._testimonies(look), _first(look, self.patience)
         verdict = _told(found, said) if found else _mildest(look, said)
         wishes = self._wishes.of(look, self.patience)
         self._said = replace(verdict, wishes=wishes) if wishes else verdict
         return self._said
 
+    def _conclude_nothing(self, look: Look) -> Verdict:
+        """Say of a look that came late what is known all the same: that the machine slept, that we are late again."""
+        found = slept.judge(look, self.patience) or starved.judge(look, self.patience)
+        if found is not None:
+            return _told(found, self._testimonies(look))
+        return replace(self._said, wishes=frozenset()) if self._said.wishes else self._said
+
+    def _judge_what_remains(
+        self, tick: Sampled, missing: sight.Missing, clocks_found: clocks.ClockFacts
+    ) -> Verdict:
+        """Judge a core that can't be seen whole. Without its process nobody is ended.
+
+        The process is readable for whoever may end it: if it is not, we may be the ones who are ill (out of
+        descriptors), and then no probe of ours is answered either.
+        """
+        said, found = sight.testify(missing), None
+        if not missing.page and tick.beats is not None:
+            ages = beat_witness.ages(tick.beats, self._seen)
+            said = (*said, beat_witness.testify(ages, self.patience.late_ms))
+        if missing.page and tick.process is not None:
+            facts = self._process.look(tick.process, self._seen)
+            unanswered = self._probe.look(None, self._seen)
+            remains = pageless.Remains(facts, unanswered, self._disk.find(self._seen))
+            found = None if self._own_stall.excused else pageless.judge(remains, self.patience)
+            silent = process_state.testify(facts, beating=unanswered is None)
+            said = (*said, silent, *(told for told in (probe.testify(unanswered),) if told))
+        said = (*said, *(told for told in (clocks.testify(clocks_found),) if told))
+        return _told(found, said) if found else Verdict(Colour.YELLOW, testimonies=_worried(said))
+
     def _look(
-        self,
-        tick: Sampled,
-        beats: Beats,
-        sample: ProcessSample,
-        clocks_found: clocks.ClockFacts,
-        *,
-        overslept: bool,
+        self, tick: Sampled, beats: Beats, sample: ProcessSample, clocks_found: clocks.ClockFacts
     ) -> Look:
         """Let every witness look."""
-        at_ns, forgiven_ns = tick.at_ns, self._own_stall.forgiven_ns
-        ages = beat_witness.ages(beats, at_ns, forgiven_ns)
-        collecting = self._collection.look(beats, at_ns)
-        spent = self._processor.look(beats, sample, at_ns, forgiven_ns, collecting=collecting.touched)
-        deciding = self._transactions.look(
-            tick.in_flight, sample.deciding, at_ns, self.patience.transaction_ms, overslept=overslept
-        )
+        seen = self._seen
+        ages = beat_witness.ages(beats, seen)
+        collecting = self._collection.look(beats, seen.at_ns)
+        spent = self._processor.look(beats, sample, seen, collecting=collecting.touched)
         silent = ages.loop_stale(self.patience.late_ms)
         return Look(
-            at_ns=at_ns,
+            at_ns=seen.at_ns,
             threads=tick.threads,
             sample=sample,
             ages=ages,
             alone=self._lone_thread.look(beats),
-            process=self._process.look(sample, at_ns, forgiven_ns),
+            process=self._process.look(sample, seen),
             processor=spent,
             collection=collecting,
-            stuck=self._progress.look(beats, tick.in_flight, at_ns, forgiven_ns),
-            deciding=deciding,
-            unkept=self._answers.look(beats, tick.witness, at_ns, forgiven_ns),
-            unanswered=self._probe.look(beats, at_ns, forgiven_ns, excused=silent or collecting.touched),
+            stuck=self._progress.look(beats, tick.in_flight, seen),
+            deciding=self._transactions.look(
+                tick.in_flight, sample.deciding, self.patience.transaction_ms, seen
+            ),
+            unkept=self._answers.look(beats, tick.witness, seen),
+            unanswered=self._probe.look(beats, seen, excused=silent or collecting.touched),
             clocks=clocks_found,
-            disk=self._disk.find(at_ns),
-            store=self._store.find(tick.witness, at_ns),
-            stacks=self._stacks.find(tick.threads.loop, beats.loop_ns, at_ns),
-            in_store_ns=_in_store(tick, beats, forgiven_ns),
-            late_often=self._own_stall.often(at_ns),
+            disk=self._disk.find(seen),
+            store=self._store.find(tick.witness, seen),
+            stacks=self._stacks.find(tick.threads.loop, beats.loop_ns, seen.at_ns),
+            in_store_ns=_in_store(tick, beats, seen),
+            late_often=self._own_stall.often(seen.at_ns),
         )
 
     def _testimonies(self, look: Look) -> tuple[Testimony, ...]:
@@ -207,7 +241,7 @@ class Bench:
             probe.testify(look.unanswered),
             clocks.testify(look.clocks),
             disk.testify(look.disk),
-            store.testify(look.store, look.at_ns),
+            store.testify(look.store),
             stacks.testify(look.stacks),
             resources.testify(look.sample, self.patience.memory_bytes),
             self._memory.testify(look.at_ns),
@@ -221,19 +255,14 @@ class Bench:
         )
 
 
-def _in_store(tick: Sampled, beats: Beats, forgiven_ns: int) -> int:
+def _in_store(tick: Sampled, beats: Beats, seen: SeenTime) -> int:
     """Return for how long the writer has waited in the store, in ns; deciding there is no waiting."""
     if not beats.in_store_since_ns:
         return 0
     notes = [note for note in tick.in_flight or () if not note.kind.startswith("read")]
     if any(note.stage is SlotStage.DECIDING for note in notes):
         return 0
-    return max(0, tick.at_ns - max(beats.in_store_since_ns, forgiven_ns))
-
-
-def _unasking(said: Verdict) -> Verdict:
-    """Return what was said, without asking again."""
-    return replace(said, wishes=frozenset()) if said.wishes else said
+    return seen.since(beats.in_store_since_ns)
 
 
 def _first(look: Look, patience: Patience) -> Verdict | None:

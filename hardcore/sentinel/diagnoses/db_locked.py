@@ -18,9 +18,8 @@ def judge(look: Look, patience: Patience) -> Verdict | None:
     if holder is None or look.store.looks < LOOKS_MIN or not look.in_store_ns:
         return None
     # Not the time of this one wait: a core that gives up and asks again begins it anew each time.
-    held_ns = look.at_ns - look.store.held_since_ns
-    if not lasted(held_ns, patience.hang_ms):
+    if not lasted(look.store.held_ns, patience.hang_ms):
         return None
-    fact = f"{who(holder)} has held the store's write lock for {ms(held_ns)} ms while the core waits for it"
+    fact = f"{who(holder)} has held the store's write lock for {ms(look.store.held_ns)} ms while the core waits for it"
     grade = Grade.CERTAIN if holder.pid else Grade.LIKELY
     return red(Diagnosis.DB_LOCKED, grade, look.store.held_since_ns, fact)

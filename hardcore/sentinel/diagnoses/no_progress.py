@@ -8,9 +8,8 @@ stands still is another matter, and each must have lasted.
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
 from hardcore.sentinel.look import Look, lasted, ms, red
 from hardcore.sentinel.patience import Patience
+from hardcore.sentinel.witnesses.probe import PROBES_MIN
 from hardcore.sentinel.witnesses.process_state import Sleep
-
-PROBES_MIN = 2
 
 
 def judge(look: Look, patience: Patience) -> Verdict | None:

@@ -12,6 +12,7 @@ from hardcore.model.observations import Probed
 from hardcore.model.recorder import Beats, Witness
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS, Lasting
+from hardcore.sentinel.seen_time import SeenTime
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,6 @@ class Answers:
     _head: int | None = None
     _claimed: int = 0
     _claimed_ns: int = 0
-    _last_ns: int = 0
     _lasting: Lasting = field(default_factory=Lasting)
 
     def hear(self, fact: Probed) -> None:
@@ -39,14 +39,13 @@ class Answers:
         if fact.seq is not None and fact.asked_ns >= self._claimed_ns:
             self._head = fact.seq
 
-    def look(self, beats: Beats, witness: Witness | None, at_ns: int, forgiven_ns: int) -> Unkept | None:
+    def look(self, beats: Beats, witness: Witness | None, seen: SeenTime) -> Unkept | None:
         """Take in one look; return the claim that is not kept, or None."""
-        before_ns, self._last_ns = self._last_ns, at_ns
         if beats.answered_seq != self._claimed:
-            self._claimed, self._claimed_ns, self._head = beats.answered_seq, at_ns, None
+            self._claimed, self._claimed_ns, self._head = beats.answered_seq, seen.at_ns, None
         known = [seq for seq in (witness.seq if witness else None, self._head) if seq is not None]
         unkept = bool(known) and beats.answered_seq > max(known)
-        for_ns = self._lasting.look(unkept, before_ns or at_ns, at_ns, forgiven_ns)
+        for_ns = self._lasting.look(unkept, seen)
         if not unkept:
             return None
         return Unkept(beats.answered_seq, max(known), for_ns, self._lasting.since_ns)

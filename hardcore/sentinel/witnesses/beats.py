@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
-
-_NS_PER_MS = 1_000_000
+from hardcore.sentinel.lasting import NS_PER_MS
+from hardcore.sentinel.seen_time import SeenTime
 
 
 @dataclass(frozen=True, slots=True)
 class BeatAges:
-    """How long ago each beat was made, in ns, counted from the end of our own stall if that is later."""
+    """How long ago each beat was made, in ns, as far as we were there to see."""
 
     loop_ns: int
     thread_ns: int
@@ -27,11 +27,11 @@ class BeatAges:
 
     def loop_stale(self, limit_ms: int) -> bool:
         """Return whether the loop's beat is older than `limit_ms`."""
-        return self.loop_ns > limit_ms * _NS_PER_MS
+        return self.loop_ns > limit_ms * NS_PER_MS
 
     def thread_stale(self, limit_ms: int) -> bool:
         """Return whether the thread's beat is older than `limit_ms`."""
-        return self.thread_ns > limit_ms * _NS_PER_MS
+        return self.thread_ns > limit_ms * NS_PER_MS
 
 
 @dataclass(slots=True)
@@ -50,19 +50,15 @@ class LoneThread:
         return self.looks >= 2
 
 
-def ages(beats: Beats, at_ns: int, forgiven_ns: int) -> BeatAges:
-    """Return the ages of both beats at `at_ns`; silence before `forgiven_ns` does not count."""
-    return BeatAges(
-        loop_ns=max(0, at_ns - max(beats.loop_ns, forgiven_ns)),
-        thread_ns=max(0, at_ns - max(beats.thread_ns, forgiven_ns)),
-        last_loop_ns=beats.loop_ns,
-    )
+def ages(beats: Beats, seen: SeenTime) -> BeatAges:
+    """Return the ages of both beats at this look."""
+    return BeatAges(seen.since(beats.loop_ns), seen.since(beats.thread_ns), beats.loop_ns)
 
 
 def testify(found: BeatAges, limit_ms: int) -> Testimony:
     """Return what the beats say. Never red: lateness alone is no verdict."""
     late = [
-        f"the {name}'s last beat is {age // _NS_PER_MS} ms old"
+        f"the {name}'s last beat is {age // NS_PER_MS} ms old"
         for name, age, stale in (
             ("loop", found.loop_ns, found.loop_stale(limit_ms)),
             ("thread", found.thread_ns, found.thread_stale(limit_ms)),

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
-
-_NS_PER_MS = 1_000_000
+from hardcore.sentinel.lasting import NS_PER_MS
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,5 +39,5 @@ def testify(facts: CollectionFacts) -> Testimony | None:
     """Return what the core says of its collection, or None if it says nothing."""
     if not facts.running:
         return None
-    why = f"the core has been collecting memory for {facts.for_ns // _NS_PER_MS} ms"
+    why = f"the core has been collecting memory for {facts.for_ns // NS_PER_MS} ms"
     return Testimony("collection", Colour.GREEN, why)

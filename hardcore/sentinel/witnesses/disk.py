@@ -1,8 +1,9 @@
 """The witness of the disk: is there room, may one write, does a small write of our own come back?
 
 We write ourselves, with fsync, off the loop: a core that waits in the store and a write of ours that does not come
-back are two kinds of evidence for one standing disk. What is found must be found by two surveys in a row, so that a
-file that came and went is no full disk.
+back are two kinds of evidence for one standing disk. Only what was measured counts: between two surveys nobody knows
+whether the write has come back. That there is no room, or that nothing may be written, must be found by two surveys in
+a row, so that a file that came and went is no full disk.
 """
 
 from dataclasses import dataclass
@@ -10,16 +11,22 @@ from dataclasses import dataclass
 from hardcore.model.observations import DiskFacts, Surveyed
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
+from hardcore.sentinel.seen_time import SeenTime
 
-#: A survey older than this says nothing about now.
+#: A survey older than this says nothing about now, unless they are to be made more rarely than that.
 STALE_NS = 15_000_000_000
+#: So many surveys must have been left out.
+STALE_SURVEYS = 3
 _FULL = frozenset({"ENOSPC", "EDQUOT"})
 _READ_ONLY = "EROFS"
 
 
 @dataclass(frozen=True, slots=True)
 class DiskFindings:
-    """Since when each thing has been so (monotonic ns), 0: it is not. `slow_ns`: how long our write took or takes."""
+    """Since when each thing has been so (monotonic ns), 0: it is not.
+
+    `slow_ns`: how long our write took, or had taken when it was last looked at, as far as we were there.
+    """
 
     full_since_ns: int = 0
     read_only_since_ns: int = 0
@@ -35,6 +42,7 @@ class Disk:
 
     floor_bytes: int
     slow_ms: int
+    survey_ms: int
     _last: DiskFacts | None = None
     _at_ns: int = 0
     _full_ns: int = 0
@@ -52,20 +60,18 @@ class Disk:
         self._full_twice, self._full_ns = _again(self._full_ns, fact.at_ns, holds=full and not read_only)
         self._read_only_twice, self._read_only_ns = _again(self._read_only_ns, fact.at_ns, holds=read_only)
 
-    def find(self, at_ns: int) -> DiskFindings:
+    def find(self, seen: SeenTime) -> DiskFindings:
         """Return what the surveys have found so far."""
-        disk = self._last
-        if disk is None or at_ns - self._at_ns > STALE_NS:
+        disk, age_ns = self._last, seen.at_ns - self._at_ns
+        if disk is None or age_ns > max(STALE_NS, STALE_SURVEYS * self.survey_ms * NS_PER_MS):
             return DiskFindings()
-        pending_ns = (
-            disk.pending_ns + (at_ns - self._at_ns) if disk.write_ns is None and disk.pending_ns else 0
-        )
-        slow_ns = max(pending_ns, disk.write_ns or 0)
-        slow = slow_ns >= self.slow_ms * NS_PER_MS
+        took_ns = disk.pending_ns if disk.write_ns is None else disk.write_ns
+        slow_ns = seen.between(self._at_ns - took_ns, self._at_ns)
+        slow = slow_ns >= self.slow_ms * NS_PER_MS and age_ns <= STALE_NS
         return DiskFindings(
             full_since_ns=self._full_ns if self._full_twice else 0,
             read_only_since_ns=self._read_only_ns if self._read_only_twice else 0,
-            slow_since_ns=max(1, at_ns - slow_ns) if slow else 0,
+            slow_since_ns=max(1, self._at_ns - took_ns) if slow else 0,
             free_bytes=disk.free_bytes,
             slow_ns=slow_ns,
             fault=disk.fault,

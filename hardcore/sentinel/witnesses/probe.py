@@ -10,11 +10,15 @@ from hardcore.model.observations import Probed
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
+from hardcore.sentinel.seen_time import SeenTime
+
+#: One that is not answered is no news.
+PROBES_MIN = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Unanswered:
-    """Probes in a row without an answer: how many, for how long (ns), since when."""
+    """Probes in a row without an answer: how many, for how long (ns, as far as we were there), since when."""
 
     probes: int
     for_ns: int
@@ -40,19 +44,24 @@ class Probe:
             self._until_ns = fact.at_ns
             self._probes += 1
 
-    def look(self, beats: Beats, at_ns: int, forgiven_ns: int, *, excused: bool) -> Unanswered | None:
-        """Take in one look. `excused`: there is another reason for silence, or none of ours to conclude from it."""
-        if excused or beats.completed != self._completed or forgiven_ns >= at_ns:
-            self._completed, self._quiet_ns, self._probes = beats.completed, at_ns, 0
+    def look(self, beats: Beats | None, seen: SeenTime, *, excused: bool = False) -> Unanswered | None:
+        """Take in one look. `excused`: there is another reason for silence, or none of ours to conclude from it.
+
+        No beats: the page tells nothing, so only an answer is a sign of life.
+        """
+        completed = self._completed if beats is None else beats.completed
+        if excused or completed != self._completed or seen.begins_anew:
+            self._completed, self._quiet_ns, self._probes = completed, seen.at_ns, 0
         if not self._probes:
             return None
         # It is known to have been silent until the last probe was given up: since then nobody has asked.
-        return Unanswered(self._probes, self._until_ns - self._since_ns, self._since_ns)
+        for_ns = seen.between(self._since_ns, self._until_ns)
+        return Unanswered(self._probes, for_ns, self._since_ns)
 
 
 def testify(found: Unanswered | None) -> Testimony | None:
     """Return what the probe says: one that is not answered is no news yet."""
-    if found is None or found.probes < 2:
+    if found is None or found.probes < PROBES_MIN:
         return None
     why = f"{found.probes} probes in a row were not answered, for {found.for_ns // NS_PER_MS} ms"
     return Testimony("probe", Colour.YELLOW, why)

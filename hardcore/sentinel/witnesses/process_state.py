@@ -8,11 +8,13 @@ It also says for how long: a stop of a moment at the end of a long computation i
 must not be held against the core as if it had lasted as long as the silence of its beats.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from hardcore.model.observations import ProcessSample, ThreadSample
 from hardcore.model.verdicts import Colour, Testimony
+from hardcore.sentinel.lasting import Lasting
+from hardcore.sentinel.seen_time import SeenTime
 
 #: Kernel functions in which a thread waits for a lock or a timer: nothing outside can end that soon.
 _CONCLUSIVE = ("futex", "nanosleep")
@@ -33,35 +35,28 @@ class ProcessState:
 
     _last: ProcessSample | None = None
     _last_ns: int = 0
-    _stopped_ns: int = 0
-    _loop_ns: int = 0
-    _writer_ns: int = 0
-    _quiet_ns: int = 0
+    _stopped: Lasting = field(default_factory=Lasting)
+    _loop: Lasting = field(default_factory=Lasting)
+    _writer: Lasting = field(default_factory=Lasting)
+    _quiet: Lasting = field(default_factory=Lasting)
 
-    def look(self, sample: ProcessSample, at_ns: int, forgiven_ns: int) -> "ProcessFacts":
-        """Take in one look and return what it and the one before agree on.
-
-        What was before `forgiven_ns` does not count: we were not there to see whether it lasted.
-        """
-        last, self._last = self._last, sample
-        before_ns, self._last_ns = self._last_ns, at_ns
+    def look(self, sample: ProcessSample, seen: SeenTime) -> "ProcessFacts":
+        """Take in one look and return what it and the one before agree on."""
+        last = self._last if self._last_ns == seen.before_ns else None
+        self._last, self._last_ns = sample, seen.at_ns
         stopped = last is not None and last.state == sample.state == "T"
         loop = _sleep(last.loop if last else None, sample.loop)
         writer = _sleep(last.writer if last else None, sample.writer)
-        self._stopped_ns = (self._stopped_ns or before_ns) if stopped else 0
-        self._loop_ns = (self._loop_ns or before_ns) if loop is not Sleep.NOT else 0
-        self._writer_ns = (self._writer_ns or before_ns) if writer is not Sleep.NOT else 0
         quiet = last is not None and last.state == sample.state == "S" and last.cpu_ns == sample.cpu_ns
-        self._quiet_ns = (self._quiet_ns or before_ns) if quiet else 0
         return ProcessFacts(
             stopped=stopped,
-            stopped_ns=at_ns - max(self._stopped_ns, forgiven_ns) if stopped else 0,
+            stopped_ns=self._stopped.look(stopped, seen),
             loop=loop,
-            loop_ns=at_ns - max(self._loop_ns, forgiven_ns) if self._loop_ns else 0,
+            loop_ns=self._loop.look(loop is not Sleep.NOT, seen),
             loop_waits_in=sample.loop.waits_in if sample.loop else "",
             writer=writer,
-            writer_ns=at_ns - max(self._writer_ns, forgiven_ns) if self._writer_ns else 0,
-            quiet_ns=at_ns - max(self._quiet_ns, forgiven_ns) if self._quiet_ns else 0,
+            writer_ns=self._writer.look(writer is not Sleep.NOT, seen),
+            quiet_ns=self._quiet.look(quiet, seen),
         )
 
 

@@ -15,6 +15,7 @@ from hardcore.model.observations import ProcessSample, ThreadSample
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS, Lasting
+from hardcore.sentinel.seen_time import SeenTime
 
 #: A thread with less than this share of a processor only wakes up to look.
 DOZING_PERCENT = 5
@@ -66,17 +67,17 @@ class Processor:
     _starved: Lasting = field(default_factory=Lasting)
 
     def look(
-        self, beats: Beats, sample: ProcessSample, at_ns: int, forgiven_ns: int, *, collecting: bool
+        self, beats: Beats, sample: ProcessSample, seen: SeenTime, *, collecting: bool
     ) -> ProcessorFacts:
         """Take in one look. `collecting`: a collection of memory ran in the interval that ends here."""
-        last, self._last = self._last, sample
-        before_ns, self._last_ns = self._last_ns, at_ns
-        self._begin_anew(beats, amnesty=forgiven_ns >= at_ns)
+        last = self._last if self._last_ns == seen.before_ns else None
+        self._last, self._last_ns = sample, seen.at_ns
+        self._begin_anew(beats, amnesty=seen.begins_anew)
         if last is None:
             return ProcessorFacts()
-        span = Span(last, sample, at_ns - before_ns)
+        span = Span(last, sample, seen.at_ns - seen.before_ns, seen.gap_ns)
         self._charge(span, collecting=collecting)
-        queued_ns = self._queued.look(_dozes(span, last.loop, sample.loop), before_ns, at_ns, forgiven_ns)
+        queued_ns = self._queued.look(_dozes(span, last.loop, sample.loop), seen)
         starved = _starves(span, last.loop, sample.loop)
         return ProcessorFacts(
             loop_burned_ns=self._loop_burned_ns,
@@ -84,9 +85,9 @@ class Processor:
             held_burned_ns=self._held_burned_ns,
             held_all_ns=self._held_all_ns,
             queued_ns=queued_ns,
-            idle_ns=self._idles(span, before_ns, at_ns, forgiven_ns),
+            idle_ns=self._idles(span, seen),
             idle_known=sample.busy is not None or _holds_asleep(last.loop, sample.loop),
-            starved_ns=self._starved.look(starved, before_ns, at_ns, forgiven_ns),
+            starved_ns=self._starved.look(starved, seen),
         )
 
     def _begin_anew(self, beats: Beats, *, amnesty: bool) -> None:
@@ -103,15 +104,15 @@ class Processor:
 
     def _charge(self, span: "Span", *, collecting: bool) -> None:
         """Add what this interval burned; one in which there was a sign of life does not belong to a silence."""
-        loop_ns = 0 if self._loop_moved else min(_burned(span.last.loop, span.now.loop), span.for_ns)
-        process_ns = 0 if self._any_moved else min(max(0, span.now.cpu_ns - span.last.cpu_ns), span.for_ns)
+        loop_ns = 0 if self._loop_moved else min(_burned(span.last.loop, span.now.loop), span.seen_ns)
+        process_ns = 0 if self._any_moved else min(max(0, span.now.cpu_ns - span.last.cpu_ns), span.seen_ns)
         self._loop_all_ns += loop_ns
         self._held_all_ns += process_ns
         if not collecting:
             self._loop_burned_ns += loop_ns
             self._held_burned_ns += process_ns
 
-    def _idles(self, span: "Span", before_ns: int, at_ns: int, forgiven_ns: int) -> int:
+    def _idles(self, span: "Span", seen: SeenTime) -> int:
         """Return for how long all have waited for an interpreter that nobody uses."""
         last, now = span.last, span.now
         waits = (
@@ -122,7 +123,7 @@ class Processor:
         if not self._idle.since_ns:
             self._idle_spent_ns = 0
         self._idle_spent_ns += max(0, now.cpu_ns - last.cpu_ns)
-        for_ns = self._idle.look(waits, before_ns, at_ns, forgiven_ns)
+        for_ns = self._idle.look(waits, seen)
         if self._idle_spent_ns > IDLE_STEP_NS + for_ns * IDLE_PERCENT // 100:
             self._idle.since_ns = 0
             return 0
@@ -131,11 +132,16 @@ class Processor:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """Two looks in a row at one process, and the time between them (ns)."""
+    """Two looks in a row at one process, the time between them, and how much of it we have seen (ns).
+
+    A machine that was away may have charged that to whoever ran last, or let nobody run: what has burned much, or
+    little, is told by the time that was seen; how often something happened, by all of it.
+    """
 
     last: ProcessSample
     now: ProcessSample
     for_ns: int
+    seen_ns: int
 
 
 def _burned(last: ThreadSample | None, now: ThreadSample | None) -> int:
@@ -150,7 +156,7 @@ def _dozes(span: Span, last: ThreadSample | None, now: ThreadSample | None) -> b
         and last.state == now.state == "S"
         and "futex" in last.waits_in
         and "futex" in now.waits_in
-        and _burned(last, now) * 100 <= span.for_ns * DOZING_PERCENT
+        and _burned(last, now) * 100 <= span.seen_ns * DOZING_PERCENT
     )
 
 

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 from hardcore.model.recorder import Beats, CommandNote, SlotStage
 from hardcore.model.verdicts import Colour, Testimony
+from hardcore.sentinel.lasting import NS_PER_MS
+from hardcore.sentinel.seen_time import SeenTime
 
-_NS_PER_MS = 1_000_000
 _TAKEN = frozenset({SlotStage.DECIDING, SlotStage.WRITING, SlotStage.COMMITTED})
 
 
@@ -23,12 +24,10 @@ class Progress:
     _completed: int = -1
     _since_ns: int = 0
 
-    def look(
-        self, beats: Beats, in_flight: tuple[CommandNote, ...] | None, at_ns: int, forgiven_ns: int
-    ) -> "Stuck | None":
+    def look(self, beats: Beats, in_flight: tuple[CommandNote, ...] | None, seen: SeenTime) -> "Stuck | None":
         """Return what waits without being taken up, or None when everything moves."""
         if beats.completed != self._completed or not beats.waiting:
-            self._completed, self._since_ns = beats.completed, at_ns
+            self._completed, self._since_ns = beats.completed, seen.at_ns
             return None
         if not in_flight or beats.in_store_since_ns:
             return None
@@ -38,8 +37,8 @@ class Progress:
         queued = [note for note in writes if note.stage is SlotStage.QUEUED and not note.torn]
         if not queued:
             return None
-        began = max(self._since_ns, forgiven_ns, min(note.stage_ns for note in queued))
-        return Stuck(len(queued), max(0, at_ns - began), began)
+        began_ns = max(self._since_ns, min(note.stage_ns for note in queued))
+        return Stuck(len(queued), seen.since(began_ns), began_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +52,10 @@ class Stuck:
 
 def testify(stuck: Stuck | None, limit_ms: int) -> Testimony:
     """Return what the queue says; yellow from `limit_ms` on."""
-    if stuck is None or stuck.for_ns < limit_ms * _NS_PER_MS:
+    if stuck is None or stuck.for_ns < limit_ms * NS_PER_MS:
         return Testimony("progress", Colour.GREEN, "nothing waits for long")
     return Testimony(
         "progress",
         Colour.YELLOW,
-        f"{stuck.queued} commands wait and none was completed for {stuck.for_ns // _NS_PER_MS} ms",
+        f"{stuck.queued} commands wait and none was completed for {stuck.for_ns // NS_PER_MS} ms",
     )

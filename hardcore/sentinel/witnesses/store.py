@@ -12,6 +12,7 @@ from hardcore.model.observations import LockHolder, StoreFault, StoreLooked, Sto
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
+from hardcore.sentinel.seen_time import SeenTime
 
 #: A look older than this says nothing about now.
 STALE_NS = 3_000_000_000
@@ -21,13 +22,15 @@ STALE_NS = 3_000_000_000
 class StoreFindings:
     """What is wrong with the store: `told` by the core since `told_ns`; `holder`: a stranger with the write lock.
 
-    `held_since_ns` is when the same one was first seen, `looks` in how many looks in a row.
+    `held_since_ns` is when the same one was first seen, `held_ns` how long that is as far as we were there, `looks`
+    in how many looks in a row.
     """
 
     told: StoreFault = StoreFault.OK
     told_ns: int = 0
     holder: LockHolder | None = None
     held_since_ns: int = 0
+    held_ns: int = 0
     looks: int = 0
 
 
@@ -54,16 +57,17 @@ class Store:
         self._holder, self._looked_ns = stranger, fact.at_ns
         self._looks += 1
 
-    def find(self, witness: Witness | None, at_ns: int) -> StoreFindings:
-        """Return what is known at `at_ns`; `witness` is the last commit."""
+    def find(self, witness: Witness | None, seen: SeenTime) -> StoreFindings:
+        """Return what is known at this look; `witness` is the last commit."""
         if witness is not None and witness.at_ns > self._told_ns:
             self._told = StoreFault.OK
-        known = self._holder is not None and at_ns - self._looked_ns <= STALE_NS
+        known = self._holder is not None and seen.at_ns - self._looked_ns <= STALE_NS
         return StoreFindings(
             told=self._told,
             told_ns=self._told_ns,
             holder=self._holder if known else None,
             held_since_ns=self._held_since_ns if known else 0,
+            held_ns=seen.since(self._held_since_ns) if known else 0,
             looks=self._looks if known else 0,
         )
 
@@ -75,13 +79,12 @@ def who(holder: LockHolder) -> str:
     )
 
 
-def testify(found: StoreFindings, at_ns: int) -> Testimony | None:
+def testify(found: StoreFindings) -> Testimony | None:
     """Return what the store's state is, or None if nobody complains. A lock held by a stranger is only said."""
     if found.told is not StoreFault.OK:
         words = "is full" if found.told is StoreFault.FULL else "takes no writes"
         return Testimony("store", Colour.YELLOW, f"the core says that its store {words}")
     if found.holder is not None and found.looks >= 2:
-        age_ms = (at_ns - found.held_since_ns) // NS_PER_MS
-        why = f"{who(found.holder)} has held the store's write lock for {age_ms} ms"
+        why = f"{who(found.holder)} has held the store's write lock for {found.held_ns // NS_PER_MS} ms"
         return Testimony("store", Colour.YELLOW, why)
     return None

@@ -2,8 +2,8 @@
 
 The time runs from the moment a command was taken up, and anew from each progress it reports. Time in which its
 thread was ready and not scheduled, or waited for a disk, or in which we ourselves slept, is no time of the
-command's. What was not seen can't be excused, so a command counts as over its time only once it has been looked
-at for a while. Reads have limits of their own and are looked at in the same way.
+command's. What its thread did before it was first looked at can't be excused, so a command counts as over its time
+only once it has been looked at for a while. Reads have limits of their own and are looked at in the same way.
 """
 
 from dataclasses import dataclass, field
@@ -12,6 +12,7 @@ from hardcore.model.observations import ThreadSample
 from hardcore.model.recorder import CommandNote, SlotStage
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
+from hardcore.sentinel.seen_time import SeenTime
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,44 +67,38 @@ class Transactions:
         self,
         in_flight: tuple[CommandNote, ...] | None,
         threads: tuple[tuple[int, ThreadSample], ...],
-        at_ns: int,
         limit_ms: int,
-        *,
-        overslept: bool,
+        seen: SeenTime,
     ) -> tuple[Deciding, ...]:
         """Take in one look. `limit_ms` is for those whose page names none; None in flight: nobody looked."""
         if in_flight is None:
             return ()
         by_thread = dict(threads)
         notes = [note for note in in_flight if note.stage is SlotStage.DECIDING and not note.torn]
-        self._runs = {
-            note.command_id: self._run(note, by_thread.get(note.thread), at_ns, overslept=overslept)
-            for note in notes
-        }
-        return tuple(_told(note, self._runs[note.command_id], at_ns, limit_ms) for note in notes)
+        self._runs = {note.command_id: self._run(note, by_thread.get(note.thread), seen) for note in notes}
+        return tuple(_told(note, self._runs[note.command_id], limit_ms, seen) for note in notes)
 
-    def _run(self, note: CommandNote, sample: ThreadSample | None, at_ns: int, *, overslept: bool) -> Run:
+    def _run(self, note: CommandNote, sample: ThreadSample | None, seen: SeenTime) -> Run:
         since_ns = max(note.stage_ns, note.progress_ns)
         run = self._runs.get(note.command_id)
         if run is None or run.since_ns != since_ns:
-            return Run(since_ns, at_ns, at_ns, max(0, at_ns - since_ns) if overslept else 0, sample)
-        excused_ns = run.excused_ns + _excused(run, sample, at_ns, overslept=overslept)
-        return Run(since_ns, run.first_ns, at_ns, excused_ns, sample)
+            return Run(since_ns, seen.at_ns, seen.at_ns, 0, sample)
+        excused_ns = run.excused_ns + _excused(run, sample, seen.since(run.last_ns))
+        return Run(since_ns, run.first_ns, seen.at_ns, excused_ns, sample)
 
 
-def _excused(run: Run, sample: ThreadSample | None, at_ns: int, *, overslept: bool) -> int:
-    gap_ns = at_ns - run.last_ns
+def _excused(run: Run, sample: ThreadSample | None, gap_ns: int) -> int:
     if sample is None or run.sample is None:
-        return gap_ns if overslept else 0
-    if overslept or "D" in {sample.state, run.sample.state}:
+        return 0
+    if "D" in {sample.state, run.sample.state}:
         return gap_ns
     return min(gap_ns, max(0, sample.run_delay_ns - run.sample.run_delay_ns))
 
 
-def _told(note: CommandNote, run: Run, at_ns: int, limit_ms: int) -> Deciding:
-    counted_ns = max(0, at_ns - run.since_ns - run.excused_ns)
+def _told(note: CommandNote, run: Run, limit_ms: int, seen: SeenTime) -> Deciding:
+    counted_ns = max(0, seen.since(run.since_ns) - run.excused_ns)
     limit_ns = note.limit_ns or limit_ms * NS_PER_MS
-    return Deciding(note, run.since_ns, counted_ns, at_ns - run.first_ns, limit_ns, run.sample)
+    return Deciding(note, run.since_ns, counted_ns, seen.since(run.first_ns), limit_ns, run.sample)
 
 
 def testify(found: tuple[Deciding, ...]) -> Testimony | None:

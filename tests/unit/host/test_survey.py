@@ -14,7 +14,7 @@ from hardcore.host import disk, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.survey import Survey
-from hardcore.model.observations import Surveyed
+from hardcore.model.observations import DiskFacts, Surveyed
 from tests.waiting import WAIT_S, until
 
 NEVER_S = 3600.0
@@ -104,6 +104,32 @@ def test_a_disk_that_hangs_keeps_nobody_from_hearing_of_the_rest_and_is_told_by_
         until(stalled, "the stall to be told")
     finally:
         let_go.set()
+
+
+def test_a_write_that_was_under_way_is_told_when_it_is_back_however_rarely_we_survey(
+    survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]", monkeypatch: pytest.MonkeyPatch
+) -> None:
+    let_go = threading.Event()
+
+    def hang(_path: Path) -> str:
+        let_go.wait(WAIT_S)
+        return ""
+
+    monkeypatch.setattr(disk, "write_once", hang)
+    survey.watch(life)
+    survey.begin()
+
+    def told() -> DiskFacts:
+        fact = facts.get(timeout=WAIT_S).disk
+        assert fact is not None
+        return fact
+
+    try:
+        pending = [told().pending_ns for _ in range(3)]
+    finally:
+        let_go.set()
+    assert 0 < pending[0] < pending[1] < pending[2]
+    until(lambda: told().write_ns is not None, "the write to be back")
 
 
 def test_a_look_that_fails_is_told_once_and_the_next_one_is_tried(

@@ -18,14 +18,14 @@ def _running() -> Play:
 
 
 def _overdue(play: Play) -> list[orders.Action]:
-    """A tick that finds a command still being decided long after its time."""
+    """A tick that finds a command still being decided, long after it began, by a thread that sleeps on a lock."""
     play.now_ns += 100 * MS
     began_ns = 101 * S
     note = dataclasses.replace(
         deciding("k"), started_ns=began_ns, stage_ns=began_ns, limit_ns=S, thread=3, command_id="c-slow"
     )
     beats = Beats(loop_ns=play.now_ns, thread_ns=play.now_ns, submitted=1, state=LifeState.READY)
-    sleeps = seen.ThreadSample("S", 5, "hrtimer_nanosleep")
+    sleeps = seen.ThreadSample("S", 5, "futex_wait_queue")
     process = seen.ProcessSample("S", 1, 1 << 20, 3, writer=sleeps, deciding=((3, sleeps),))
     return play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process, (note,)))
 
@@ -45,7 +45,7 @@ def test_a_hang_names_the_commands_that_its_evidence_names() -> None:
 
 def test_what_the_judge_wishes_is_asked_once_at_a_time() -> None:
     play = _running()
-    given = [order for _ in range(3) for order in _overdue(play)]
+    given = [order for _ in range(6) for order in _overdue(play)]
     assert kinds(given) == ["SampleStacks"]
 
 

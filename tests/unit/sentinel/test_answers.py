@@ -2,14 +2,14 @@ from hardcore.model.observations import Probed
 from hardcore.model.recorder import Beats, Witness
 from hardcore.sentinel.witnesses import answers as witness
 from hardcore.sentinel.witnesses.answers import Answers, Unkept
-from tests.unit.sentinel.traces import MS
+from tests.unit.sentinel.traces import MS, seen
 
 
 def _look(
-    answers: Answers, at_ms: int, answered: int, committed: int | None, forgiven_ms: int = 0
+    answers: Answers, at_ms: int, answered: int, committed: int | None, since_ms: int = 0
 ) -> Unkept | None:
     last = None if committed is None else Witness(committed, 4, "ab")
-    return answers.look(Beats(answered_seq=answered), last, at_ms * MS, forgiven_ms * MS)
+    return answers.look(Beats(answered_seq=answered), last, seen(at_ms, since_ms=since_ms))
 
 
 def test_more_answered_than_committed_is_a_claim_that_is_not_kept() -> None:
@@ -47,7 +47,7 @@ def test_the_cores_own_head_counts_if_it_was_asked_after_the_claim() -> None:
 def test_time_before_an_amnesty_does_not_count() -> None:
     answers = Answers()
     _look(answers, 1000, 7, 5)
-    found = _look(answers, 1200, 7, 5, forgiven_ms=1150)
+    found = _look(answers, 1100, 7, 5, since_ms=1050)
     assert found is not None
     assert found.for_ns == 50 * MS
 

@@ -1,4 +1,4 @@
-from hardcore.sentinel.witnesses.own_stall import OwnStall
+from hardcore.sentinel.witnesses.own_stall import EXCUSED_MAX, OwnStall
 
 MS = 1_000_000
 
@@ -17,10 +17,15 @@ def test_ticks_in_time_are_no_stall() -> None:
 def test_a_tick_more_than_two_intervals_late_is_ours() -> None:
     stall, said = _looked(0, 201, 301)
     assert said == [False, True, False]
-    assert (stall.late_ticks, stall.forgiven_ns) == (1, 201 * MS)
+    assert stall.late_ticks == 1
 
 
-def test_nothing_before_the_first_tick_counts() -> None:
-    stall, _ = _looked(500)
-    assert stall.forgiven_ns == 500 * MS
-    assert stall.late_ticks == 0
+def test_a_late_look_is_excused_until_the_next_one() -> None:
+    assert _looked(0, 300)[0].excused
+    assert not _looked(0, 300, 400)[0].excused
+
+
+def test_a_few_late_looks_in_a_row_are_excused_and_no_more() -> None:
+    at_ms = range(0, 300 * (EXCUSED_MAX + 2), 300)
+    assert _looked(*at_ms[: EXCUSED_MAX + 1])[0].excused
+    assert not _looked(*at_ms)[0].excused

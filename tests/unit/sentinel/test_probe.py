@@ -2,11 +2,11 @@ from hardcore.model.observations import Probed
 from hardcore.model.recorder import Beats
 from hardcore.sentinel.witnesses import probe as witness
 from hardcore.sentinel.witnesses.probe import Probe, Unanswered
-from tests.unit.sentinel.traces import MS
+from tests.unit.sentinel.traces import MS, seen
 
 
 def _look(probe: Probe, at_ms: int, completed: int = 0, *, excused: bool = False) -> Unanswered | None:
-    return probe.look(Beats(completed=completed), at_ms * MS, 0, excused=excused)
+    return probe.look(Beats(completed=completed), seen(at_ms), excused=excused)
 
 
 def _asked(probe: Probe, at_ms: int, *, answered: bool = False) -> None:
@@ -53,7 +53,7 @@ def test_what_has_another_reason_is_not_counted() -> None:
 def test_an_amnesty_begins_it_anew() -> None:
     probe = _begun()
     _asked(probe, 1100)
-    assert probe.look(Beats(), 9000 * MS, 9000 * MS, excused=False) is None
+    assert probe.look(Beats(), seen(9000, since_ms=9000)) is None
 
 
 def test_one_silence_is_no_news() -> None:

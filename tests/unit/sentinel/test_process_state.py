@@ -2,16 +2,15 @@ from hardcore.model.observations import ProcessSample, ThreadSample
 from hardcore.model.verdicts import Colour
 from hardcore.sentinel.witnesses import process_state
 from hardcore.sentinel.witnesses.process_state import ProcessFacts, ProcessState, Sleep
+from tests.unit.sentinel.traces import MS, seen
 
-MS = 1_000_000
 
-
-def _facts(*looks: tuple[str, ThreadSample | None], forgiven_ms: int = 0) -> ProcessFacts:
+def _facts(*looks: tuple[str, ThreadSample | None], since_ms: int = 0) -> ProcessFacts:
     state = ProcessState()
     found = None
     for n, (letter, loop) in enumerate(looks, start=1):
         sample = ProcessSample(letter, 0, 1, 4, None, loop, loop)
-        found = state.look(sample, n * 100 * MS, forgiven_ms * MS)
+        found = state.look(sample, seen(n * 100, since_ms=since_ms))
     assert found is not None
     return found
 
@@ -74,8 +73,8 @@ def test_a_look_that_did_not_look_closer_ends_the_sleep() -> None:
 
 def test_what_was_before_the_amnesty_does_not_count() -> None:
     looks = [_sleep("futex")] * 5
-    assert _facts(*looks, forgiven_ms=400).loop_ns == 100 * MS
-    assert _facts(*[("T", None)] * 5, forgiven_ms=400).stopped_ns == 100 * MS
+    assert _facts(*looks, since_ms=400).loop_ns == 100 * MS
+    assert _facts(*[("T", None)] * 5, since_ms=400).stopped_ns == 100 * MS
 
 
 def test_a_loop_that_waits_for_work_is_green() -> None:

@@ -5,7 +5,7 @@ from hardcore.model.recorder import Beats
 from hardcore.sentinel.witnesses import processor as witness
 from hardcore.sentinel.witnesses.processor import Processor, ProcessorFacts
 from tests.unit.sentinel import traces
-from tests.unit.sentinel.traces import MS
+from tests.unit.sentinel.traces import MS, seen
 
 SILENT = Beats(loop_ns=1, thread_ns=1)
 WAITING = ThreadSample("S", 0, "futex_do_wait")
@@ -24,7 +24,7 @@ def _looked(
     processor, found = Processor(), ProcessorFacts()
     for n, sample in enumerate(samples):
         said = beats[n] if beats else SILENT
-        found = processor.look(said, sample, 1000 * MS + n * 100 * MS, 0, collecting=n in collecting)
+        found = processor.look(said, sample, seen(1000 + n * 100), collecting=n in collecting)
     return found
 
 
@@ -64,8 +64,9 @@ def test_a_collection_is_charged_to_itself() -> None:
 def test_after_an_amnesty_everything_is_counted_anew() -> None:
     processor = Processor()
     for n in range(3):
-        processor.look(SILENT, _sample(90 * n, traces.running(80 * n)), n * 100 * MS, 0, collecting=False)
-    found = processor.look(SILENT, _sample(270, traces.running(240)), 300 * MS, 300 * MS, collecting=False)
+        processor.look(SILENT, _sample(90 * n, traces.running(80 * n)), seen(n * 100 + 100), collecting=False)
+    anew = seen(400, since_ms=400)
+    found = processor.look(SILENT, _sample(270, traces.running(240)), anew, collecting=False)
     assert (found.loop_all_ns, found.held_all_ns) == (0, 0)
 
 

@@ -4,15 +4,15 @@ from hardcore.model.recorder import Beats, CommandNote, SlotStage
 from hardcore.model.verdicts import Colour
 from hardcore.sentinel.witnesses import progress as witness
 from hardcore.sentinel.witnesses.progress import Progress, Stuck
-from tests.unit.sentinel.traces import BEGAN_MS, MS, queued
+from tests.unit.sentinel.traces import BEGAN_MS, MS, queued, seen
 
 WAITING = Beats(submitted=3, completed=1)
 
 
 def _look(
-    progress: Progress, at_ms: int, beats: Beats, notes: tuple[CommandNote, ...] | None, forgiven_ms: int = 0
+    progress: Progress, at_ms: int, beats: Beats, notes: tuple[CommandNote, ...] | None, since_ms: int = 0
 ) -> Stuck | None:
-    return progress.look(beats, notes, (BEGAN_MS + at_ms) * MS, forgiven_ms * MS)
+    return progress.look(beats, notes, seen(BEGAN_MS + at_ms, since_ms=since_ms))
 
 
 def _begun() -> Progress:
@@ -35,7 +35,7 @@ def test_anything_completed_begins_the_wait_anew() -> None:
 
 
 def test_silence_before_the_amnesty_does_not_count() -> None:
-    stuck = _look(_begun(), 900, WAITING, queued(0), forgiven_ms=BEGAN_MS + 800)
+    stuck = _look(_begun(), 900, WAITING, queued(0), since_ms=BEGAN_MS + 800)
     assert stuck is not None
     assert stuck.for_ns == 100 * MS
 

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 from hardcore.model.observations import ThreadSample
 from hardcore.model.recorder import CommandNote
+from hardcore.sentinel.seen_time import SeenTime
 from hardcore.sentinel.witnesses import transactions as witness
 from hardcore.sentinel.witnesses.transactions import Deciding, Transactions
 from tests.unit.sentinel import traces
@@ -11,6 +12,8 @@ from tests.unit.sentinel.traces import BEGAN_MS, DECIDER, MS, deciding_since, qu
 class Watch:
     def __init__(self, limit_ms: int = 0) -> None:
         self.transactions = Transactions()
+        self.seen = SeenTime(100 * MS)
+        self.seen.look(BEGAN_MS * MS, late=False)
         self.limit_ms = limit_ms
 
     def look(
@@ -19,11 +22,11 @@ class Watch:
         notes: tuple[CommandNote, ...] | None,
         sample: ThreadSample | None = None,
         *,
-        overslept: bool = False,
+        late: bool = False,
     ) -> tuple[Deciding, ...]:
         threads = ((DECIDER, sample),) if sample else ()
-        at_ns = (BEGAN_MS + at_ms) * MS
-        return self.transactions.look(notes, threads, at_ns, self.limit_ms, overslept=overslept)
+        self.seen.look((BEGAN_MS + at_ms) * MS, late=late)
+        return self.transactions.look(notes, threads, self.limit_ms, self.seen)
 
 
 def _one(found: tuple[Deciding, ...]) -> Deciding:
@@ -67,14 +70,31 @@ def test_time_in_which_it_waits_for_a_disk_is_excused() -> None:
     assert (found.counted_ns, found.in_disk) == (100 * MS, True)
 
 
-def test_time_in_which_we_slept_is_excused() -> None:
+def test_time_that_nobody_was_there_to_see_is_never_charged_to_a_command() -> None:
     watch = Watch()
     watch.look(200, deciding_since(100))
-    assert _one(watch.look(900, deciding_since(100), overslept=True)).counted_ns == 100 * MS
+    assert _one(watch.look(9000, deciding_since(100), late=True)).counted_ns == 200 * MS
 
 
-def test_what_was_first_seen_after_we_slept_begins_then() -> None:
-    assert _one(Watch().look(900, deciding_since(100), overslept=True)).counted_ns == 0
+def test_it_is_not_charged_either_when_the_late_look_did_not_read_the_commands() -> None:
+    watch = Watch()
+    watch.look(200, deciding_since(100))
+    watch.look(9000, None, late=True)
+    assert _one(watch.look(9100, deciding_since(100))).counted_ns == 300 * MS
+
+
+def test_nor_to_a_command_that_was_first_read_after_it() -> None:
+    watch = Watch()
+    watch.look(200, None)
+    watch.look(9000, None, late=True)
+    assert _one(watch.look(9100, deciding_since(150))).counted_ns == 250 * MS
+
+
+def test_a_wait_for_a_disk_is_excused_once_though_we_came_late() -> None:
+    watch = Watch()
+    watch.look(200, deciding_since(100), traces.ON_DISK)
+    watch.look(9000, deciding_since(100), traces.ON_DISK, late=True)
+    assert _one(watch.look(9100, deciding_since(100), traces.ON_DISK)).counted_ns == 100 * MS
 
 
 def test_an_excuse_ends_with_its_command() -> None:

@@ -7,7 +7,18 @@ from hardcore.model.recorder import SlotStage
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade
 from hardcore.sentinel.verdict import Bench
 from tests.unit.sentinel import traces
-from tests.unit.sentinel.traces import BEGAN_MS, MS, PATIENCE, Look, judged, queued, red, silent, well
+from tests.unit.sentinel.traces import (
+    BEGAN_MS,
+    MS,
+    PATIENCE,
+    Look,
+    deciding_since,
+    judged,
+    queued,
+    red,
+    silent,
+    well,
+)
 
 WELL = well(1000)
 
@@ -184,9 +195,54 @@ def test_after_our_own_stall_silence_counts_from_its_end() -> None:
     assert red(judged(WELL + looks)) is not None
 
 
-def test_a_guard_whose_ticks_all_come_late_kills_nobody() -> None:
-    looks = silent(1000, LONG_MS, Look(0, state="T", loop=traces.STOPPED), thread=True, every_ms=250)
-    assert red(judged(WELL + looks)) is None
+@pytest.mark.parametrize("every_ms", [210, 250, 1000])
+def test_a_guard_whose_looks_all_come_late_still_finds_a_hang_after_as_many_looks(every_ms: int) -> None:
+    blocked = Look(0, loop=traces.LOCKED)
+    looks = WELL + silent(1000, LONG_MS, blocked, every_ms=every_ms)
+    verdicts = judged(looks)
+    named = red(verdicts)
+    assert named is not None
+    assert (named.diagnosis, named.grade) == (Diagnosis.LOOP_BLOCKED, Grade.CERTAIN)
+    found = [verdict.colour for verdict in verdicts].index(Colour.RED) - len(WELL)
+    assert found >= PATIENCE.conclusive_ms // PATIENCE.interval_ms
+
+
+def test_a_hang_is_found_though_one_look_in_four_comes_late() -> None:
+    at_ms = [1000 + 550 * round_ + step for round_ in range(8) for step in (100, 200, 300, 550)]
+    looks = [Look(at, at - 1000, loop=traces.LOCKED) for at in at_ms]
+    verdict = red(judged(WELL + looks))
+    assert verdict is not None
+    assert verdict.diagnosis is Diagnosis.LOOP_BLOCKED
+
+
+def test_a_look_that_comes_late_concludes_nothing() -> None:
+    blocked = [Look(at, at - 1000, loop=traces.LOCKED) for at in (1070, 1170, 1270, 1370, 9370)]
+    assert red(judged(WELL + blocked)) is None
+
+
+PAUSED_MS = 10_000
+
+
+@pytest.mark.parametrize("read_at_once", [True, False], ids=["commands read", "commands not read"])
+def test_a_machine_that_was_paused_ends_no_command_that_is_being_decided(*, read_at_once: bool) -> None:
+    notes = deciding_since(950, limit_ms=5000)
+    after_ms = [1000 + PAUSED_MS + 10 + 100 * n for n in range(20)]
+    busy = [
+        Look(at, submitted=9, completed=n, notes=notes, deciding=traces.running(at - PAUSED_MS))
+        for n, at in enumerate(after_ms)
+    ]
+    if not read_at_once:
+        busy[0] = replace(busy[0], notes=None, deciding=None)
+    verdicts = judged([*WELL, Look(1000), *busy])
+    assert {verdict.colour for verdict in verdicts} == {Colour.GREEN}
+
+
+@pytest.mark.parametrize("late_ms", [0, 400])
+def test_that_the_machine_slept_is_told_however_late_we_wake(late_ms: int) -> None:
+    looks = [*WELL, *(Look(at + late_ms, slept_ms=60_000) for at in (1000, 1100, 1200))]
+    told = [verdict.diagnosis for verdict in judged(looks)]
+    assert told.count(Diagnosis.SLEPT) == 1
+    assert judged(looks)[-1] is GREEN
 
 
 def test_our_late_ticks_are_counted() -> None:
@@ -204,13 +260,6 @@ def test_one_kind_of_evidence_alone_is_yellow() -> None:
     assert verdicts[-1].colour is Colour.YELLOW
     assert verdicts[-1].diagnosis is None
     assert [t.witness for t in verdicts[-1].testimonies] == ["beats"]
-
-
-def test_a_core_without_a_page_or_a_process_is_not_judged_by_its_silence() -> None:
-    bench = Bench(PATIENCE)
-    tick = Look(0, 5000, 5000).sampled()
-    assert bench.judge(replace(tick, beats=None)) is GREEN
-    assert bench.judge(replace(tick, process=None)) is GREEN
 
 
 def test_a_core_that_has_never_beaten_is_not_judged() -> None:

@@ -10,7 +10,7 @@ from hardcore.sentinel.witnesses.collection import Collection, CollectionFacts
 from hardcore.sentinel.witnesses.conduct import ConductWatch
 from hardcore.sentinel.witnesses.memory import TOLD_NS, MemoryKills
 from hardcore.sentinel.witnesses.own_stall import OFTEN_WITHIN_NS, OwnStall
-from tests.unit.sentinel.traces import BEGAN_MS, MS, PATIENCE, well
+from tests.unit.sentinel.traces import BEGAN_MS, MS, PATIENCE, seen, well
 
 STRANGE = Conduct(
     children=("1: sh", "2: sh", "3: sh", "4: sh"), code=("core/main.py",), ports=("0.0.0.0:80",)
@@ -74,11 +74,17 @@ def test_a_collection_touches_the_interval_it_ended_in() -> None:
 
 def test_what_lasts_must_hold_in_every_look() -> None:
     lasting = Lasting()
-    assert lasting.look(True, 100, 200, 0) == 100
-    assert lasting.look(True, 200, 300, 0) == 200
-    assert lasting.look(False, 300, 400, 0) == 0
-    assert lasting.look(True, 400, 500, 0) == 100
-    assert lasting.look(True, 500, 600, 550) == 50
+    assert lasting.look(True, seen(200)) == 100 * MS
+    assert lasting.look(True, seen(300)) == 200 * MS
+    assert lasting.look(False, seen(400)) == 0
+    assert lasting.look(True, seen(500)) == 100 * MS
+    assert lasting.look(True, seen(600, since_ms=550)) == 50 * MS
+
+
+def test_a_look_that_was_not_made_confirms_nothing() -> None:
+    lasting = Lasting()
+    assert lasting.look(True, seen(200)) == 100 * MS
+    assert lasting.look(True, seen(500)) == 100 * MS
 
 
 def test_three_late_ticks_within_a_few_seconds_are_often() -> None:

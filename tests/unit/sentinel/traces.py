@@ -17,6 +17,7 @@ from hardcore.model.observations import (
 )
 from hardcore.model.recorder import Beats, CommandNote, LifeState, SlotStage, Threads, Witness
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Verdict
+from hardcore.sentinel.seen_time import SeenTime
 from hardcore.sentinel.verdict import Bench, Patience
 
 MS = 1_000_000
@@ -66,6 +67,12 @@ def deciding_since(
             thread=DECIDER,
         ),
     )  # fmt: skip
+
+
+def seen(at_ms: int, *, since_ms: int = 0, before_ms: int | None = None) -> SeenTime:
+    """A look of ours at `at_ms` after one at `before_ms`; nothing before `since_ms` counts."""
+    before_ms = at_ms - 100 if before_ms is None else before_ms
+    return SeenTime(100 * MS, at_ms * MS, before_ms * MS, since_ms * MS)
 
 
 @dataclass(frozen=True, slots=True)
