@@ -147,7 +147,7 @@ OUTCOME_WORDS: Mapping[str, Text] = {
     "recovered": _text("복구됨", "recovered"),
     "manual": _text("사람 필요", "needs a person"),
     "served": _text("다시 열림", "open again"),
-    "safe_mode": _text("읽기 전용", "read-only"),
+    "safe_mode": _text("한때 읽기 전용", "was read-only"),
     "assist": _text("결정 대기", "to be decided"),
     "open": _text("진행 중", "open"),
     "untold": _text("결과 모름", "not known"),
@@ -269,6 +269,9 @@ FINDINGS: Mapping[str, Text] = {
 REQUEST_OUTCOMES: Mapping[str, Text] = {
     "answered": _text("응답함", "answered"),
     "replayed": _text("복구 뒤 처리함", "run once after the recovery"),
+    "committed": _text(
+        "멈추기 전에 이미 기록됐고, 답은 복구 뒤 보냄", "was recorded before; its answer was given after"
+    ),
     "done": _text("이미 처리돼 있었음", "was already done"),
     "not_done": _text("처리하지 않음", "not done"),
     "unknown": _text("결과를 모름", "outcome unknown"),
@@ -290,6 +293,11 @@ MONEY: Mapping[str, Text] = {
         "장부가 비어 있었어요. 잃을 기록이 없었어요.", "The ledger was empty: there was nothing to lose."
     ),
     "none": _text("아직 확인하지 않았어요.", "Not verified yet."),
+    "no_proof": _text("이 사고에는 확인 기록이 없어요.", "No proof is on record for this incident."),
+    "went_on": _text(
+        "장부 서버가 멈추지 않아서 이 사고 때문에 새로 확인하지는 않았어요.",
+        "The ledger's core went on all the time, so nothing was checked anew because of this.",
+    ),
     "whole": _text(
         "그 뒤에 장부 전체를 처음부터 {seq}번 기록까지 다시 확인했어요.",
         "After that the whole ledger was checked, from its first record to number {seq}.",
@@ -315,6 +323,15 @@ WORDS: Mapping[str, Text] = {
     "no_requests": _text(
         "이 사고를 겪은 요청이 기록돼 있지 않아요.", "No request is on record that met this outage."
     ),
+    "refusals_untold": _text(
+        "장부 서버는 멈추지 않았어요. 그동안 거절된 요청이 있었는지는 기록하지 않아요.",
+        "The core went on all the time. Which requests were refused meanwhile is not on record.",
+    ),
+    "nothing_stopped": _text("없음", "none: nothing stopped serving"),
+    "reads_went_on": _text(
+        "없음 (읽기는 계속됨, 쓰기는 한동안 거절됨)", "none: reads went on, writes were refused for a time"
+    ),
+    "last_words": _text("마지막 말", "Last words"),
     "money": _text("돈", "Money"),
     "files": _text("파일", "Files"),
     "missing": _text("없는 증거", "Evidence that is missing"),

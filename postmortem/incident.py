@@ -144,6 +144,10 @@ class Incident:
 
 #: Stages in which the core was at work on a command; QUEUED only waited for its turn.
 _AT_WORK = ("DECIDING", "WRITING", "COMMITTED", "ANSWERING")
+#: Stages in which it stands in the ledger.
+_COMMITTED = ("COMMITTED", "ANSWERING")
+#: What the same witness says again with another measure is one line: the last one.
+_MEASURE = re.compile(r"\d+(?:\.\d+)?(?= (?:ms|s|MiB|commands|probes)\b)")
 
 
 def from_facts(incident_id: str, raw: object) -> Incident:
@@ -158,9 +162,7 @@ def from_facts(incident_id: str, raw: object) -> Incident:
         outcome=outcome if outcome in OUTCOMES else "open",
         diagnosis=text(facts.get("diagnosis")) or "UNKNOWN",
         grade=grade if grade in GRADES else "unknown",
-        evidence=tuple(
-            Words(text(line.get("kind")), text(line.get("text"))) for line in mappings(facts.get("evidence"))
-        ),
+        evidence=_evidence(mappings(facts.get("evidence"))),
         planned=facts.get("planned") is True,
         reason=optional_text(facts.get("reason")),
         drill=optional_text(facts.get("drill")),
@@ -212,6 +214,19 @@ def waits_for(incident: Incident) -> str | None:
     if incident.outcome != "manual" or incident.served_again_at is not None:
         return None
     return incident.waits_for or incident.diagnosis
+
+
+def went_on(incident: Incident) -> bool:
+    """Tell whether the core served all through a closed incident, so that it has neither an outage nor a new proof."""
+    ended = incident.deaths or incident.exit != Exit() or incident.outage_ms is not None
+    told = incident.closed_at is not None and incident.outcome != "open" and bool(incident.timeline)
+    return told and not ended and not any(step.step == "spawned" for step in incident.timeline)
+
+
+def was_committed(incident: Incident, request: Request) -> bool:
+    """Tell whether a request that was run once more had been committed before the core was lost."""
+    hashes = {one.key_hash for one in incident.in_flight if one.key_hash and one.stage in _COMMITTED}
+    return request.outcome == "replayed" and request.key_hash in hashes
 
 
 def money(incident: Incident) -> Money:
@@ -284,6 +299,19 @@ def number(raw: object) -> int | None:
     """Return `raw` as a whole number if it is one that a counter may give."""
     known = duration(raw)
     return None if known is None else int(known)
+
+
+def _evidence(lines: Iterable[Mapping[str, Any]]) -> tuple[Words, ...]:
+    """Return what was held against the core: a witness that says that all is well is no evidence.
+
+    What the operator said is the reason of it all and no judgement.
+    """
+    told: dict[tuple[str, str], Words] = {}
+    for line in lines:
+        one = Words(text(line.get("kind")), text(line.get("text")))
+        if line.get("colour") != "green" or one.code == "operator":
+            told[one.code, _MEASURE.sub("#", one.text)] = one
+    return tuple(told.values())
 
 
 def _step(raw: Mapping[str, Any]) -> Step:

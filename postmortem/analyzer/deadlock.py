@@ -35,8 +35,8 @@ def examine(case: Case) -> list[Finding]:
             " → ".join(f"{_name(one.thread)} → [{one.lock}]" for one in ring) + f" → {_name(ring[0].thread)}"
         )
         evidence = [
-            f"thread {_name(one.thread)} waits for the lock {one.lock}, held by thread {one.held_by}"
-            for one in ring
+            f"thread {_name(one.thread)} waits for the lock {one.lock}, held by thread {_name(holder.thread)}"
+            for one, holder in zip(ring, [*ring[1:], ring[0]], strict=True)
         ]
         return [_finding(Confidence.CERTAIN, way, evidence, [one.thread for one in ring])]
     if pair := _nameless_pair(case.threads):

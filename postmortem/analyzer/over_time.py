@@ -47,12 +47,15 @@ def _over_time(case: Case, command: Mapping[str, Any]) -> Finding:
     now_ns = number(case.recorder.get("taken_at_ns")) or 0
     limit_s = (number(command.get("limit_ns")) or 0) / _NS_PER_S
     took_s = max(0, now_ns - _since_ns(command)) / _NS_PER_S
+    took = f"{took_s:.1f}"
+    if took == f"{limit_s:.1f}" and took_s > limit_s:
+        took = f"{took_s:.3f}"  # "5.0 s of 5.0 s" tells nobody that it was too long
     kind = text(command.get("kind"))
     evidence = (
-        f"{kind or 'command'} {text(command.get('command_id'))} in stage DECIDING for {took_s:.1f} s",
+        f"{kind or 'command'} {text(command.get('command_id'))} in stage DECIDING for {took} s",
         f"it may take {limit_s:.1f} s",
     )
-    values = {"kind": kind or "?", "seconds": f"{took_s:.1f}", "limit": f"{limit_s:.1f}"}
+    values = {"kind": kind or "?", "seconds": took, "limit": f"{limit_s:.1f}"}
     return Finding(
         "over_time",
         Confidence.CERTAIN,

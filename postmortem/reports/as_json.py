@@ -5,7 +5,7 @@ from typing import Any
 
 from frontend import catalogue_reports as texts
 from postmortem.incident import at_work
-from postmortem.reports.report import Report, finding_line, next_step
+from postmortem.reports.report import Report, finding_line, next_step, no_requests, outage_word, request_word
 
 
 def as_item(report: Report, language: str) -> dict[str, Any]:
@@ -56,7 +56,12 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
             for finding in report.findings
         ],
         "proposals": [],
-        "requests": [asdict(request) for request in incident.requests],
+        "requests": [
+            asdict(request) | {"told": {one: request_word(incident, request, one) for one in texts.LANGUAGES}}
+            for request in incident.requests
+        ],
+        "no_requests": {one: no_requests(incident, one) for one in texts.LANGUAGES},
+        "no_outage": {one: outage_word(incident, one) for one in texts.LANGUAGES},
         "in_flight": [asdict(command) for command in at_work(incident)],
         "suspects": list(incident.suspects),
         "blamed": list(incident.blamed),

@@ -13,7 +13,16 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from frontend import catalogue_reports as texts
 from postmortem.incident import at_work, ending
 from postmortem.reports.as_terminal import milliseconds
-from postmortem.reports.report import Report, finding_line, money_line, next_step
+from postmortem.reports.evidence_words import command_word, kind_word, stage_word, told
+from postmortem.reports.report import (
+    Report,
+    finding_line,
+    money_line,
+    next_step,
+    no_requests,
+    outage_word,
+    request_word,
+)
 from postmortem.reports.visible import visible
 
 _TEMPLATES = Path(__file__).resolve().parents[2] / "templates"
@@ -47,18 +56,26 @@ def as_markdown(report: Report, language: str) -> str:
                 {
                     "sentence": finding_line(finding, language),
                     "grade": texts.GRADES[finding.confidence][language],
-                    "evidence": finding.evidence,
+                    "evidence": [told(line, language) for line in finding.evidence],
                 }
                 for finding in report.findings
             ],
-            commands=at_work(incident),
+            evidence=[
+                (kind_word(line.code, language), told(line.text, language)) for line in incident.evidence
+            ],
+            commands=[
+                (command, command_word(command.kind, language), stage_word(command.stage, language))
+                for command in at_work(incident)
+            ],
+            no_requests=no_requests(incident, language),
+            outage=milliseconds(incident.outage_ms, outage_word(incident, language)),
             suspects=incident.suspects,
             blamed=incident.blamed,
             requests=[
                 {
                     "method": request.method,
                     "path": request.path,
-                    "outcome": outcome_word(request.outcome, language),
+                    "outcome": request_word(incident, request, language),
                     "status": request.status,
                     "held_ms": request.held_ms,
                 }
@@ -67,12 +84,6 @@ def as_markdown(report: Report, language: str) -> str:
             ms=lambda value: milliseconds(value, words["nothing_recorded"]),
         )
     )
-
-
-def outcome_word(outcome: str, language: str) -> str:
-    """Return what became of a request, in words; an outcome unknown here as it is."""
-    text = texts.REQUEST_OUTCOMES.get(outcome)
-    return outcome if text is None else text[language]
 
 
 def escape(value: object) -> str:

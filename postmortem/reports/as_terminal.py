@@ -13,6 +13,7 @@ from typing import Any
 
 from frontend import catalogue_reports as texts
 from postmortem.incident import ending
+from postmortem.reports.evidence_words import command_word, kind_word, stage_word, told
 from postmortem.reports.visible import visible
 
 Write = Callable[[str], object]
@@ -77,7 +78,7 @@ def print_show(story: Mapping[str, Any], language: str, write: Write, look: Look
     _facts(story, language, write, look)
     for title, lines in (
         ("timeline", _timeline(story, language)),
-        ("evidence", (f"{line['kind']}: {line['text']}" for line in story["evidence"])),
+        ("evidence", _evidence(story, language)),
         ("findings", _findings(story, language)),
         ("in_flight", _in_flight(story, language)),
         ("requests", _requests(story, language)),
@@ -96,13 +97,15 @@ def _facts(story: Mapping[str, Any], language: str, write: Write, look: Look) ->
         ("outcome", _outcome(story, language)),
         ("opened", _local(story["opened_at"], language)),
         ("detection", milliseconds(story["detected_ms"], nothing)),
-        ("outage", milliseconds(story["outage_ms"], nothing)),
+        ("outage", milliseconds(story["outage_ms"], story["no_outage"][language])),
         ("accounts", ", ".join(story["account_ids"]) or idle),
         ("transactions", ", ".join(story["transaction_ids"]) or idle),
         ("money", story["money_line"][language]),
     ]
     if again_at := story["served_again_at"]:
         rows.insert(2, ("served_again", _local(again_at, language)))
+    if words := story["core"]["last_words"]:
+        rows.append(("last_words", f"{words['code']}: {words['text']}"))
     if step := story["next_step"][language]:
         rows.append(("next_step", step))
     for label, value in rows:
@@ -125,10 +128,15 @@ def _timeline(story: Mapping[str, Any], language: str) -> Iterable[str]:
         yield f"{pad(milliseconds(step['offset_ms'], '-'), 10, right=True)}  {name}"
 
 
+def _evidence(story: Mapping[str, Any], language: str) -> Iterable[str]:
+    for line in story["evidence"]:
+        yield f"{kind_word(line['kind'], language)}: {told(line['text'], language)}"
+
+
 def _findings(story: Mapping[str, Any], language: str) -> Iterable[str]:
     for finding in story["findings"]:
         yield f"{finding['sentence'][language]} ({texts.GRADES[finding['confidence']][language]})"
-        yield from (f"  {line}" for line in finding["evidence"])
+        yield from (f"  {told(line, language)}" for line in finding["evidence"])
 
 
 def _in_flight(story: Mapping[str, Any], language: str) -> Iterable[str]:
@@ -141,7 +149,8 @@ def _in_flight(story: Mapping[str, Any], language: str) -> Iterable[str]:
         age = milliseconds(command["age_ms"], "-")
         suspect = f" · {_word('suspect', language)}" if command["key_hash"] in story["suspects"] else ""
         blamed = f" · {_word('blamed', language)}" if command["command_id"] in story["blamed"] else ""
-        yield f"{command['kind'] or _word('command', language)} · {command['stage']} · {age}{blamed}{suspect}"
+        kind = command_word(command["kind"], language) or _word("command", language)
+        yield f"{kind} · {stage_word(command['stage'], language)} · {age}{blamed}{suspect}"
         if command["transaction_id"]:
             yield f"  {_word('transaction', language)} {command['transaction_id']}"
         if command["account_ids"]:
@@ -150,10 +159,9 @@ def _in_flight(story: Mapping[str, Any], language: str) -> Iterable[str]:
 
 def _requests(story: Mapping[str, Any], language: str) -> Iterable[str]:
     if not story["requests"]:
-        yield _word("no_requests", language)
+        yield story["no_requests"][language]
     for request in story["requests"]:
-        known = texts.REQUEST_OUTCOMES.get(request["outcome"])
-        parts = [f"{request['method']} {request['path']}", known[language] if known else request["outcome"]]
+        parts = [f"{request['method']} {request['path']}", request["told"][language]]
         parts += [str(request["status"])] if request["status"] else []
         if request["held_ms"] is not None:
             parts.append(f"{_word('held', language)} {milliseconds(request['held_ms'], '-')}")

@@ -11,7 +11,18 @@ from dataclasses import dataclass
 from frontend import catalogue_reports as texts
 from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Finding
-from postmortem.incident import Incident, Money, at_work, ending, money, unique, waits_for
+from postmortem.incident import (
+    Incident,
+    Money,
+    Request,
+    at_work,
+    ending,
+    money,
+    unique,
+    waits_for,
+    was_committed,
+    went_on,
+)
 
 LANGUAGES = texts.LANGUAGES
 
@@ -92,12 +103,37 @@ def money_line(report: Report, language: str) -> str:
 def _proven_line(report: Report, language: str) -> str:
     proof, verdict = report.incident.proof, report.money
     if proof is None or not verdict.verified:
-        return texts.MONEY["none"][language]
+        return texts.MONEY[_unproven(report.incident)][language]
     if verdict.lost == 0:
         return texts.MONEY["witness"][language].format(witness_seq=proof.witness_seq)
     if proof.seq == 0:
         return texts.MONEY["empty"][language]
     return texts.MONEY["chain"][language].format(tail=proof.tail if proof.tail is not None else "?")
+
+
+def _unproven(incident: Incident) -> str:
+    if went_on(incident):
+        return "went_on"
+    return "none" if incident.closed_at is None else "no_proof"
+
+
+def outage_word(incident: Incident, language: str) -> str:
+    """Return what stands in the place of an outage's length where none was measured."""
+    if not went_on(incident):
+        return texts.WORDS["nothing_recorded"][language]
+    return texts.WORDS["reads_went_on" if incident.outcome == "safe_mode" else "nothing_stopped"][language]
+
+
+def no_requests(incident: Incident, language: str) -> str:
+    """Return what is said where no request is on record."""
+    return texts.WORDS["refusals_untold" if went_on(incident) else "no_requests"][language]
+
+
+def request_word(incident: Incident, request: Request, language: str) -> str:
+    """Return what became of a request, in words; an outcome unknown here as it is."""
+    outcome = "committed" if was_committed(incident, request) else request.outcome
+    known = texts.REQUEST_OUTCOMES.get(outcome)
+    return outcome if known is None else known[language]
 
 
 def next_step(incident: Incident, language: str) -> str | None:

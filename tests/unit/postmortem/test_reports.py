@@ -183,10 +183,92 @@ def test_no_text_lacks_a_language() -> None:
 def test_nothing_is_said_about_losses_without_a_witness(language: str) -> None:
     chain = {"kind": "chain", "tail": 1000, "seq": 40, "witness_seq": None}
     assert money_line(report(proof=chain), language) == texts.MONEY["chain"][language].format(tail=1000)
-    assert money_line(report(proof=None), language) == texts.MONEY["none"][language]
+    assert money_line(report(proof=None), language) == texts.MONEY["no_proof"][language]
+    assert money_line(report(proof=None, closed_at=None), language) == texts.MONEY["none"][language]
     for proof in (chain, None):
         text = as_markdown(report(proof=proof), language) + terminal(report(proof=proof), language, Look())
         assert texts.MONEY["witness"][language].split(".")[0].split(":")[0] not in text
+
+
+def went_on(outcome: str, diagnosis: str) -> Report:
+    steps = [
+        {"at": None, "offset_ms": offset, "step": step} for offset, step in ((0, "fault"), (9, "closed"))
+    ]
+    return report(
+        outcome=outcome,
+        diagnosis=diagnosis,
+        timeline=steps,
+        outage_ms=None,
+        core={"pid": 101, "epoch": 7, "exit": None},
+        requests=[],
+        proof=None,
+        deaths=[],
+        next_epoch=None,
+    )
+
+
+@pytest.mark.parametrize("language", texts.LANGUAGES)
+def test_a_trouble_that_stopped_nobody_claims_no_gap_in_what_is_known(language: str) -> None:
+    one = went_on("recovered", "DB_LOCKED")
+    for text in (as_markdown(one, language), terminal(one, language, Look(110))):
+        assert texts.WORDS["nothing_stopped"][language] in text
+        assert texts.WORDS["refusals_untold"][language].split(". ")[0] in text
+        assert texts.WORDS["no_requests"][language] not in text
+        assert texts.MONEY["went_on"][language] in " ".join(text.split())
+        assert texts.MONEY["none"][language] not in text
+
+
+@pytest.mark.parametrize("language", texts.LANGUAGES)
+def test_an_incident_that_was_read_only_and_is_over_does_not_read_as_if_it_still_were(language: str) -> None:
+    one = went_on("safe_mode", "DISK_FULL")
+    assert texts.OUTCOME_WORDS["safe_mode"] == {"ko": "한때 읽기 전용", "en": "was read-only"}
+    for text in (as_markdown(one, language), terminal(one, language, Look(110))):
+        assert texts.OUTCOME_WORDS["safe_mode"][language] in text
+        assert texts.WORDS["reads_went_on"][language] in text
+
+
+def test_a_request_that_was_committed_before_the_death_is_not_told_as_run_after_it() -> None:
+    command = story.command("cmd-1", "COMMITTED", "tx-1", [], "a" * 32)
+    one = report(in_flight=[command])
+    assert one.incident.requests[0].outcome == "replayed"
+    for language in texts.LANGUAGES:
+        for text in (as_markdown(one, language), terminal(one, language, Look(110))):
+            assert texts.REQUEST_OUTCOMES["committed"][language].split(" ")[0] in text
+            assert texts.REQUEST_OUTCOMES["replayed"][language] not in text
+
+
+def test_a_witness_that_says_that_all_is_well_is_no_evidence() -> None:
+    lines = [
+        {"kind": "beats", "colour": "green", "text": "both beats are fresh"},
+        {
+            "kind": "store",
+            "colour": "yellow",
+            "text": "process 7 (x) has held the store's write lock for 400 ms",
+        },
+        {"kind": "operator", "colour": "green", "text": "the backup needs it"},
+        {
+            "kind": "store",
+            "colour": "yellow",
+            "text": "process 7 (x) has held the store's write lock for 900 ms",
+        },
+        {
+            "kind": "store",
+            "colour": "yellow",
+            "text": "process 8 (y) has held the store's write lock for 900 ms",
+        },
+    ]
+    told = as_story(report(evidence=lines), "en")["evidence"]
+    assert [line["text"] for line in told] == [
+        "process 7 (x) has held the store's write lock for 900 ms",
+        "the backup needs it",
+        "process 8 (y) has held the store's write lock for 900 ms",
+    ]
+
+
+def test_last_words_are_told_beside_the_evidence() -> None:
+    one = report(last_words={"code": "EXCEPTION", "text": "ValueError at x"})
+    assert "EXCEPTION: ValueError at x" in as_markdown(one, "en")
+    assert "EXCEPTION: ValueError at x" in terminal(one, "en", Look())
 
 
 @pytest.mark.parametrize("language", texts.LANGUAGES)
