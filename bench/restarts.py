@@ -6,7 +6,9 @@ The core is killed as often as asked, each time as soon as it serves again. What
 
 import signal
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -32,7 +34,7 @@ def measure(folder: Path, *, restarts: int, say: Callable[[str], None]) -> list[
             core = instance.core()
             core.hit(signal.SIGKILL)
             core.let_go()
-            instance.running()
+            instance.until(partial(_follows, epoch=core.epoch), "the next core to serve")
             sizes.append(sentinel.memory_info().rss / MB)
             descriptors.append(sentinel.num_fds())
             threads.append(sentinel.num_threads())
@@ -55,6 +57,11 @@ def measure(folder: Path, *, restarts: int, say: Callable[[str], None]) -> list[
         ),
         Figure("  threads more", "", (_late(threads[warm:]) - _early(threads[warm:]),), target=Target(0)),
     ]
+
+
+def _follows(told: dict[str, Any], epoch: int) -> bool:
+    """Tell whether a later core serves and has proven itself."""
+    return told["phase"] in {"RUNNING", "SUSPECT"} and (told["core"]["epoch"] or 0) > epoch
 
 
 def _early(values: list[float]) -> float:

@@ -46,27 +46,29 @@ def locked(store: Path) -> Iterator[None]:
         connection.execute("ROLLBACK")
 
 
-def refused_at_once(house: House) -> None:
-    """Nothing is served, and nobody waits for it: the hold would be 25 s."""
-    status = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
-    assert (status["state"], status["core"]["pid"]) == ("MANUAL_INTERVENTION", None)
+def read_only_at_once(house: House) -> None:
+    """It can be read, nothing is entered, a person is called, and nobody waits for it: the hold would be 25 s."""
+    status = house.until(
+        lambda s: s["safe"] == "STORE_CORRUPT" and s["core"]["ready"], "a core that reads only"
+    )
+    assert (status["state"], status["waits_for"]) == ("MANUAL_INTERVENTION", "STORE_CORRUPT")
     house.url = status["url"]
     house.until(lambda s: s["gateway"]["pid"], "a gateway")
     answer = until(lambda: house.book("refused", timeout_s=10), "an answer")
     assert (answer.status, answer.outcome) == (503, "not_done")
+    assert house.ask("GET", "/api/ledger/accounts").status == 200
     assert house.ask("GET", "/readyz").status == 503
     assert house.cli("status").code == 4
-    assert not any("-m core serve" in line for line in house.processes().values())
 
 
-def test_a_flipped_byte_is_never_served_and_the_place_is_named(new_house: MakeHouse) -> None:
+def test_a_ledger_with_a_flipped_byte_is_only_read_and_the_place_is_named(new_house: MakeHouse) -> None:
     house = new_house()
     stopped_with_records(house)
     change(house.folders.data / "ledger.db", flipped(5))
     house.begin()
-    refused_at_once(house)
+    read_only_at_once(house)
     story = house.closed(1)
-    assert (story["diagnosis"], story["outcome"]) == ("STORE_CORRUPT", "manual")
+    assert (story["diagnosis"], story["outcome"]) == ("STORE_CORRUPT", "safe_mode")
     assert any("event 5" in fact["text"] for fact in story["evidence"]), story["evidence"]
     assert "5" in house.cli("verify").err
 
@@ -80,11 +82,11 @@ def test_a_flipped_byte_before_the_last_witness_is_found_after_a_reboot(new_hous
     assert "4" in shown.err
     shutil.rmtree(house.folders.run)
     house.begin()
-    refused_at_once(house)
+    read_only_at_once(house)
     assert house.closed(1)["diagnosis"] == "STORE_CORRUPT"
 
 
-def test_a_ledger_that_lost_its_last_commit_is_never_served(new_house: MakeHouse) -> None:
+def test_a_ledger_that_lost_its_last_commit_is_only_read(new_house: MakeHouse) -> None:
     house = new_house().up()
     house.open_accounts()
     assert house.book("soon-lost").status == 201
@@ -105,7 +107,7 @@ def test_a_ledger_that_lost_its_last_commit_is_never_served(new_house: MakeHouse
         "UPDATE meta SET head_seq = 2, head_hash = (SELECT hash FROM event WHERE seq = 2)",
     )
     house.begin()
-    refused_at_once(house)
+    read_only_at_once(house)
     story = house.closed(1)
     assert any("event 3 had been committed" in fact["text"] for fact in story["evidence"]), story["evidence"]
 
@@ -117,7 +119,7 @@ def test_a_store_that_another_program_holds_is_not_fought_for_and_resume_brings_
     stopped_with_records(house)
     with locked(house.folders.data / "ledger.db"):
         house.begin()
-        refused_at_once(house)
+        read_only_at_once(house)
         assert house.closed(1)["diagnosis"] == "DB_LOCKED"
         again = house.cli("resume")
         assert again.code == 1, again
@@ -132,7 +134,7 @@ def test_what_waited_for_a_person_is_told_as_over_when_a_core_serves_again(new_h
     stopped_with_records(house)
     with locked(house.folders.data / "ledger.db"):
         house.begin()
-        refused_at_once(house)
+        read_only_at_once(house)
         assert house.closed(1)["next_step"]["en"] is not None
         assert "needs a person" in house.cli("incidents").out
     assert house.cli("resume").code == 0
@@ -151,7 +153,7 @@ def test_a_file_that_is_no_ledger_is_left_alone(new_house: MakeHouse) -> None:
         connection.execute("CREATE TABLE recipes (name TEXT)")
         connection.commit()
     house.begin("--policy", str(house.settle_policy()))
-    refused_at_once(house)
+    read_only_at_once(house)
     assert house.closed(1)["diagnosis"] == "CONFIG_INVALID"
     with closing(sqlite3.connect(house.data / "ledger.db")) as connection:
         assert connection.execute("SELECT name FROM sqlite_master").fetchall() == [("recipes",)]
@@ -175,7 +177,7 @@ def test_a_core_that_dies_again_and_again_ends_in_a_word_for_a_person_not_in_a_l
     killer = threading.Thread(target=kill_every_core, daemon=True)
     killer.start()
     try:
-        refused_at_once(house)
+        read_only_at_once(house)
     finally:
         enough.set()
         killer.join(20)

@@ -27,6 +27,15 @@ def test_a_folder_with_spaces_and_korean_letters_is_a_folder_like_any_other(new_
     assert house.cli("--json", "verify").told["ok"]
 
 
+def refused(house: House) -> None:
+    """Wait until the ledger is taken for damaged: it can be read, and a person is asked."""
+    told = house.until(
+        lambda s: s["safe"] == "STORE_CORRUPT" and s["core"]["ready"], "a core that reads only"
+    )
+    assert (told["state"], told["waits_for"]) == ("MANUAL_INTERVENTION", "STORE_CORRUPT")
+    house.url = told["url"]
+
+
 def test_a_moved_data_folder_is_found_whole_where_it_is_now(new_house: MakeHouse) -> None:
     house = new_house().up()
     house.open_accounts()
@@ -39,7 +48,7 @@ def test_a_moved_data_folder_is_found_whole_where_it_is_now(new_house: MakeHouse
     assert house.booked() == ["before-the-move"]
 
 
-def test_an_older_ledger_put_back_is_served_only_when_the_operator_says_so(new_house: MakeHouse) -> None:
+def test_an_older_ledger_put_back_is_written_to_only_when_the_operator_says_so(new_house: MakeHouse) -> None:
     house = new_house().up()
     house.open_accounts()
     assert house.book("in-the-copy").status == 201
@@ -52,11 +61,11 @@ def test_an_older_ledger_put_back_is_served_only_when_the_operator_says_so(new_h
     shutil.copyfile(kept, house.data / "ledger.db")
 
     house.begin()
-    told = house.until(lambda status: status["phase"] == "FATAL", "the refusal of an older ledger")
-    assert told["waits_for"] == "STORE_CORRUPT"
-    house.url = told["url"]
+    refused(house)
     assert "docs/recover.md" in house.cli("status").out
-    assert house.cli("resume").code == 1, "a plain resume must not serve what lost an acknowledged record"
+    assert house.booked() == ["in-the-copy"]
+    assert house.book("and-on").status == 503
+    assert house.cli("resume").code == 1, "a plain resume must not write to what lost an acknowledged record"
     assert house.cli("resume", "--accept-ledger").code == 0
     assert house.booked() == ["in-the-copy"]
     assert house.book("and-on").status == 201
@@ -93,7 +102,7 @@ def test_a_ledger_that_vanished_from_its_data_folder_is_never_replaced_by_an_emp
     assert told["waits_for"] == "STORE_CORRUPT"
 
 
-def test_a_whole_data_folder_put_back_from_a_copy_is_served_only_when_the_operator_says_so(
+def test_a_whole_data_folder_put_back_from_a_copy_is_written_to_only_when_the_operator_says_so(
     new_house: MakeHouse,
 ) -> None:
     house = new_house().up()
@@ -109,9 +118,7 @@ def test_a_whole_data_folder_put_back_from_a_copy_is_served_only_when_the_operat
     kept.rename(house.data)
 
     house.begin()
-    told = house.until(lambda status: status["phase"] == "FATAL", "the refusal of an older ledger")
-    assert told["waits_for"] == "STORE_CORRUPT"
-    house.url = told["url"]
+    refused(house)
     assert house.cli("resume", "--accept-ledger").code == 0
     assert house.booked() == ["in-the-copy"]
 
@@ -128,7 +135,7 @@ def test_an_older_ledger_that_was_accepted_is_served_by_the_next_guard_too(new_h
     assert house.cli("down").code == 0
     shutil.copyfile(kept, house.data / "ledger.db")
     house.begin()
-    house.until(lambda status: status["phase"] == "FATAL", "the refusal of an older ledger")
+    refused(house)
     assert house.cli("resume", "--accept-ledger").code == 0
     before = house.running()
 
@@ -137,7 +144,7 @@ def test_an_older_ledger_that_was_accepted_is_served_by_the_next_guard_too(new_h
     told = house.until(
         lambda s: s["phase"] in {"FATAL", "RUNNING"} and s["sentinel"]["pid"] != guard.pid, "the next guard"
     )
-    assert told["phase"] == "RUNNING"
+    assert (told["phase"], told["safe"]) == ("RUNNING", None)
     assert told["core"]["epoch"] > before["core"]["epoch"]
     assert house.booked() == ["in-the-copy"]
 
