@@ -46,6 +46,19 @@ def locked(store: Path) -> Iterator[None]:
         connection.execute("ROLLBACK")
 
 
+def refused_at_once(house: House) -> None:
+    """Nothing is served, and nobody waits for it: the hold would be 25 s."""
+    status = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
+    assert (status["state"], status["core"]["pid"]) == ("MANUAL_INTERVENTION", None)
+    house.url = status["url"]
+    house.until(lambda s: s["gateway"]["pid"], "a gateway")
+    answer = until(lambda: house.book("refused", timeout_s=10), "an answer")
+    assert (answer.status, answer.outcome) == (503, "not_done")
+    assert house.ask("GET", "/readyz").status == 503
+    assert house.cli("status").code == 4
+    assert not any("-m core serve" in line for line in house.processes().values())
+
+
 def read_only_at_once(house: House) -> None:
     """It can be read, nothing is entered, a person is called, and nobody waits for it: the hold would be 25 s."""
     status = house.until(
@@ -119,7 +132,7 @@ def test_a_store_that_another_program_holds_is_not_fought_for_and_resume_brings_
     stopped_with_records(house)
     with locked(house.folders.data / "ledger.db"):
         house.begin()
-        read_only_at_once(house)
+        refused_at_once(house)
         assert house.closed(1)["diagnosis"] == "DB_LOCKED"
         again = house.cli("resume")
         assert again.code == 1, again
@@ -134,7 +147,7 @@ def test_what_waited_for_a_person_is_told_as_over_when_a_core_serves_again(new_h
     stopped_with_records(house)
     with locked(house.folders.data / "ledger.db"):
         house.begin()
-        read_only_at_once(house)
+        refused_at_once(house)
         assert house.closed(1)["next_step"]["en"] is not None
         assert "needs a person" in house.cli("incidents").out
     assert house.cli("resume").code == 0
@@ -153,7 +166,7 @@ def test_a_file_that_is_no_ledger_is_left_alone(new_house: MakeHouse) -> None:
         connection.execute("CREATE TABLE recipes (name TEXT)")
         connection.commit()
     house.begin("--policy", str(house.settle_policy()))
-    read_only_at_once(house)
+    refused_at_once(house)
     assert house.closed(1)["diagnosis"] == "CONFIG_INVALID"
     with closing(sqlite3.connect(house.data / "ledger.db")) as connection:
         assert connection.execute("SELECT name FROM sqlite_master").fetchall() == [("recipes",)]
@@ -177,7 +190,7 @@ def test_a_core_that_dies_again_and_again_ends_in_a_word_for_a_person_not_in_a_l
     killer = threading.Thread(target=kill_every_core, daemon=True)
     killer.start()
     try:
-        read_only_at_once(house)
+        refused_at_once(house)
     finally:
         enough.set()
         killer.join(20)
