@@ -46,7 +46,7 @@ def has_report(house: House, incident_id: str) -> bool:
 def test_an_incident_that_waits_for_a_person_names_its_requests_and_what_it_waits_for(
     new_house: MakeHouse,
 ) -> None:
-    house = new_house().up()
+    house = new_house(actions={"DB_LOCKED": ["SNAPSHOT", "SEND_ALERT", "AWAIT_OPERATOR"]}).up()
     house.open_accounts()
     with locked(house.data / "ledger.db"), ThreadPoolExecutor(1) as client:
         house.hit("core")
@@ -96,7 +96,9 @@ def test_an_incident_whose_guard_died_is_closed_by_the_next_guard(new_house: Mak
 
 
 @pytest.mark.skipif(not full_disk.own_mounts(), reason="no mounts of one's own here: that needs root")
-def test_facts_that_a_full_disk_refused_are_written_when_there_is_room(new_house: MakeHouse) -> None:
+def test_facts_and_evidence_that_a_full_disk_refused_are_in_their_place_when_there_is_room(
+    new_house: MakeHouse,
+) -> None:
     house = new_house()
     disk = full_disk.begin_on_a_small_disk(house)
     full_disk.fill(disk)
@@ -104,6 +106,11 @@ def test_facts_that_a_full_disk_refused_are_written_when_there_is_room(new_house
     status = house.until(lambda s: s["safe"] == "DISK_FULL" and s["core"]["ready"], "a core that reads only")
     facts = disk / "incidents" / status["incident"] / bundle.FACTS
     assert not facts.exists()
+    sheltered = house.folders.shelter / status["incident"]
+    until(lambda: (sheltered / "recorder.bin").exists(), "the evidence to be kept elsewhere", START_S)
     (disk / "filler").unlink()
     until(facts.exists, "the facts to be tried again", 2 * START_S)
     until((facts.parent / "report.md").exists, "the report", START_S)
+    assert (facts.parent / "recorder.bin").exists()
+    assert not sheltered.exists()
+    assert bundle.verify_bundle(facts.parent) == []
