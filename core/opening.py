@@ -84,7 +84,9 @@ def _not_let_in(door: DoorClosed) -> Departure:
     return departure.config_invalid(door.sentence) if error is None else _of_store(error)
 
 
-def _take_over(connection: Connection, expected: int | None, telling: Telling) -> int | StoreError | Departure:
+def _take_over(
+    connection: Connection, expected: int | None, telling: Telling
+) -> int | StoreError | Departure:
     outcome = fence(connection, expected)
     match outcome:
         case Raised(epoch):

@@ -9,7 +9,6 @@ import pytest
 
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import House
-from tests.waiting import until
 
 UNSHARE = shutil.which("unshare")
 MOUNT = 'mount -t tmpfs -o size=32m,mode=700 none "$1" && exec "$2" -m hardcore.cli --data "$1" up --port 0'
@@ -88,8 +87,9 @@ def test_a_guard_comes_back_on_a_full_disk(new_house: MakeHouse) -> None:
     disk = begin_on_a_small_disk(house)
     fill(disk)
     sentinel = house.hit("sentinel")
-    status = house.until(lambda s: s["sentinel"]["pid"] != sentinel.pid, "another sentinel")
-    until(lambda: house.order("status")["phase"] in {"FATAL", "RUNNING"}, "it to be settled")
+    house.until(lambda s: s["sentinel"]["pid"] != sentinel.pid, "another sentinel")
+    status = house.until(lambda s: s["safe"] == "DISK_FULL" and s["core"]["ready"], "a core that reads only")
+    assert status["state"] == "SAFE_MODE"
     refused = house.order("down")
     assert (refused["ok"], refused["code"]) == (False, "not-stored")
     disk = Path(f"/proc/{status['sentinel']['pid']}/root{house.data}")
