@@ -59,8 +59,8 @@ async def take_live(
     """Stop the living process and take its evidence; it stays stopped. `stop` False: it is only looked at.
 
     `image`: write its memory out too, of a stopped process only. Returns after `budget_ms` + STORE_GRACE_MS at
-    the latest, with an image after its budget and another STORE_GRACE_MS on top. A bundle whose writing takes longer is still
-    finished on its thread; the answer says so in `missing`.
+    the latest, with an image after its budget and another STORE_GRACE_MS on top. A bundle whose writing takes
+    longer is still finished on its thread; the answer says so in `missing`.
     """
     shares = recipe.LIVING if stop else recipe.LOOKED_AT
     work = Gathering(subject, tools, Haul())

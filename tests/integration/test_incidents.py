@@ -107,7 +107,7 @@ def test_facts_and_evidence_that_a_full_disk_refused_are_in_their_place_when_the
     facts = disk / "incidents" / status["incident"] / bundle.FACTS
     assert not facts.exists()
     sheltered = house.folders.shelter / status["incident"]
-    until(lambda: (sheltered / "recorder.bin").exists(), "the evidence to be kept elsewhere", START_S)
+    until((sheltered / "recorder.bin").exists, "the evidence to be kept elsewhere", START_S)
     (disk / "filler").unlink()
     until(facts.exists, "the facts to be tried again", 2 * START_S)
     until((facts.parent / "report.md").exists, "the report", START_S)

@@ -34,10 +34,13 @@ def test_the_tape_keeps_no_sentence_of_a_core_and_repeats_its_orders_all_the_sam
     told = CODEC.encode(heard)
     assert CANARY not in json.dumps(told)
     again = CODEC.decode(told)
-    deaths = [
-        judge_death(one.exit, one.page.last_words, was_ready=True, term_sent=False) for one in (heard, again)
-    ]
-    assert deaths[0] == deaths[1]
+    assert isinstance(again, CoreExited)
+    assert again.page is not None
+    first, second = (
+        judge_death(heard.exit, words, was_ready=True, term_sent=False)
+        for words in (WORDS, again.page.last_words)
+    )
+    assert first == second
 
 
 def test_the_facts_say_of_each_witness_whether_it_complained() -> None:
