@@ -71,7 +71,7 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "incident": reading.incident,
         "stage": reading.stage,
         "waits_for": reading.waits_for,
-        "worries": [*_unsound(reading), *_worries(reading)],
+        "worries": [*_unsound(reading), *_locked(reading), *_worries(reading)],
     }
     status["sentinel"] |= {"tick_ms": policy.health_check_interval_ms, "late_ticks": reading.late_ticks}
     status["budget"] = {
@@ -85,6 +85,11 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
 def _worries(reading: Reading) -> list[str]:
     """Return what is not well: a witness that says that all is well is no worry, whatever the others say."""
     return [t.why for t in reading.verdict.testimonies if t.colour is not Colour.GREEN]
+
+
+def _locked(reading: Reading) -> list[str]:
+    """Return who keeps the core that is to write from beginning."""
+    return [reading.locked_by] if reading.locked_by else []
 
 
 def _unsound(reading: Reading) -> list[str]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from hardcore.model.actions import Action
 from hardcore.model.phases import Phase, StartCause, Wanted
 from hardcore.model.recorder import Witness
-from hardcore.model.verdicts import GREEN, Diagnosis, Verdict
+from hardcore.model.verdicts import GREEN, Diagnosis, Testimony, Verdict
 from hardcore.recovery import plan
 from hardcore.recovery.audit import Audit
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
@@ -80,6 +80,7 @@ class Course:
     tries: int = 0  # cores in a row that proved nothing
     hopeless: Diagnosis | None = None  # why another try makes no sense
     reader_tried: bool = False  # no core that may write has been started since the last reader
+    holder: Testimony | None = None  # who was last found to hold the store's lock
     trying: Diagnosis | None = None  # the next core finds out whether this reason is over
     # What one step tells the next on the way.
     pending: Trouble | None = None

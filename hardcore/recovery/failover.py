@@ -71,7 +71,8 @@ class FailoverManager:
                 if c.story is not None and fact.incident == c.story.id:
                     c.story.add_requests(fact.requests)
             case _:
-                if fact.life == c.life:
+                # Who holds the store's lock is no one life's: a look that was asked for the last core is still true.
+                if fact.life == c.life or isinstance(fact, seen.StoreLooked):
                     _receive_of_core(c, fact)
 
     def handle_deadline(self, now_ns: int) -> None:
@@ -135,6 +136,7 @@ class FailoverManager:
         shown = phases.stage(c.phase)
         yellow = c.worry.shown or c.audit.worries or c.troubles.on
         safe = c.safety.reason if serving else None
+        locked = safe is Diagnosis.DB_LOCKED
         return Reading(
             phase=c.phase,
             state=phases.ha_state(c.phase, c.wanted, c.cause, yellow=yellow, safe=safe),
@@ -155,6 +157,7 @@ class FailoverManager:
             safe=safe,
             drill_ns=c.drill.since_ns,
             in_question=_in_question(c),
+            locked_by=c.holder.why if c.holder is not None and (locked or not serving) else None,
         )
 
 
@@ -229,10 +232,11 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
                 c.deadline.extend(fact.at_ns + min(fact.for_ns, most_ns))
         case seen.CoreReady():
             _ready(c, fact)
+        case seen.StoreLooked():
+            relief.looked(c, fact)
         case seen.FenceBlocked():
-            if c.story:
-                blocked = Testimony("core", Colour.RED, "the store is locked by somebody else")
-                c.story.add_evidence((blocked,))
+            if c.phase in BOOTING:
+                order(c, LookAtStore(c.life))
         case seen.TermReceived():
             c.term_sent = True
         case seen.CoreExited():
@@ -250,7 +254,6 @@ def _receive_of_serving(
     | seen.LedgerAudited
     | seen.StacksSampled
     | seen.Probed
-    | seen.StoreLooked
     | seen.StoreTold
     | seen.SafeSwitched
     | seen.Surveyed,
@@ -264,8 +267,6 @@ def _receive_of_serving(
             relief.audited(c, fact)
         case seen.StacksSampled():
             c.curiosity.answered(Wish.STACKS)
-        case seen.StoreLooked():
-            c.curiosity.answered(Wish.STORE)
         case seen.StoreTold():
             relief.told(c, fact)
         case seen.SafeSwitched():
@@ -324,7 +325,9 @@ def _last(c: Course, now_ns: int) -> None:
         now_ns - c.outlasted_ns >= plan.patience_max_ns(c.policy)
         and silent_ns <= c.policy.health_check_timeout_ms * NS_PER_MS
     ):
-        fire(c, Trigger.LASTED, now_ns, "it has served for its probation, and what worries has come to nothing")
+        fire(
+            c, Trigger.LASTED, now_ns, "it has served for its probation, and what worries has come to nothing"
+        )
 
 
 def _watch(c: Course, tick: seen.Sampled) -> None:

@@ -7,7 +7,17 @@ meant, what the store's epoch is, which incident is open.
 from typing import assert_never
 
 from hardcore.model import phases
-from hardcore.model.actions import Alert, Halt, Kill, KillLeftovers, Release, SetSafe, Spawn, Terminate
+from hardcore.model.actions import (
+    Alert,
+    Halt,
+    Kill,
+    KillLeftovers,
+    LookAtStore,
+    Release,
+    SetSafe,
+    Spawn,
+    Terminate,
+)
 from hardcore.model.phases import Phase, Wanted
 from hardcore.model.verdicts import GREEN, Diagnosis
 from hardcore.recovery import plan, telling
@@ -60,6 +70,8 @@ def heed(c: Course, deed: Deed, now_ns: int) -> None:
         case Deed.ORDER_ON | Deed.ORDER_OFF:
             assert reason is not None, "a switch is turned for a reason"
             order(c, SetSafe(c.life, deed is Deed.ORDER_ON, reason))
+        case Deed.LOOK:
+            order(c, LookAtStore(c.life))
         case Deed.RENEW:
             c.trying = reason
             fire(c, Trigger.RENEW, now_ns, f"{reason}: whether a core may write again is tried")
@@ -74,7 +86,7 @@ def _holds(c: Course, question: Trigger) -> bool:
         case Trigger.READS_ONLY:
             return plan.may_read(c.policy, _reads_for(c), tried=c.reader_tried)
         case Trigger.HOPELESS:
-            return c.hopeless is not None
+            return c.hopeless is not None and not plan.passes(c.policy, c.hopeless)
         case Trigger.NO_DELAY:
             return c.delay_ns == 0
         case _:
@@ -159,6 +171,8 @@ def _spawn(c: Course, reader: Diagnosis | None) -> None:
     c.life += 1
     c.drill.cancel()  # a drill is one life's
     c.blame = Diagnosis.OPERATOR
+    if plan.passes(c.policy, c.hopeless):
+        c.trying = c.hopeless
     c.hopeless = None
     c.term_sent = c.image_asked = False
     c.growth, c.curiosity = Growth(), Curiosity()
@@ -182,6 +196,7 @@ def _release(c: Course, now_ns: int) -> None:
     incident = c.story.id if c.story else None
     c.audit.begin(incident)
     c.safety.begin(c.reader, now_ns)
+    c.holder = c.holder if c.reader else None
     if c.story and c.reader:
         c.story.safe = True
     c.troubles.look(now_ns, quiet=not c.safety.on)

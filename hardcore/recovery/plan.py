@@ -6,7 +6,7 @@ from hardcore.model.phases import SERVING, Phase
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, backoff_ns
 from hardcore.recovery.policy import Policy, Word
-from hardcore.recovery.safety import DISK
+from hardcore.recovery.safety import PASSING
 from hardcore.sentinel.verdict import Patience
 
 #: Evidence that overruns its budget is given this much longer to hand over what it has.
@@ -52,18 +52,30 @@ def may_read(policy: Policy, reason: Diagnosis | None, *, tried: bool) -> bool:
 
     `tried`: such a core was the last one; what ended it would end its like.
     """
-    return reason is not None and not tried and policy.asks(reason, Word.SAFE_MODE_ENTER)
+    if reason is None or tried:
+        return False
+    kept = reason is Diagnosis.DB_LOCKED and policy.asks(reason, Word.DEGRADE)  # whoever reads needs no lock
+    return kept or policy.asks(reason, Word.SAFE_MODE_ENTER)
+
+
+def passes(policy: Policy, reason: Diagnosis | None) -> bool:
+    """Return whether `reason` keeps a core from beginning only for a while, so that it is tried again and again.
+
+    A lock that another program holds ends with that program; no number of starts says that it never will.
+    """
+    return reason is Diagnosis.DB_LOCKED and not policy.asks(reason, Word.AWAIT_OPERATOR)
 
 
 def waits_for(phase: Phase, reason: Diagnosis | None, safe: Diagnosis | None) -> str | None:
     """Return what keeps the guard from going on by itself, or None while it does.
 
-    `safe`: why reads only are served. Room on a disk is looked for by itself; anything else a person has to mend.
+    `safe`: why reads only are served. Room on a disk and the end of a lock are looked for by itself; anything else a
+    person has to mend.
     """
     if phase is Phase.UNKILLABLE:
         return str(phase)
     if phase in SERVING:
-        return str(safe) if safe is not None and safe not in DISK else None
+        return str(safe) if safe is not None and safe not in PASSING else None
     return str(reason) if phase is Phase.FATAL and reason else None
 
 

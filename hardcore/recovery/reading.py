@@ -42,3 +42,4 @@ class Reading:
     safe: Diagnosis | None = None  # why the serving core answers reads only
     drill_ns: int | None = None  # when a drill was ordered that has shown no effect yet
     in_question: bool = False  # an operator may say that the ledger is right as it stands
+    locked_by: str | None = None  # who keeps the ledger's lock from a core that is to write

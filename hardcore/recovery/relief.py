@@ -8,7 +8,7 @@ come up for a while.
 
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING
-from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Verdict
+from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Verdict, Wish
 from hardcore.recovery import telling
 from hardcore.recovery.course import Course
 from hardcore.recovery.moves import fire, heed
@@ -17,6 +17,7 @@ from hardcore.recovery.safety import TOLD
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.transitions import Trigger
 from hardcore.sentinel.deaths import Death
+from hardcore.sentinel.witnesses.store import who
 
 
 def judged(c: Course, verdict: Verdict, now_ns: int, why: str) -> None:
@@ -53,6 +54,21 @@ def audited(c: Course, fact: seen.LedgerAudited) -> None:
     if c.story is not None:
         c.story.audit = fact
     settle(c, fact.at_ns)
+
+
+def looked(c: Course, fact: seen.StoreLooked) -> None:
+    """Take in who holds the store's lock, whichever core it was asked for."""
+    strangers = [holder for holder in fact.holders if not holder.ours]
+    c.holder = None
+    if strangers:
+        c.holder = Testimony("store", Colour.RED, f"{who(strangers[0])} holds the store's write lock")
+        if c.story is not None and any(death.diagnosis is Diagnosis.DB_LOCKED for death in c.story.deaths):
+            c.story.add_evidence((c.holder,))
+    if fact.life != c.life or c.phase not in SERVING:
+        return
+    c.bench.hear(fact)
+    c.curiosity.answered(Wish.STORE)
+    heed(c, c.safety.looked(held=bool(strangers), now_ns=fact.at_ns), fact.at_ns)
 
 
 def switched(c: Course, fact: seen.SafeSwitched) -> None:

@@ -3,7 +3,8 @@
 The core is told (`SetSafe`) or was started so; it may also have switched itself, because its store took a write no
 longer. What it says of itself counts, not what it was told: an order may be lost, or carried out late. For a
 disk's reasons a try to write is made by itself, at doubling pauses and only while the disk witness has nothing
-against it; for any other reason a person has to say so. A mode that is left when the disk looks well again was not
+against it; for a lock of somebody else's, when a look at the lock finds it free: a try ends the reading for some
+seconds. For any other reason a person has to say so. A mode that is left when the disk looks well again was not
 chosen: only a write that was taken proves that writes are taken.
 """
 
@@ -21,8 +22,10 @@ RETRY_NS_MAX = 60 * NS_PER_S
 #: While the disk is not well, it is looked at again after this.
 LOOK_AGAIN_NS = NS_PER_S
 
-#: Reasons that end by themselves when somebody makes room.
+#: Reasons that end when somebody makes room.
 DISK = frozenset({Diagnosis.DISK_FULL, Diagnosis.DISK_READ_ONLY, Diagnosis.DISK_STALLED})
+#: Reasons that end without a word to the guard: it finds out by itself.
+PASSING = DISK | {Diagnosis.DB_LOCKED}
 #: What a core's own word about its store means.
 TOLD = {
     StoreFault.FULL: Diagnosis.DISK_FULL,
@@ -45,6 +48,7 @@ class Deed(StrEnum):
     NOTHING = "nothing"
     ORDER_ON = "order-on"
     ORDER_OFF = "order-off"
+    LOOK = "look"  # whether the lock is still held
     RENEW = "renew"  # the core was started to read only: another one has to try
 
 
@@ -67,6 +71,7 @@ class Safety:
     asked: Diagnosis | None = None
     _started: bool = False
     _wait_ns: int = 0
+    _looking: bool = False
     _disk: DiskFacts | None = None
 
     @property
@@ -135,12 +140,26 @@ class Safety:
         if not self._well():
             self.due_ns = now_ns + LOOK_AGAIN_NS
             return Deed.NOTHING
+        if self.goal is Diagnosis.DB_LOCKED and not self._looking:
+            self._looking, self.due_ns = True, now_ns + ANSWER_NS
+            return Deed.LOOK
+        return self.try_to_write(now_ns)  # also if nobody could say who holds the lock
+
+    def looked(self, *, held: bool, now_ns: int) -> Deed:
+        """Take in whether somebody else holds the store's lock; return what has to be done, if that was asked."""
+        if not self._looking:
+            return Deed.NOTHING
+        self._looking = False
+        if held:
+            self.due_ns = now_ns + LOOK_AGAIN_NS
+            return Deed.NOTHING
         return self.try_to_write(now_ns)
 
     def try_to_write(self, now_ns: int) -> Deed:
         """Try to leave at once, whatever the disk looks like: its time has come, or the operator says so."""
         if self.mode is Mode.OFF or self.mode is Mode.LEAVING:
             return Deed.NOTHING
+        self._looking = False
         self._wait_ns = min(2 * (self._wait_ns or self.retry_ns), RETRY_NS_MAX)
         if self._started:
             self.due_ns = None
@@ -151,7 +170,7 @@ class Safety:
     def leave(self) -> None:
         """The core serves everything again, or is gone."""
         self.mode, self.reason, self.goal = Mode.OFF, None, None
-        self.due_ns, self._started, self._disk = None, False, None
+        self.due_ns, self._started, self._disk, self._looking = None, False, None, False
 
     def forget(self) -> None:
         """The trouble is over: the next one begins with the first pause."""
@@ -167,7 +186,7 @@ class Safety:
         self._plan(now_ns)
 
     def _plan(self, now_ns: int) -> None:
-        self.due_ns = now_ns + self._wait_ns if self.goal in DISK and not self.locked else None
+        self.due_ns = now_ns + self._wait_ns if self.goal in PASSING and not self.locked else None
 
     def _ask_again(self, now_ns: int, *, quiet: bool) -> Deed:
         if quiet and not self.locked and self.reason is None:

@@ -12,7 +12,7 @@ from hardcore.recovery import plan
 from hardcore.recovery.budget import NS_PER_S, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.policy import Word
-from hardcore.recovery.safety import DISK
+from hardcore.recovery.safety import PASSING
 from hardcore.recovery.story import Story, Trouble, begin
 from hardcore.sentinel.deaths import Death
 
@@ -64,6 +64,9 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
         c.cause = StartCause.PLANNED
         return
     again = c.phase in BOOTING and c.trying is death.diagnosis
+    locked_out = c.phase in BOOTING and death.diagnosis is Diagnosis.DB_LOCKED
+    if locked_out and c.holder is not None:
+        story.add_evidence((c.holder,))
     c.worth_a_look = not again
     if drill is None and not again:
         alert(c, death.diagnosis, f"{_why(death)}. Recovery has begun.")
@@ -71,7 +74,7 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     if c.cause is not StartCause.FIRST or c.phase in SERVING:
         c.cause = StartCause.UNPLANNED
     if death.diagnosis is not Diagnosis.SENTINEL_LOST:
-        _count(c, death.diagnosis, now_ns, free=drill is not None or again)
+        _count(c, death.diagnosis, now_ns, free=drill is not None or again or locked_out)
 
 
 def open_trouble(c: Course, now_ns: int) -> None:
@@ -124,7 +127,7 @@ def close_if_over(c: Course, now_ns: int, after: Phase) -> None:
 def left_to_a_person(c: Course) -> Diagnosis | None:
     """Return why nothing more is done by itself about a core that serves, or None."""
     if c.safety.reason is not None:
-        return c.safety.reason if c.safety.reason not in DISK else None
+        return c.safety.reason if c.safety.reason not in PASSING else None
     damaged = Diagnosis.STORE_CORRUPT
     told = damaged in c.troubles.known and not c.policy.asks(damaged, Word.SAFE_MODE_ENTER)
     return damaged if told else None
@@ -186,4 +189,7 @@ def _count(c: Course, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
     if not free:
         keep(c, c.budget.after_death(now_ns))
     locked = Diagnosis.STORE_CORRUPT if c.safety.locked else None
-    c.hopeless = c.reader or locked or plan.hopeless(c.policy, diagnosis, spent=c.budget.spent(now_ns))
+    spent = c.budget.spent(now_ns)
+    c.hopeless = c.reader or locked or plan.hopeless(c.policy, diagnosis, spent=spent)
+    if spent and plan.passes(c.policy, c.hopeless):
+        c.hopeless = Diagnosis.CRASH_LOOP  # readers that die count as any other

@@ -1,6 +1,7 @@
 """What must not be served is not served: a damaged store, a locked one, a loop of deaths. A person is asked."""
 
 import json
+import os
 import shutil
 import sqlite3
 import threading
@@ -11,6 +12,9 @@ from pathlib import Path
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import House
 from tests.waiting import until
+
+#: A policy that has a lock of somebody else's wait for a person.
+A_PERSON = {"DB_LOCKED": ["SEND_ALERT", "SNAPSHOT", "AWAIT_OPERATOR"]}
 
 
 def stopped_with_records(house: House) -> None:
@@ -125,25 +129,31 @@ def test_a_ledger_that_lost_its_last_commit_is_only_read(new_house: MakeHouse) -
     assert any("event 3 had been committed" in fact["text"] for fact in story["evidence"]), story["evidence"]
 
 
-def test_a_store_that_another_program_holds_is_not_fought_for_and_resume_brings_it_back(
+def test_a_ledger_that_another_program_holds_is_read_meanwhile_and_written_to_when_it_is_let_go(
     new_house: MakeHouse,
 ) -> None:
     house = new_house()
     stopped_with_records(house)
     with locked(house.folders.data / "ledger.db"):
         house.begin()
-        refused_at_once(house)
-        assert house.closed(1)["diagnosis"] == "DB_LOCKED"
-        again = house.cli("resume")
-        assert again.code == 1, again
-    assert house.cli("resume").code == 0
+        status = house.until(
+            lambda s: s["safe"] == "DB_LOCKED" and s["core"]["ready"], "a core that reads only"
+        )
+        assert (status["state"], status["waits_for"]) == ("SAFE_MODE", None)
+        assert any(f"process {os.getpid()} (" in worry for worry in status["worries"]), status["worries"]
+        house.url = status["url"]
+        until(lambda: sorted(house.booked()) == ["record-0", "record-1", "record-2"], "the records")
+        assert house.book("refused").status == 503
     house.running()
+    story = house.closed(1)
+    assert (story["diagnosis"], story["outcome"]) == ("DB_LOCKED", "safe_mode")
+    assert any(f"process {os.getpid()} (" in fact["text"] for fact in story["evidence"]), story["evidence"]
     assert sorted(house.booked()) == ["record-0", "record-1", "record-2"]
     assert house.book("after-the-lock").status == 201
 
 
 def test_what_waited_for_a_person_is_told_as_over_when_a_core_serves_again(new_house: MakeHouse) -> None:
-    house = new_house()
+    house = new_house(actions=A_PERSON)
     stopped_with_records(house)
     with locked(house.folders.data / "ledger.db"):
         house.begin()

@@ -36,10 +36,24 @@ def test_a_core_may_serve_reads_where_the_policy_says_so_and_it_was_not_just_tri
 
 
 @pytest.mark.parametrize(
-    "reason", [None, Diagnosis.CONFIG_INVALID, Diagnosis.CRASH_LOOP, Diagnosis.DB_LOCKED]
+    "reason", [None, Diagnosis.CONFIG_INVALID, Diagnosis.CRASH_LOOP, Diagnosis.CRASHED]
 )
 def test_nothing_else_makes_a_core_that_only_reads(reason: Diagnosis | None) -> None:
     assert not plan.may_read(Policy(), reason, tried=False)
+
+
+def test_whoever_reads_needs_no_lock_and_a_policy_that_keeps_the_core_keeps_reading() -> None:
+    assert plan.may_read(Policy(), Diagnosis.DB_LOCKED, tried=False)
+    assert not plan.may_read(Policy(), Diagnosis.DB_LOCKED, tried=True)
+    told = Policy(actions={Diagnosis.DB_LOCKED: frozenset({Word.SEND_ALERT})})
+    assert not plan.may_read(told, Diagnosis.DB_LOCKED, tried=False)
+
+
+def test_a_lock_is_waited_for_unless_the_policy_wants_a_person() -> None:
+    assert plan.passes(Policy(), Diagnosis.DB_LOCKED)
+    assert not plan.passes(Policy(), Diagnosis.DISK_FULL)
+    waits = Policy(actions={Diagnosis.DB_LOCKED: frozenset({Word.AWAIT_OPERATOR})})
+    assert not plan.passes(waits, Diagnosis.DB_LOCKED)
 
 
 def test_a_person_is_waited_for_where_only_a_person_helps() -> None:

@@ -5,9 +5,18 @@ import pytest
 from hardcore.model.observations import DiskFacts, SafeSwitched, StoreFault
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_S as S
-from hardcore.recovery.safety import ANSWER_NS, DISK, LOOK_AGAIN_NS, RETRY_NS_MAX, Deed, Mode, Safety, safety
+from hardcore.recovery.safety import (
+    ANSWER_NS,
+    LOOK_AGAIN_NS,
+    PASSING,
+    RETRY_NS_MAX,
+    Deed,
+    Mode,
+    Safety,
+    safety,
+)
 
-FULL, CORRUPT = Diagnosis.DISK_FULL, Diagnosis.STORE_CORRUPT
+FULL, CORRUPT, LOCKED = Diagnosis.DISK_FULL, Diagnosis.STORE_CORRUPT, Diagnosis.DB_LOCKED
 WELL = DiskFacts(free_bytes=1 << 30, read_only=False, write_ns=1_000_000)
 
 
@@ -156,8 +165,28 @@ def test_no_try_is_made_while_the_disk_is_seen_to_be_ill(disk: DiskFacts) -> Non
     assert _ring(switch) == (at_ns + LOOK_AGAIN_NS, Deed.ORDER_OFF)
 
 
-@pytest.mark.parametrize("reason", sorted(set(Diagnosis) - DISK))
-def test_only_a_disks_reasons_end_by_themselves(reason: Diagnosis) -> None:
+def test_a_lock_is_looked_at_again_and_again_and_tried_when_it_is_free() -> None:
+    switch = _on(LOCKED)
+    at_ns, deed = _ring(switch)
+    assert (at_ns, deed) == (5 * S, Deed.LOOK)
+    assert switch.looked(held=True, now_ns=at_ns) is Deed.NOTHING
+    assert _ring(switch) == (at_ns + LOOK_AGAIN_NS, Deed.LOOK)
+    assert switch.looked(held=False, now_ns=at_ns) is Deed.ORDER_OFF
+
+
+def test_a_lock_that_nobody_can_look_at_is_tried_all_the_same() -> None:
+    switch = _on(LOCKED)
+    at_ns, _ = _ring(switch)
+    assert _ring(switch) == (at_ns + ANSWER_NS, Deed.ORDER_OFF)
+
+
+def test_a_look_at_the_lock_that_was_for_something_else_turns_no_switch() -> None:
+    assert _on().looked(held=False, now_ns=S) is Deed.NOTHING
+    assert _on(LOCKED).looked(held=False, now_ns=S) is Deed.NOTHING
+
+
+@pytest.mark.parametrize("reason", sorted(set(Diagnosis) - PASSING))
+def test_only_a_disks_reasons_and_a_lock_end_by_themselves(reason: Diagnosis) -> None:
     switch = _on(reason)
     assert switch.due_ns is None
     assert switch.try_to_write(S) is Deed.ORDER_OFF
