@@ -142,8 +142,8 @@ def add_files(
 ) -> BundleFailed | None:
     """Add or replace files of a bundle, each as a whole; the manifest follows last. None: all is written.
 
-    `complete` None: as it was. `found`: names that are not missing any more. A manifest that can't be read is begun anew and says so: facts are worth
-    more than a neat folder.
+    `complete` None: as it was. `found`: names that are not missing any more. A manifest that can't be read is
+    begun anew and says so: facts are worth more than a neat folder.
     """
     try:
         with placing.writing(path):

@@ -3,8 +3,9 @@
 First an allow-list: a value is shown only where its name says that it is an id, an amount or a number with a
 unit, and only if it has that form; of free text only plain words, numbers, ids and places in code. Then a
 list of names: whatever is said to be a secret goes, with all that follows it. Then patterns: what looks like
-a secret by its shape, and in a line of text a long number that has no unit. To hide only what has a secret's name was the rule before and was not kept: a password
-typed into a description has no name. What no sieve can tell is one plain word of prose from another.
+a secret by its shape, and in a line of text a long number that has no unit. To hide only what has a secret's
+name was the rule before and was not kept: a password typed into a description has no name. What no sieve can
+tell is one plain word of prose from another.
 """
 
 import re
