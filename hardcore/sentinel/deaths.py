@@ -8,9 +8,10 @@ Exit codes are those of `docs/wires.md` section 2.
 
 from dataclasses import dataclass
 
-from hardcore.model.observations import Exit
+from hardcore.model.observations import DiskFacts, Exit
 from hardcore.model.recorder import LastWords
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
+from hardcore.sentinel.witnesses.disk import refusal
 
 #: Linux signal numbers by name; the pure rooms import no `signal`.
 SIGNAL_NAMES = {
@@ -78,11 +79,13 @@ def judge_death(
     was_ready: bool,
     term_sent: bool,
     oom_kills: int | None = None,
+    disk: DiskFacts | None = None,
 ) -> Death:
     """Return what this unasked end means.
 
     `was_ready`: the core had reached READY. `term_sent`: a TERM had reached it that was not ours. `oom_kills`: how
-    often the kernel has killed for memory since this life began; None: nobody can tell.
+    often the kernel has killed for memory since this life began; None: nobody can tell. `disk`: the last look at the
+    data folder's file system while it lived.
     """
     facts = [Testimony("pidfd", Colour.RED, f"the core {describe(how)}")]
     if words is not None:
@@ -95,6 +98,11 @@ def judge_death(
         facts.append(Testimony("memory", Colour.RED, counted))
         return Death(Diagnosis.OUT_OF_MEMORY, Grade.CERTAIN, tuple(facts))
     diagnosis, grade = _name(how, words, was_ready=was_ready, term_sent=term_sent)
+    refused = refusal(disk) if diagnosis is Diagnosis.COMMIT_FAILED else None
+    if refused is not None:
+        # It is the disk's doing: the next core could not write either.
+        facts.append(Testimony("disk", Colour.RED, "a small write of ours was refused as well"))
+        return Death(refused, Grade.CERTAIN, tuple(facts))
     return Death(diagnosis, grade, tuple(facts))
 
 

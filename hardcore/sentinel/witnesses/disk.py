@@ -9,7 +9,7 @@ a row, so that a file that came and went is no full disk.
 from dataclasses import dataclass
 
 from hardcore.model.observations import DiskFacts, Surveyed
-from hardcore.model.verdicts import Colour, Testimony
+from hardcore.model.verdicts import Colour, Diagnosis, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
 from hardcore.sentinel.seen_time import SeenTime
 
@@ -18,7 +18,8 @@ STALE_NS = 15_000_000_000
 #: So many surveys must have been left out.
 STALE_SURVEYS = 3
 _FULL = frozenset({"ENOSPC", "EDQUOT"})
-_READ_ONLY = "EROFS"
+#: EIO too: a disk that fails what we write takes no writes, whatever it is called.
+_READ_ONLY = frozenset({"EROFS", "EIO"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ class Disk:
             return
         self._last, self._at_ns = fact.disk, fact.at_ns
         full = fact.disk.fault in _FULL or fact.disk.free_bytes < self.floor_bytes
-        read_only = fact.disk.read_only or fact.disk.fault == _READ_ONLY
+        read_only = fact.disk.read_only or fact.disk.fault in _READ_ONLY
         self._full_twice, self._full_ns = _again(self._full_ns, fact.at_ns, holds=full and not read_only)
         self._read_only_twice, self._read_only_ns = _again(self._read_only_ns, fact.at_ns, holds=read_only)
 
@@ -81,6 +82,15 @@ class Disk:
 def _again(since_ns: int, at_ns: int, *, holds: bool) -> tuple[bool, int]:
     """Return whether it was so before as well, and since when it has been."""
     return (holds and bool(since_ns), (since_ns or at_ns) if holds else 0)
+
+
+def refusal(disk: DiskFacts | None) -> Diagnosis | None:
+    """Return what a disk is called that refuses a write of ours; None: it takes them, or nobody has looked."""
+    if disk is None:
+        return None
+    if disk.read_only or disk.fault in _READ_ONLY:
+        return Diagnosis.DISK_READ_ONLY
+    return Diagnosis.DISK_FULL if disk.fault in _FULL else None
 
 
 def testify(found: DiskFindings) -> Testimony | None:

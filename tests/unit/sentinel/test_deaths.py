@@ -2,7 +2,7 @@ import signal
 
 import pytest
 
-from hardcore.model.observations import Exit
+from hardcore.model.observations import DiskFacts, Exit
 from hardcore.model.recorder import LastWords
 from hardcore.model.verdicts import Diagnosis, Grade
 from hardcore.sentinel.deaths import SIGNAL_NAMES, describe, judge_death, own_fault
@@ -58,6 +58,31 @@ def test_the_codes_of_the_wire_mean_what_it_says(code: int, diagnosis: Diagnosis
 def test_a_disk_that_may_not_be_written_is_told_from_one_that_is_full() -> None:
     assert _named(Exit(code=73), words="DISK_READ_ONLY") == (Diagnosis.DISK_READ_ONLY, Grade.CERTAIN)
     assert _named(Exit(code=74), words="DISK_READ_ONLY")[0] is Diagnosis.COMMIT_FAILED, "no other code's word"
+
+
+@pytest.mark.parametrize(
+    ("fault", "diagnosis"),
+    [
+        ("EROFS", Diagnosis.DISK_READ_ONLY),
+        ("EIO", Diagnosis.DISK_READ_ONLY),
+        ("ENOSPC", Diagnosis.DISK_FULL),
+        ("", Diagnosis.COMMIT_FAILED),
+    ],
+)
+def test_a_commit_that_failed_is_the_disks_doing_where_our_own_write_fails_too(
+    fault: str, diagnosis: Diagnosis
+) -> None:
+    seen = DiskFacts(free_bytes=1 << 30, read_only=False, write_ns=1, fault=fault)
+    words = LastWords(1, "COMMIT_FAILED", "why")
+    death = judge_death(Exit(code=74), words, was_ready=True, term_sent=False, disk=seen)
+    assert (death.diagnosis, death.grade) == (diagnosis, Grade.CERTAIN)
+    assert ("disk" in {fact.witness for fact in death.evidence}) == bool(fault)
+
+
+def test_a_refusing_disk_explains_no_other_end() -> None:
+    seen = DiskFacts(free_bytes=1 << 30, read_only=True, write_ns=1, fault="EROFS")
+    death = judge_death(Exit(signal=11), None, was_ready=True, term_sent=False, disk=seen)
+    assert death.diagnosis is Diagnosis.CRASHED
 
 
 @pytest.mark.parametrize("code", CODES)

@@ -102,6 +102,7 @@ def test_a_core_that_says_so_and_a_disk_without_room_are_certain() -> None:
         (DiskFacts(ROOM, read_only=False, write_ns=None, fault="EDQUOT"), Diagnosis.DISK_FULL),
         (DiskFacts(ROOM, read_only=True, write_ns=None), Diagnosis.DISK_READ_ONLY),
         (DiskFacts(ROOM, read_only=False, write_ns=None, fault="EROFS"), Diagnosis.DISK_READ_ONLY),
+        (DiskFacts(ROOM, read_only=False, write_ns=None, fault="EIO"), Diagnosis.DISK_READ_ONLY),
     ],
 )
 def test_what_two_surveys_find_is_enough(disk: DiskFacts, diagnosis: Diagnosis) -> None:
