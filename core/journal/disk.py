@@ -14,6 +14,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from core.journal.lock import LOCK_FILE
 from core.journal.store import StoreError, StoreFault
 
 PROBE_FILE: Final = ".core-probe"
@@ -54,10 +55,10 @@ def refusal(folder: Path) -> StoreError | None:
     return None
 
 
-def refuses_to_open(path: Path) -> StoreError | None:
-    """Open a file that is there for writing, and no more; return why its disk refuses that. Two system calls."""
+def refuses_to_open(folder: Path) -> StoreError | None:
+    """Open the lock in `folder` for writing, and no more; return why its disk refuses that. Two system calls."""
     try:
-        os.close(os.open(path, os.O_WRONLY | os.O_CLOEXEC))
+        os.close(os.open(folder / LOCK_FILE, os.O_WRONLY | os.O_CLOEXEC))
     except OSError as error:
         return refused(error.errno or 0)
     return None

@@ -17,7 +17,6 @@ from typing import Final
 
 from core.guarded.privilege import has_reserve
 from core.journal.disk import refuses_to_open
-from core.journal.lock import LOCK_FILE
 from core.journal.store import StoreError, StoreFault
 
 #: More than an ordinary batch and its checkpoint write; a batch of larger bodies asks for more.
@@ -59,7 +58,7 @@ class Room:
         if seen.f_flag & os.ST_RDONLY:
             return StoreError(StoreFault.READ_ONLY, "EROFS: the disk is mounted read-only")
         # One that has met an error may still be called writable, and refuse everybody: that shows at an opening.
-        if (refused := refuses_to_open(self._folder / LOCK_FILE)) is not None:
+        if (refused := refuses_to_open(self._folder)) is not None:
             return refused
         free = free_bytes(seen, reserve_is_ours=self._reserve_is_ours)
         if free is not None and free < ROOM_BYTES_MIN + bytes_needed:

@@ -34,6 +34,7 @@ LEDGER_FILE_NAME: Final = "LEDGER_FILE"
 CORE_FILE_ROOMS: Final = {
     "core/guarded/": "files of the run folder: the recorder's page, the control socket, the file for stacks",
     "core/imports/": "the files of an import: what was given, the rows read from it, the formats of banks",
+    "core/journal/disk.py": "a small file of its own, and ledger.lock, to see whether the disk takes writes",
     "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
 }
 # Methods that only files have, with anything before them; then names that lists and dicts have as well.
