@@ -23,6 +23,7 @@ WITNESSES: Mapping[str, str] = {
     "machine": "컴퓨터",
     "memory": "메모리",
     "operator": "사람",
+    "page": "상태 기록",
     "pidfd": "운영체제",
     "probe": "상태 확인",
     "process": "프로세스",
@@ -109,6 +110,36 @@ SENTENCES: tuple[tuple[str, str], ...] = (
     (
         "{count} probes in a row were not answered, for {ms} ms",
         "상태 확인 {count}번에 잇달아 답이 없음, {ms}ms 동안",
+    ),
+    (
+        "the core's recorder page is no evidence of anything: The recorder page's header was changed.",
+        "장부 서버의 상태 기록을 증거로 쓸 수 없음: 머리 부분이 바뀜",
+    ),
+    (
+        "the core's recorder page is no evidence of anything: "
+        "The recorder page has not the size it was made with, or can't be read.",
+        "장부 서버의 상태 기록을 증거로 쓸 수 없음: 크기가 달라졌거나 읽을 수 없음",
+    ),
+    (
+        "the core's recorder page is no evidence of anything: "
+        "The recorder page holds a life state that nobody writes.",
+        "장부 서버의 상태 기록을 증거로 쓸 수 없음: 있을 수 없는 상태 값",
+    ),
+    (
+        "the core's recorder page is no evidence of anything: Its beats are from the future.",
+        "장부 서버의 상태 기록을 증거로 쓸 수 없음: 박동 시각이 미래임",
+    ),
+    (
+        "the core's recorder page is no evidence of anything: Its beats were taken back.",
+        "장부 서버의 상태 기록을 증거로 쓸 수 없음: 박동 기록이 지워짐",
+    ),
+    (
+        "the core's recorder page is no evidence of anything: {reason}",
+        "장부 서버의 상태 기록을 증거로 쓸 수 없음: {reason}",
+    ),
+    (
+        "nobody can look at the core's process: {reason}",
+        "장부 서버의 프로세스를 들여다볼 수 없음: {reason}",
     ),
     ("two looks found the loop in the same place: {place}", "두 번 모두 주 작업이 같은 곳에 있었음: {place}"),
     ("the writer's thread sleeps without processor time", "기록 스레드가 프로세서를 쓰지 않고 잠들어 있음"),
