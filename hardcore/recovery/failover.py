@@ -367,7 +367,12 @@ def _exited(c: Course, fact: seen.CoreExited) -> None:
         words = fact.page.last_words if fact.page else None
         ready = c.phase in phases.SERVING
         death = judge_death(
-            fact.exit, words, was_ready=ready, term_sent=c.term_sent, oom_kills=fact.oom_kills
+            fact.exit,
+            words,
+            was_ready=ready,
+            term_sent=c.term_sent,
+            oom_kills=fact.oom_kills,
+            disk=c.safety.disk if ready else None,
         )
         c.pending = Trouble(death, _silent_since(c, fact), fact.exit, fact.page)
     elif c.story:

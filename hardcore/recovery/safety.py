@@ -79,6 +79,11 @@ class Safety:
         """Whether the core serves reads only, or was told to."""
         return self.mode is not Mode.OFF
 
+    @property
+    def disk(self) -> DiskFacts | None:
+        """The newest look at the disk while this core serves; None: there was none."""
+        return self._disk
+
     def begin(self, reason: Diagnosis | None, now_ns: int) -> None:
         """Another core serves; `reason`: it was started to read only, because of this."""
         self.leave()

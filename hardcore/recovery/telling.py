@@ -12,7 +12,7 @@ from hardcore.recovery import plan
 from hardcore.recovery.budget import NS_PER_S, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.policy import Word
-from hardcore.recovery.safety import PASSING
+from hardcore.recovery.safety import DISK, PASSING
 from hardcore.recovery.story import Story, Trouble, begin
 from hardcore.sentinel.deaths import Death
 
@@ -74,7 +74,9 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     if c.cause is not StartCause.FIRST or c.phase in SERVING:
         c.cause = StartCause.UNPLANNED
     if death.diagnosis is not Diagnosis.SENTINEL_LOST:
-        _count(c, death.diagnosis, now_ns, free=drill is not None or again or locked_out)
+        # No other core tries what a disk refuses: one is started to read, however often that happens.
+        refused = death.diagnosis in DISK and not c.policy.asks(death.diagnosis, Word.REBOOT_PROCESS)
+        _count(c, death.diagnosis, now_ns, free=drill is not None or again or locked_out or refused)
 
 
 def open_trouble(c: Course, now_ns: int) -> None:

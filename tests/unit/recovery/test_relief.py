@@ -11,7 +11,7 @@ from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.transitions import Trigger
 from tests.unit.recovery.play import MS, PROOF, Play, S, a_page, kinds
 
-FULL, CORRUPT = Diagnosis.DISK_FULL, Diagnosis.STORE_CORRUPT
+FULL, CORRUPT, READ_ONLY = Diagnosis.DISK_FULL, Diagnosis.STORE_CORRUPT, Diagnosis.DISK_READ_ONLY
 UNPROVEN = seen.Proof("none", 0, 7, "h7")
 ROOM = seen.DiskFacts(free_bytes=1 << 30, read_only=False, write_ns=MS)
 NO_ROOM = seen.DiskFacts(free_bytes=1 << 20, read_only=False, write_ns=MS)
@@ -261,6 +261,36 @@ def _reading() -> Play:
     _reader(play).ring()
     assert _state(play) == (Phase.RUNNING, HAState.SAFE_MODE, FULL)
     return play
+
+
+@pytest.mark.parametrize(("fault", "reason"), [("EROFS", READ_ONLY), ("EIO", READ_ONLY), ("ENOSPC", FULL)])
+def test_a_commit_that_failed_on_a_disk_that_refuses_us_too_is_followed_by_a_core_that_reads(
+    fault: str, reason: Diagnosis
+) -> None:
+    play = _running()
+    _look(play, seen.DiskFacts(1 << 30, read_only=False, write_ns=MS, fault=fault))
+    given = play.die(seen.Exit(code=74), a_page(4, words="COMMIT_FAILED"))
+    assert (play.spawned().safe, "KeepBudget" in kinds(given)) == (reason, False)
+
+
+def test_a_commit_that_failed_on_a_disk_that_takes_our_writes_is_followed_by_a_core_that_writes() -> None:
+    play = _running()
+    _look(play, ROOM)
+    play.die(seen.Exit(code=74), a_page(4, words="COMMIT_FAILED"))
+    assert play.spawned().safe is None
+
+
+def test_what_a_disk_refuses_costs_no_more_than_the_first_death() -> None:
+    play = Play(Policy(max_restart_count=1)).begin().running(4)
+    play.die(seen.Exit(code=74), a_page(4, words="COMMIT_FAILED"))
+    play.die(seen.Exit(code=73), a_page(0, words="DISK_READ_ONLY"))
+    assert (play.spawned().safe, play.manager.reading().deaths) == (READ_ONLY, 1)
+
+
+def test_a_policy_that_tries_again_on_a_full_disk_pays_for_it() -> None:
+    play = Play(Policy(actions={FULL: frozenset({Word.REBOOT_PROCESS})})).begin().running(4)
+    play.die(seen.Exit(code=73), a_page(0, words="DISK_FULL"))
+    assert (play.spawned().safe, play.manager.reading().deaths) == (None, 1)
 
 
 def test_an_incident_stays_open_while_reads_only_are_served() -> None:
