@@ -112,29 +112,27 @@ SENTENCES: tuple[tuple[str, str], ...] = (
         "상태 확인 {count}번에 잇달아 답이 없음, {ms}ms 동안",
     ),
     (
-        "the core's recorder page is no evidence of anything: The recorder page's header was changed.",
+        "no page to judge by: The recorder page's header was changed.",
         "장부 서버의 상태 기록을 증거로 쓸 수 없음: 머리 부분이 바뀜",
     ),
     (
-        "the core's recorder page is no evidence of anything: "
-        "The recorder page has not the size it was made with, or can't be read.",
+        "no page to judge by: The recorder page has not the size it was made with, or can't be read.",
         "장부 서버의 상태 기록을 증거로 쓸 수 없음: 크기가 달라졌거나 읽을 수 없음",
     ),
     (
-        "the core's recorder page is no evidence of anything: "
-        "The recorder page holds a life state that nobody writes.",
+        "no page to judge by: The recorder page holds a life state that nobody writes.",
         "장부 서버의 상태 기록을 증거로 쓸 수 없음: 있을 수 없는 상태 값",
     ),
     (
-        "the core's recorder page is no evidence of anything: Its beats are from the future.",
+        "no page to judge by: Its beats are from the future.",
         "장부 서버의 상태 기록을 증거로 쓸 수 없음: 박동 시각이 미래임",
     ),
     (
-        "the core's recorder page is no evidence of anything: Its beats were taken back.",
+        "no page to judge by: Its beats were taken back.",
         "장부 서버의 상태 기록을 증거로 쓸 수 없음: 박동 기록이 지워짐",
     ),
     (
-        "the core's recorder page is no evidence of anything: {reason}",
+        "no page to judge by: {reason}",
         "장부 서버의 상태 기록을 증거로 쓸 수 없음: {reason}",
     ),
     (

@@ -48,8 +48,7 @@ def testify(missing: Missing) -> tuple[Testimony, ...]:
     """Return what can't be seen. Never red, and never nothing."""
     said = []
     if missing.page:
-        why = f"the core's recorder page is no evidence of anything: {missing.page}"
-        said.append(Testimony("page", Colour.YELLOW, why))
+        said.append(Testimony("page", Colour.YELLOW, f"no page to judge by: {missing.page}"))
     if missing.process:
         why = f"nobody can look at the core's process: {missing.process}"
         said.append(Testimony("process", Colour.YELLOW, why))
