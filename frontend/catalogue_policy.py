@@ -105,6 +105,19 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "핵심 서버는 그대로 두고, 계속되는 동안 사건으로 기록해요.",
         "The core is left as it is; an incident is kept open while it lasts.",
     ),
+    "left-alone": _text(
+        "핵심 서버를 그대로 두고 사람을 기다려요. 그동안 상태는 MANUAL_INTERVENTION이에요.",
+        "The core is left as it is and a person is waited for; the state is MANUAL_INTERVENTION meanwhile.",
+    ),
+    "waits-for-lock": _text(
+        "켜지던 핵심 서버가 잠금을 만나면, 풀릴 때까지 길어도 {backoff_max_ms} ms마다 다시 켜 봐요 (backoff_max_ms).",
+        "A core that meets the lock at its start is started again, at pauses of up to {backoff_max_ms} ms "
+        "(backoff_max_ms), for as long as the lock lasts.",
+    ),
+    "reads-meanwhile": _text(
+        "그동안은 읽기만 받고, 잠금이 풀리면 저절로 다시 써요.",
+        "Reads are served meanwhile; it writes again by itself once the lock is free.",
+    ),
     "ended-and-started": _text(
         "증거를 남긴 뒤 종료하고 새 핵심 서버를 켜요. 새 서버는 장부를 확인한 뒤에만 요청을 받아요.",
         "The core is ended after its evidence and another is started; that one serves once it has proven the ledger.",

@@ -97,18 +97,27 @@ def face(phase: Phase, wanted: Wanted) -> Face:
 
 
 def ha_state(
-    phase: Phase, wanted: Wanted, cause: StartCause, *, yellow: bool, safe: Diagnosis | None = None
+    phase: Phase,
+    wanted: Wanted,
+    cause: StartCause,
+    *,
+    yellow: bool,
+    safe: Diagnosis | None = None,
+    alone: Diagnosis | None = None,
 ) -> HAState:
     """Return the state for people.
 
     `yellow`: a witness has been worried for long enough to say so. `safe`: why the core that serves answers reads
-    only. A damaged ledger is one of the reasons that only a person can end.
+    only. A damaged ledger is one of the reasons that only a person can end. `alone`: what is wrong with it, where the
+    policy leaves that to a person.
     """
     if wanted is Wanted.DOWN:
         return HAState.SHUTDOWN
     if safe is not None and phase in SERVING:
         damaged = safe is Diagnosis.STORE_CORRUPT
         return HAState.MANUAL_INTERVENTION if damaged else HAState.SAFE_MODE
+    if alone is not None and phase in SERVING:
+        return HAState.MANUAL_INTERVENTION
     match phase:
         case Phase.FATAL | Phase.UNKILLABLE:
             return HAState.MANUAL_INTERVENTION

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery.policy import EFFECT, Policy, Word
-from hardcore.recovery.safety import DISK
+from hardcore.recovery import plan
+from hardcore.recovery.policy import EFFECT, LIVING, Policy, Word
+from hardcore.recovery.safety import PASSING
 from hardcore.recovery.trial import FROM_INSIDE
 
 
@@ -38,6 +39,9 @@ class Said(StrEnum):
     TRIES_TO_WRITE = "tries-to-write"
     READS_UNTIL_RESUME = "reads-until-resume"
     GOES_ON = "goes-on"
+    LEFT_ALONE = "left-alone"
+    WAITS_FOR_LOCK = "waits-for-lock"
+    READS_MEANWHILE = "reads-meanwhile"
     ENDED_AND_STARTED = "ended-and-started"
     STARTED_AGAIN = "started-again"
     NOT_ADOPTED = "not-adopted"
@@ -93,21 +97,6 @@ _NOT_MADE = frozenset(
         Diagnosis.PLANNED_SWITCH,
     }
 )
-#: Diagnoses of a core that lives: to start another, this one has to be ended first.
-_LIVING = frozenset(
-    {
-        Diagnosis.FROZEN,
-        Diagnosis.DEADLOCK,
-        Diagnosis.LOOP_BLOCKED,
-        Diagnosis.GIL_HELD,
-        Diagnosis.SPINNING,
-        Diagnosis.NO_PROGRESS,
-        Diagnosis.TRANSACTION_TIMEOUT,
-        Diagnosis.DB_LOCKED,
-        Diagnosis.STORE_CORRUPT,
-        *DISK,
-    }
-)
 
 
 def explain(policy: Policy, diagnosis: Diagnosis) -> tuple[Line, ...]:
@@ -128,22 +117,26 @@ def _deeds(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
     if policy.asks(diagnosis, Word.SAFE_MODE_ENTER):
         lines.append(Line(Said.READS_ONLY))
         tries = _line(policy, Said.TRIES_TO_WRITE, "safe_retry_ms")
-        lines.append(tries if diagnosis in DISK else Line(Said.READS_UNTIL_RESUME))
+        lines.append(tries if diagnosis in PASSING else Line(Said.READS_UNTIL_RESUME))
     elif diagnosis is Diagnosis.SENTINEL_LOST:
         lines.append(Line(Said.NOT_ADOPTED))
     elif ended:
-        lines.append(Line(Said.ENDED_AND_STARTED if diagnosis in _LIVING else Said.STARTED_AGAIN))
-    elif diagnosis in _LIVING and policy.words(diagnosis) != {Word.NONE}:
-        lines.append(Line(Said.GOES_ON))
+        lines.append(Line(Said.ENDED_AND_STARTED if diagnosis in LIVING else Said.STARTED_AGAIN))
+    elif diagnosis in LIVING and policy.words(diagnosis) != {Word.NONE}:
+        lines.append(Line(Said.LEFT_ALONE if plan.left_alone(policy, diagnosis) else Said.GOES_ON))
     elif policy.words(diagnosis) != {Word.NONE}:
         lines.append(Line(Said.WAITS))
+    if plan.passes(policy, diagnosis):
+        lines.append(_line(policy, Said.WAITS_FOR_LOCK, "backoff_max_ms"))
+        if plan.may_read(policy, diagnosis, tried=False):
+            lines.append(Line(Said.READS_MEANWHILE))
     if any(word in EFFECT for word in policy.words(diagnosis)):
         lines.append(Line(Said.LESS_THAN_ITS_NAME))
     return lines or [Line(Said.NOTHING)]
 
 
 def _evidence(policy: Policy, diagnosis: Diagnosis, *, ended: bool) -> Line:
-    if diagnosis not in _LIVING:
+    if diagnosis not in LIVING:
         return Line(Said.EVIDENCE_LEFT)
     return _line(policy, Said.EVIDENCE_FIRST, "snapshot_budget_ms") if ended else Line(Said.EVIDENCE_BESIDE)
 

@@ -137,9 +137,10 @@ class FailoverManager:
         yellow = c.worry.shown or c.audit.worries or c.troubles.on
         safe = c.safety.reason if serving else None
         locked = safe is Diagnosis.DB_LOCKED
+        alone = _left_alone(c) if serving else None
         return Reading(
             phase=c.phase,
-            state=phases.ha_state(c.phase, c.wanted, c.cause, yellow=yellow, safe=safe),
+            state=phases.ha_state(c.phase, c.wanted, c.cause, yellow=yellow, safe=safe, alone=alone),
             face=phases.face(c.phase, c.wanted),
             stage=max(shown, c.stage_max) if shown is not None else None,
             since_ns=c.since_ns,
@@ -150,7 +151,7 @@ class FailoverManager:
             incident=c.story.id if c.story else None,
             planned=c.cause is StartCause.PLANNED,
             verdict=c.verdict,
-            waits_for=plan.waits_for(c.phase, c.hopeless, safe),
+            waits_for=plan.waits_for(c.phase, c.hopeless, safe, alone),
             late_ticks=c.bench.late_ticks,
             deaths=len(c.budget.deaths_ns),
             audit=c.audit.heard if serving else None,
@@ -159,6 +160,12 @@ class FailoverManager:
             in_question=_in_question(c),
             locked_by=c.holder.why if c.holder is not None and (locked or not serving) else None,
         )
+
+
+def _left_alone(c: Course) -> Diagnosis | None:
+    """Return what is wrong with a serving core that nothing is done about, if anything is."""
+    wrong = c.verdict.diagnosis if c.verdict.colour is Colour.RED else None
+    return wrong if wrong is not None and plan.left_alone(c.policy, wrong) else None
 
 
 # ---- facts ----

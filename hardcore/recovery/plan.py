@@ -66,16 +66,29 @@ def passes(policy: Policy, reason: Diagnosis | None) -> bool:
     return reason is Diagnosis.DB_LOCKED and not policy.asks(reason, Word.AWAIT_OPERATOR)
 
 
-def waits_for(phase: Phase, reason: Diagnosis | None, safe: Diagnosis | None) -> str | None:
+def left_alone(policy: Policy, diagnosis: Diagnosis) -> bool:
+    """Return whether a living core with this diagnosis stays as it is until a person does something about it."""
+    if any(
+        policy.asks(diagnosis, word) for word in (Word.REBOOT_PROCESS, Word.SAFE_MODE_ENTER, Word.DEGRADE)
+    ):
+        return False
+    return diagnosis not in PASSING or policy.asks(diagnosis, Word.AWAIT_OPERATOR)
+
+
+def waits_for(
+    phase: Phase, reason: Diagnosis | None, safe: Diagnosis | None, alone: Diagnosis | None = None
+) -> str | None:
     """Return what keeps the guard from going on by itself, or None while it does.
 
+    `alone`: why a core that serves badly or not at all is left as it is.
     `safe`: why reads only are served. Room on a disk and the end of a lock are looked for by itself; anything else a
     person has to mend.
     """
     if phase is Phase.UNKILLABLE:
         return str(phase)
     if phase in SERVING:
-        return str(safe) if safe is not None and safe not in PASSING else None
+        person = safe if safe is not None and safe not in PASSING else alone
+        return str(person) if person is not None else None
     return str(reason) if phase is Phase.FATAL and reason else None
 
 

@@ -90,6 +90,73 @@ DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
 NEVER_REBOOT = frozenset({Diagnosis.STORE_CORRUPT})
 
 
+#: Diagnoses of a core whose loop stands still or answers nobody: it can obey no order.
+HUNG = frozenset(
+    {
+        Diagnosis.FROZEN,
+        Diagnosis.LOOP_BLOCKED,
+        Diagnosis.SPINNING,
+        Diagnosis.GIL_HELD,
+        Diagnosis.DEADLOCK,
+        Diagnosis.NO_PROGRESS,
+    }
+)
+#: Diagnoses of a core that lives.
+LIVING = HUNG | {
+    Diagnosis.TRANSACTION_TIMEOUT,
+    Diagnosis.DB_LOCKED,
+    Diagnosis.DISK_FULL,
+    Diagnosis.DISK_READ_ONLY,
+    Diagnosis.DISK_STALLED,
+    Diagnosis.STORE_CORRUPT,
+}
+#: Diagnoses of a core that is gone, or never came: there is nothing left to keep.
+_GONE = frozenset(
+    {
+        Diagnosis.CRASHED,
+        Diagnosis.EXITED,
+        Diagnosis.KILLED_FROM_OUTSIDE,
+        Diagnosis.STOPPED_FROM_OUTSIDE,
+        Diagnosis.OUT_OF_MEMORY,
+        Diagnosis.FENCED,
+        Diagnosis.COMMIT_FAILED,
+        Diagnosis.STARTUP_FAILED,
+        Diagnosis.CRASH_LOOP,
+        Diagnosis.CONFIG_INVALID,
+        Diagnosis.SENTINEL_LOST,
+    }
+)
+#: Only shown, whatever they are given.
+_ONLY_SHOWN = frozenset({Diagnosis.STARVED, Diagnosis.SLEPT})
+#: What is done on them is no policy's: a person asked for it, or what was found has to be ended.
+_DECIDED = frozenset({Diagnosis.OPERATOR, Diagnosis.SENTINEL_LOST})
+#: Words that can't be done on some diagnoses, and why.
+_UNDOABLE: tuple[tuple[frozenset[Word], frozenset[Diagnosis], str], ...] = (
+    (
+        frozenset({Word.SAFE_MODE_ENTER}),
+        HUNG,
+        "a core that hangs can't be told to read only: REBOOT_PROCESS ends it, AWAIT_OPERATOR leaves it",
+    ),
+    (
+        frozenset({Word.SHUTDOWN}),
+        LIVING,
+        "SHUTDOWN keeps a dead core down and ends no living one: REBOOT_PROCESS ends it, AWAIT_OPERATOR leaves it",
+    ),
+    (frozenset({Word.DEGRADE}), _GONE, "there is no core left that DEGRADE could keep"),
+    (frozenset(Word) - {Word.NONE}, _ONLY_SHOWN, "it is only shown, and nothing is ever done for it: NONE"),
+    (
+        frozenset({Word.AWAIT_OPERATOR, Word.SHUTDOWN, Word.SAFE_MODE_ENTER}),
+        _DECIDED,
+        "another core is started in any case",
+    ),
+    (
+        frozenset({Word.REBOOT_PROCESS, Word.RESTART_COMPONENT, Word.PLANNED_SWITCH}),
+        frozenset({Diagnosis.CRASH_LOOP}),
+        "a spent budget is tried again after slow_retry_sec, and no sooner",
+    ),
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Policy:
     """The policy in force. Units stand at the end of each name."""
@@ -278,6 +345,7 @@ def _contradictory_words(diagnosis: Diagnosis, words: frozenset[Word]) -> list[F
         faults.append(Fault(diagnosis, "stay down, or serve reads only: only one of the two"))
     if diagnosis in NEVER_REBOOT and Word.REBOOT_PROCESS in meant:
         faults.append(Fault(diagnosis, "a ledger that may be damaged is never restarted by itself"))
+    faults += [Fault(diagnosis, why) for undoable, on, why in _UNDOABLE if diagnosis in on and undoable & words]
     return faults
 
 

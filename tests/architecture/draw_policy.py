@@ -45,10 +45,19 @@ steps is always the same: tell, evidence, kill, restart, proof. REBOOT_PROCESS r
 AWAIT_OPERATOR leaves it down and waits for `hardcore resume`, SNAPSHOT takes the evidence, SEND_ALERT writes
 an alert into the guard's log (channels come later), NONE does nothing. SAFE_MODE_ENTER has the core serve reads
 only: a living one is told to, and one that can't start is started so. For a disk's reasons a try to write again
-is made after `safe_retry_ms`, then at doubling pauses up to a minute; any other reason waits for `hardcore
-resume`. DEGRADE keeps the core, shows DEGRADED and tells an incident that lasts as long as its cause. A living
-core is ended only on a diagnosis whose list says REBOOT_PROCESS. STORE_CORRUPT can't be given REBOOT_PROCESS: a
-ledger that may be damaged is never put back to work by itself.
+is made after `safe_retry_ms`, then at doubling pauses up to a minute, and for a lock of another program's when it is
+free; any other reason waits for `hardcore resume`. DEGRADE keeps the core, shows DEGRADED and tells an incident that
+lasts as long as its cause. A living core is ended only on a diagnosis whose list says REBOOT_PROCESS; one that hangs
+and is given none of REBOOT_PROCESS and DEGRADE is left as it is, and the state is MANUAL_INTERVENTION.
+
+A core that meets another program's lock at its start (DB_LOCKED) is started again for as long as the lock lasts, at
+pauses of up to `backoff_max_ms` and outside the budget, unless its list says AWAIT_OPERATOR; with DEGRADE or
+SAFE_MODE_ENTER reads are served meanwhile.
+
+What can't be done is refused: SAFE_MODE_ENTER on a hang (a core that hangs obeys no order), SHUTDOWN on anything of a
+living core (it keeps a dead one down), DEGRADE on a death, REBOOT_PROCESS on CRASH_LOOP, anything but NONE on STARVED
+and SLEPT, and leaving the core down on OPERATOR and SENTINEL_LOST. STORE_CORRUPT can't be given REBOOT_PROCESS: a ledger
+that may be damaged is never put back to work by itself.
 
 | Diagnosis | By default |
 |---|---|

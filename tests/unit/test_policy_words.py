@@ -10,7 +10,7 @@ from hardcore.recovery.policy import Policy, Word, in_full, read_policy
 def test_a_policy_that_is_shown_in_full_is_a_policy() -> None:
     for policy in (
         Policy(),
-        Policy(disk_floor_mb=7, actions={Diagnosis.SLEPT: frozenset({Word.SEND_ALERT})}),
+        Policy(disk_floor_mb=7, actions={Diagnosis.LEAK: frozenset({Word.SEND_ALERT})}),
     ):
         again = read_policy(json.dumps(in_full(policy)))
         assert isinstance(again, Policy), again

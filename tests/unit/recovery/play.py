@@ -100,6 +100,29 @@ class Play:
         return [order for order in self.ordered if isinstance(order, orders.CloseIncident)][-1].incident
 
 
+#: A loop that waits for something outside: the least conclusive of all silences.
+POLLS = seen.ThreadSample("S", 5, "poll_schedule_timeout")
+
+
+def look(play: Play, silent_ms: int) -> list[orders.Action]:
+    """A tick 100 ms later, at which the loop has been silent for so long; a deadline that has come rings first."""
+    play.now_ns += 100 * MS
+    given: list[orders.Action] = []
+    due_ns = play.manager.next_deadline_ns()
+    if due_ns is not None and due_ns <= play.now_ns:
+        play.manager.handle_deadline(play.now_ns)
+        given += play.tell()
+    beats = Beats(loop_ns=play.now_ns - silent_ms * MS, thread_ns=play.now_ns, state=LifeState.READY)
+    process = seen.ProcessSample("S", 1, 1 << 20, 3, loop=POLLS, writer=POLLS)
+    return given + play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process))
+
+
+def fall_silent(play: Play, from_ms: int, to_ms: int, first_ms: int = 0) -> None:
+    """Look from `first_ms` until `to_ms`; the loop has been silent since `from_ms`."""
+    for at_ms in range(first_ms + 100, to_ms + 1, 100):
+        look(play, max(0, at_ms - from_ms))
+
+
 def a_page(epoch: int = 4, *notes: CommandNote, words: str = "", seq: int = 0) -> Page:
     said = LastWords(1, words, "") if words else None
     beats = Beats(epoch=epoch, state=LifeState.READY)

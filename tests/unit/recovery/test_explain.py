@@ -55,6 +55,20 @@ def test_a_locked_ledger_ends_nobody() -> None:
     assert Said.ENDED_AND_STARTED not in said
 
 
+def test_a_lock_at_the_start_is_waited_for_and_reads_are_served_meanwhile() -> None:
+    assert {Said.WAITS_FOR_LOCK, Said.READS_MEANWHILE} <= set(_said(Diagnosis.DB_LOCKED))
+    tells = Policy(actions={Diagnosis.DB_LOCKED: frozenset({Word.SEND_ALERT})})
+    assert Said.READS_MEANWHILE not in _said(Diagnosis.DB_LOCKED, tells)
+    waits = Policy(actions={Diagnosis.DB_LOCKED: frozenset({Word.AWAIT_OPERATOR})})
+    assert {Said.LEFT_ALONE} == {Said.LEFT_ALONE, Said.WAITS_FOR_LOCK} & set(_said(Diagnosis.DB_LOCKED, waits))
+
+
+def test_a_hang_that_is_left_alone_is_not_said_to_go_on() -> None:
+    tells = Policy(actions={Diagnosis.LOOP_BLOCKED: frozenset({Word.SEND_ALERT})})
+    assert Said.LEFT_ALONE in _said(Diagnosis.LOOP_BLOCKED, tells)
+    assert Said.GOES_ON not in _said(Diagnosis.LOOP_BLOCKED, tells)
+
+
 @pytest.mark.parametrize("diagnosis", [Diagnosis.STARVED, Diagnosis.SLEPT])
 def test_what_is_never_acted_on_is_said_to_be_so(diagnosis: Diagnosis) -> None:
     assert _said(diagnosis) == [Said.NEVER_ACTED_ON]

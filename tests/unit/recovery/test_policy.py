@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import (
     DEFAULT_ACTIONS,
+    HUNG,
+    LIVING,
     WORDS_MAX,
     Policy,
     PolicyFault,
@@ -125,7 +127,7 @@ def test_restarting_and_waiting_exclude_each_other() -> None:
 
 
 def test_staying_down_and_reading_only_exclude_each_other() -> None:
-    (fault,) = _faults({"actions": {"DISK_FULL": ["SHUTDOWN", "SAFE_MODE_ENTER"]}})
+    (fault,) = _faults({"actions": {"CRASHED": ["SHUTDOWN", "SAFE_MODE_ENTER"]}})
     assert "only one of the two" in fault.reason
 
 
@@ -235,6 +237,31 @@ def test_no_text_raises(text: str) -> None:
     assert read_policy(text) is not None
 
 
+@pytest.mark.parametrize(
+    ("diagnosis", "word"),
+    [
+        *((hang, "SAFE_MODE_ENTER") for hang in sorted(HUNG)),
+        *((alive, "SHUTDOWN") for alive in sorted(LIVING)),
+        ("CRASHED", "DEGRADE"),
+        ("SENTINEL_LOST", "AWAIT_OPERATOR"),
+        ("OPERATOR", "SAFE_MODE_ENTER"),
+        ("STARVED", "REBOOT_PROCESS"),
+        ("SLEPT", "SEND_ALERT"),
+        ("CRASH_LOOP", "REBOOT_PROCESS"),
+    ],
+)
+def test_a_word_that_can_not_be_done_on_a_diagnosis_is_refused_with_line_and_reason(
+    diagnosis: str, word: str
+) -> None:
+    (fault,) = _faults(f'{{\n"actions": {{\n"{diagnosis}": ["{word}"]}}}}')
+    assert (fault.line, fault.name) == (3, diagnosis)
+
+
+def test_what_is_done_by_default_can_be_written_down() -> None:
+    everything = {str(diagnosis): sorted(map(str, words)) for diagnosis, words in DEFAULT_ACTIONS.items()}
+    assert isinstance(read_policy(json.dumps({"actions": everything})), Policy)
+
+
 # What a policy means.
 
 
@@ -250,10 +277,10 @@ def test_what_is_listed_replaces_the_default_whole() -> None:
 
 
 def test_a_word_that_can_not_be_carried_out_is_taken_in_its_nearest_sense_and_named() -> None:
-    policy = _policy({"actions": {"LEAK": ["PLANNED_SWITCH"], "DISK_FULL": ["SHUTDOWN"]}})
+    policy = _policy({"actions": {"LEAK": ["PLANNED_SWITCH"], "CRASHED": ["SHUTDOWN"]}})
     assert policy.asks(Diagnosis.LEAK, Word.REBOOT_PROCESS)
-    assert policy.asks(Diagnosis.DISK_FULL, Word.AWAIT_OPERATOR)
-    assert [note.split(":")[0] for note in notes(policy)] == ["DISK_FULL", "LEAK"]
+    assert policy.asks(Diagnosis.CRASHED, Word.AWAIT_OPERATOR)
+    assert [note.split(":")[0] for note in notes(policy)] == ["CRASHED", "LEAK"]
 
 
 def test_reading_only_is_a_word_that_is_meant_in_full() -> None:

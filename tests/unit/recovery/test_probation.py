@@ -2,15 +2,11 @@
 
 import pytest
 
-from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase
-from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.recovery import plan
 from hardcore.recovery.policy import Policy
-from tests.unit.recovery.play import MS, Play, S, kinds
-
-POLLS = seen.ThreadSample("S", 5, "poll_schedule_timeout")
+from tests.unit.recovery.play import MS, Play, S, fall_silent, kinds, look
 
 
 def _again(policy: Policy | None = None) -> Play:
@@ -21,42 +17,23 @@ def _again(policy: Policy | None = None) -> Play:
     return play
 
 
-def _look(play: Play, silent_ms: int) -> list[orders.Action]:
-    """A tick 100 ms later, at which the loop has been silent for so long; a deadline that has come rings first."""
-    play.now_ns += 100 * MS
-    given: list[orders.Action] = []
-    due_ns = play.manager.next_deadline_ns()
-    if due_ns is not None and due_ns <= play.now_ns:
-        play.manager.handle_deadline(play.now_ns)
-        given += play.tell()
-    beats = Beats(loop_ns=play.now_ns - silent_ms * MS, thread_ns=play.now_ns, state=LifeState.READY)
-    process = seen.ProcessSample("S", 1, 1 << 20, 3, loop=POLLS, writer=POLLS)
-    return given + play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process))
-
-
-def _silence(play: Play, from_ms: int, to_ms: int, first_ms: int = 0) -> None:
-    """Look until `to_ms` after READY; the loop has been silent since `from_ms`."""
-    for at_ms in range(first_ms + 100, to_ms + 1, 100):
-        _look(play, max(0, at_ms - from_ms))
-
-
 def _phase(play: Play) -> Phase:
     return play.phase
 
 
 def test_a_core_that_is_silent_at_the_end_of_its_probation_has_not_proven_itself() -> None:
     play = _again()
-    _silence(play, 600, 2000)
+    fall_silent(play, 600, 2000)
     assert play.phase is Phase.PROBATION
     assert "CloseIncident" not in kinds(play.ordered)
-    _silence(play, 600, 2400, first_ms=2000)
+    fall_silent(play, 600, 2400, first_ms=2000)
     assert _phase(play) is Phase.SNAPSHOT_LIVE
 
 
 def test_the_successor_of_a_core_that_hung_on_probation_waits_longer_and_longer() -> None:
     play, pauses = _again(), []
     for _ in range(3):
-        _silence(play, 600, 2200)
+        fall_silent(play, 600, 2200)
         play.tell(seen.EvidenceTaken(play.now_ns, play.life, complete=True, page=None))
         play.die()
         assert play.phase is Phase.BACKOFF
@@ -70,9 +47,9 @@ def test_the_successor_of_a_core_that_hung_on_probation_waits_longer_and_longer(
 
 def test_probation_ends_as_soon_as_the_core_is_well() -> None:
     play = _again()
-    _silence(play, 1500, 2200)
+    fall_silent(play, 1500, 2200)
     assert _phase(play) is Phase.PROBATION
-    assert "CloseIncident" in kinds(_look(play, 20))
+    assert "CloseIncident" in kinds(look(play, 20))
     assert _phase(play) is Phase.RUNNING
 
 
@@ -82,10 +59,10 @@ def test_a_worry_that_comes_to_nothing_does_not_keep_a_core_on_probation_for_eve
     looks = (play.policy.probation_ms * MS + plan.patience_max_ns(play.policy)) // (100 * MS)
     for _ in range(looks - 1):
         play.tell(seen.Surveyed(play.now_ns, play.life, conduct=strange))
-        _look(play, 20)
+        look(play, 20)
     assert _phase(play) is Phase.PROBATION
     for _ in range(3):
-        _look(play, 20)
+        look(play, 20)
     assert _phase(play) is Phase.SUSPECT
 
 
@@ -93,7 +70,7 @@ def test_a_worry_that_comes_to_nothing_does_not_keep_a_core_on_probation_for_eve
 def test_a_core_that_is_well_has_proven_itself_when_the_time_is_over(policy: Policy) -> None:
     play = _again(policy)
     for _ in range(4):
-        _look(play, 20)
+        look(play, 20)
     assert play.phase is Phase.RUNNING
     assert play.closed().outcome == "recovered"
     assert play.closed().opened_ns >= 100 * S
