@@ -28,6 +28,9 @@ from core.settings import Settings
 _WITHOUT_INDEX: Final = frozenset({StoreFault.NO_ROOM, StoreFault.READ_ONLY, StoreFault.OTHER})
 
 
+_DAMAGED: Final = "STORE_CORRUPT"
+
+
 @dataclass(frozen=True, slots=True)
 class ReadableBook:
     """A book that this core reads and never writes to. `epoch` and head as they stand in the store."""
@@ -69,6 +72,10 @@ def open_to_read(data: Path, environment: GuardedEnvironment, settings: Settings
             return departure.config_invalid(
                 f"{LEDGER_FILE} is no ledger that this version can read without changing it."
             )
+        case (readers, head) if head.seq == 0 and environment.safe == _DAMAGED:
+            # An empty book shown to somebody whose records are missing would say that there were none.
+            readers.dispose()
+            return departure.corrupt("there is nothing in it to be read")
         case (readers, head):
             return ReadableBook(readers, head.epoch, head.seq, head.hash, guard)
 
