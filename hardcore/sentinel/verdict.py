@@ -116,6 +116,7 @@ class Bench:
     _stacks: stacks.Stacks = field(default_factory=stacks.Stacks)
     _wishes: Wishes = field(default_factory=Wishes)
     _said: Verdict = GREEN
+    _blind: bool = False
 
     def __post_init__(self) -> None:
         patience = self.patience
@@ -151,15 +152,16 @@ class Bench:
         found = self._clocks.look(tick.clocks, tick.at_ns)
         if found.slept_ns:
             self._seen.forgive()
-        missing = self._sight.look(tick)
-        if missing.page or missing.process:
+        missing, blind = self._sight.look(tick), self._blind
+        self._blind = bool(missing.page or missing.process)
+        if self._blind:
             self._said = self._judge_what_remains(tick, missing, found)
             return self._said
         assert tick.beats is not None, "nothing is missing"
         assert tick.process is not None, "as above"
         if not tick.beats.loop_ns:
             return GREEN  # it has not begun to beat
-        look = self._look(tick, tick.beats, tick.process, found)
+        look = self._look(tick, tick.beats, tick.process, found, blind=blind)
         return self._conclude_nothing(look) if self._own_stall.excused else self._conclude(look)
 
     def _conclude(self, look: Look) -> Verdict:
@@ -199,9 +201,18 @@ class Bench:
         return _told(found, said) if found else Verdict(Colour.YELLOW, testimonies=_worried(said))
 
     def _look(
-        self, tick: Sampled, beats: Beats, sample: ProcessSample, clocks_found: clocks.ClockFacts
+        self,
+        tick: Sampled,
+        beats: Beats,
+        sample: ProcessSample,
+        clocks_found: clocks.ClockFacts,
+        *,
+        blind: bool,
     ) -> Look:
-        """Let every witness look."""
+        """Let every witness look. `blind`: at the look before there was no page or no process to see.
+
+        What was silent then may have had any reason: it is no silence of a loop that turned.
+        """
         seen = self._seen
         ages = beat_witness.ages(beats, seen)
         collecting = self._collection.look(beats, seen.at_ns)
@@ -221,7 +232,7 @@ class Bench:
                 tick.in_flight, sample.deciding, self.patience.transaction_ms, seen
             ),
             unkept=self._answers.look(beats, tick.witness, seen),
-            unanswered=self._probe.look(beats, seen, excused=silent or collecting.touched),
+            unanswered=self._probe.look(beats, seen, excused=silent or collecting.touched or blind),
             clocks=clocks_found,
             disk=self._disk.find(seen),
             store=self._store.find(tick.witness, seen),

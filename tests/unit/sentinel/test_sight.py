@@ -144,3 +144,17 @@ def test_a_page_that_is_there_again_is_judged_from_where_it_was_seen() -> None:
     said += [bench.judge(look.sampled()) for look in looks[10:]]
     assert [verdict.colour for verdict in said[:10]] == [Colour.YELLOW] * 10
     assert said[-1].diagnosis is Diagnosis.LOOP_BLOCKED
+
+
+@pytest.mark.parametrize("spoil", [_pageless, _unseen])
+def test_probes_that_were_silent_while_a_core_could_not_be_seen_are_not_held_against_a_loop_that_turns(
+    spoil: Callable[[Sampled], Sampled],
+) -> None:
+    bench = Bench(PATIENCE)
+    for look in well(1000):
+        bench.judge(look.sampled())
+    for at_ms in range(1000, 4000, 100):  # it is not scheduled
+        if at_ms in {2000, 3000, 3900}:
+            bench.hear(Probed(at_ns_of(at_ms), 1, at_ns_of(at_ms - 800), answered=False))
+        bench.judge(spoil(Look(at_ms, at_ms - 1000, at_ms - 1000, loop=traces.UNSCHEDULED).sampled()))
+    assert [bench.judge(look.sampled()).colour for look in (Look(4000), Look(4100))] == [Colour.GREEN] * 2
