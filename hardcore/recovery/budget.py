@@ -24,6 +24,8 @@ class Budget:
 
         A stamp from the future can't be right (another boot's clock); it counts as fresh and ages from now.
         """
+        if not self.deaths_ns:
+            return self
         kept = tuple(min(t, now_ns) for t in self.deaths_ns if now_ns - t < self.window_ns)
         return Budget(self.limit, self.window_ns, kept)
 

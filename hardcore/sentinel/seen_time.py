@@ -62,6 +62,8 @@ class SeenTime:
         return max(0, to_ns - from_ns - (self._missed_since(from_ns) - self._missed_since(to_ns)))
 
     def _missed_since(self, from_ns: int) -> int:
+        if not self._missed_to_ns:  # as at every look of a guard that is in time
+            return 0
         first = bisect_right(self._missed_to_ns, from_ns)
         gaps = zip(self._missed_from_ns[first:], self._missed_to_ns[first:], strict=True)
         return sum(end_ns - max(from_ns, began_ns) for began_ns, end_ns in gaps)
