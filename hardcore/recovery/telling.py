@@ -53,6 +53,8 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     drill = c.drill.take(now_ns)
     if c.phase is Phase.PROBATION and not _goes_on(c):
         close(c, now_ns, recovered=True)  # a proven core had served: what comes now is another story
+    if c.phase in SERVING and c.story is not None and not c.story.planned and not c.story.deaths:
+        close(c, now_ns, recovered=True)  # a trouble that stopped nobody: an end is never told under its name
     if c.story is None or c.story.planned:
         _begin(c, trouble, now_ns, planned=planned).drill = drill
     story = _story(c)

@@ -208,33 +208,30 @@ def test_a_stop_in_the_middle_of_reading_only_closes_the_story() -> None:
 # Deaths in between.
 
 
-def test_a_death_while_a_trouble_is_on_is_a_further_death_of_its_story() -> None:
+def test_a_death_while_a_trouble_is_on_is_a_story_of_its_own() -> None:
     play = _running()
     _told(play)
     play.now_ns += 100 * S
     play.die()
-    assert "CloseIncident" not in kinds(play.ordered)
+    trouble = play.closed()
+    assert (trouble.diagnosis, trouble.outcome, trouble.deaths) == (FULL, "safe_mode", ())
     assert play.manager.reading().fault_ns == play.now_ns
+    died_ns = play.now_ns
     play.running(5)
-    play.ring()
-    told = play.closed()
-    assert (told.id, told.diagnosis) == ("i1", FULL)
-    assert [death.diagnosis for death in told.deaths] == [Diagnosis.KILLED_FROM_OUTSIDE]
-    assert dict(told.timeline)["fault"] == play.closed().opened_ns + 100 * S
+    death = play.closed()
+    assert (death.id, death.diagnosis) == ("i2", Diagnosis.KILLED_FROM_OUTSIDE)
+    assert dict(death.timeline)["fault"] == died_ns
 
 
-def test_the_outage_of_a_death_in_a_trouble_is_told_without_the_time_before_and_after_it() -> None:
+def test_a_restart_by_the_operator_while_a_trouble_is_on_is_a_story_of_its_own() -> None:
     play = _running()
     _told(play)
-    play.now_ns += 100 * S
-    play.die()
-    died_ns = play.now_ns
-    play.ready(5)
-    play.tell(seen.FirstServed(play.now_ns + MS, 5))
-    play.ring()
-    play.ring()
-    steps = dict(play.closed().timeline)
-    assert steps["serving"] - steps["fault"] == play.manager.reading().since_ns - died_ns - 2 * S + MS
+    play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESTART, "new code"))
+    assert play.closed().diagnosis is FULL
+    play.die(seen.Exit(code=0))
+    play.running(5)
+    told = play.closed()
+    assert (told.diagnosis, told.planned, told.reason) == (Diagnosis.OPERATOR, True, "new code")
 
 
 # A core that can't start.
