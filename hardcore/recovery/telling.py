@@ -2,7 +2,7 @@
 
 One outage is one incident, however many deaths it takes; one trouble is one, however often it comes and goes. So the
 question here is always whether something belongs to the open story: a death does until a proven core has served,
-and as long as a trouble is on or reads only are served everything does.
+and as long as reads only are served by a core that was started for it. An end in the middle of a trouble does not.
 """
 
 from hardcore.model.actions import Action, Alert, CloseIncident, KeepBudget, TakeEvidence
