@@ -4,6 +4,7 @@ A disk that takes no write takes no log either, and that is when one is wanted m
 its place in the run folder, which is memory.
 """
 
+import errno
 import json
 import os
 import threading
@@ -16,6 +17,8 @@ LOG_BYTES_MAX = 1 << 20
 OLD_LOGS_KEPT = 3
 #: Lines that wait for a disk that does not take them.
 WAITING_MAX = 1024
+#: What a disk says that takes no write.
+_REFUSED = frozenset({errno.EROFS, errno.EIO, errno.ENOSPC, errno.EDQUOT})
 #: The exit code of a guard that a bug of its own has ended.
 EXIT_BUG = 70
 
@@ -35,13 +38,23 @@ def rotate(path: Path) -> None:
 
 
 def place(path: Path, instead: Path) -> Path:
-    """Return where this log can be written to now: at `path`, or under its name in the folder `instead`."""
-    for chosen in (path, instead / path.name):
-        with suppress(OSError):
-            rotate(chosen)
-            os.close(_open(chosen))
-            return chosen
-    return path  # nowhere: whoever opens it is told why
+    """Return where this log can be written to now: at `path`, or under its name in the folder `instead`.
+
+    Only while the disk refuses. Raises OSError for any other reason: where the folder is gone, so is what was in it,
+    and nobody may be started there as if nothing were.
+    """
+    try:
+        return _ready(path)
+    except OSError as error:
+        if error.errno not in _REFUSED:
+            raise
+        return _ready(instead / path.name)
+
+
+def _ready(path: Path) -> Path:
+    rotate(path)
+    os.close(_open(path))
+    return path
 
 
 def _open(path: Path) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hardcore.host import logs
-from hardcore.host.logs import LogFile, LogThread
+from hardcore.host.logs import LogFile, LogThread, place
 from tests.waiting import until
 
 
@@ -63,3 +63,17 @@ def test_a_disk_that_hangs_holds_nobody_up_and_what_was_dropped_is_counted(
     assert kept == list(range(len(kept)))
     (dropped,) = (line["lines"] for line in told if line.get("kind") == "dropped")
     assert len(kept) + int(str(dropped)) == 100
+
+
+def test_the_guards_own_words_go_beside_the_sockets_where_their_folder_takes_none(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    log = LogFile(tmp_path / "gone" / "sentinel.log", tmp_path / "run")
+    log.append({"kind": "phase"})
+    assert json.loads((tmp_path / "run" / "sentinel.log").read_text()) == {"kind": "phase"}
+
+
+def test_nobody_is_started_with_another_log_where_the_folder_of_his_is_gone(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    with pytest.raises(FileNotFoundError):
+        place(tmp_path / "gone" / "core.log", tmp_path / "run")
+    assert place(tmp_path / "core.log", tmp_path / "run") == tmp_path / "core.log"
