@@ -379,6 +379,16 @@ class Executor:
         evidence = self._evidence.pop(incident.id, [])
         await self.filing.close(incident, pid, life.nonce if life else "", evidence)
 
+    def keep_open(self, incident: orders.Incident) -> None:
+        """Have written down what is known of an incident that goes on. Of its evidence, what was ordered comes first."""
+        self.begin(self._open(incident))
+
+    async def _open(self, incident: orders.Incident) -> None:
+        life = self.lives.get(incident.life)
+        pid = life.handle.pid if life and life.handle else None
+        evidence = list(self._evidence.get(incident.id, ()))
+        await self.filing.open(incident, pid, life.nonce if life else "", evidence)
+
     async def _report(self, folder: Path) -> None:
         """Have the investigators read the box: a process of its own, which nothing of the guard waits for."""
         log = await self.in_hand(logs.place, self._folders.logs / "postmortem.log", self._folders.run)

@@ -94,6 +94,7 @@ class Runtime:
         self.notify = NotifySocket(folders.notify, NOTICE_BYTES_MAX)
         self._strange_notices = Tally()
         self._timer: asyncio.TimerHandle | None = None
+        self._kept_open: tuple[str, int, int] | None = None
         self._published: Mapping[str, object] = {}
         self._published_audit: seen.LedgerAudited | None = None
 
@@ -176,7 +177,16 @@ class Runtime:
             if isinstance(action, orders.CloseIncident):
                 self.door.last_incident = action.incident.id
                 self._keep_recording(action.incident.id)
+        self._keep_open()
         self._set_timer()
+
+    def _keep_open(self) -> None:
+        """Have the open incident written down when there is more to tell of it: it may last for hours."""
+        told = self.manager.open_incident()
+        known = (told.id, len(told.evidence), len(told.deaths)) if told is not None else None
+        if told is not None and known != self._kept_open:
+            self.executor.keep_open(told)
+        self._kept_open = known
 
     def _keep_recording(self, incident: str) -> None:
         recording = self.tape.cut()

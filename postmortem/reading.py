@@ -1,7 +1,7 @@
 """Reads an incident's folder into its report, whatever state the folder is in.
 
-An incident that is still open has no facts yet, one whose guard died may have half a bundle, and a folder
-may hold anything: each gives a report that says how much is known. Only the list of folders decides which
+An incident that is still open has only what was known when it was opened, one whose guard died may have half a
+bundle, and a folder may hold anything: each gives a report that says how much is known. Only the list of folders decides which
 incidents exist.
 """
 
@@ -41,6 +41,8 @@ def read_report(found: Found) -> Report:
     manifest = bundle.read_manifest(found.path)
     opened_at = manifest.written_at or None if isinstance(manifest, Manifest) else None
     facts, process, recorder = (_json(found.path, name) for name in (_FACTS, "process.json", "recorder.json"))
+    if not isinstance(facts, dict):  # it goes on, or its guard died
+        facts = _json(found.path, bundle.OPENING)
     story = (
         incident.from_facts(found.id, facts)
         if isinstance(facts, dict)

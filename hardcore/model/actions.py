@@ -92,7 +92,10 @@ class Release:
 
 @dataclass(frozen=True, slots=True)
 class Incident:
-    """The story of an outage, as facts. Times are monotonic; the shell adds the wall's."""
+    """The story of an outage, as facts. Times are monotonic; the shell adds the wall's.
+
+    While it goes on its outcome is `open`, and `closed_ns` is 0.
+    """
 
     id: str
     opened_ns: int

@@ -13,7 +13,7 @@ from typing import assert_never
 
 from hardcore.model import observations as seen
 from hardcore.model import phases
-from hardcore.model.actions import Action, LookAtStore, SampleStacks
+from hardcore.model.actions import Action, Incident, LookAtStore, SampleStacks
 from hardcore.model.phases import Phase, StartCause, Wanted
 from hardcore.model.recorder import LifeState, Witness
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Wish
@@ -117,6 +117,11 @@ class FailoverManager:
     def wanted(self) -> Wanted:
         """What the operator wants."""
         return self._course.wanted
+
+    def open_incident(self) -> Incident | None:
+        """Return what is known of the open incident, if there is one."""
+        story = self._course.story
+        return story.so_far() if story is not None else None
 
     def state(self) -> Mapping[str, object]:
         """Return all that this manager remembers, by name: plain values, no copies, nothing not yet taken."""

@@ -124,6 +124,13 @@ class Story:
     def told(self, outcome: str, now_ns: int, waits_for: Diagnosis | None = None) -> Incident:
         """Return the whole story as facts. `waits_for`: why another try makes no sense, if none does."""
         self.mark("closed", now_ns)
+        return self._as_facts(outcome, waits_for, now_ns)
+
+    def so_far(self) -> Incident:
+        """Return what is known of it while it goes on."""
+        return self._as_facts("open", None, 0)
+
+    def _as_facts(self, outcome: str, waits_for: Diagnosis | None, closed_ns: int) -> Incident:
         return Incident(
             id=self.id,
             opened_ns=self.opened_ns,
@@ -148,7 +155,7 @@ class Story:
             audit=self.audit,
             outcome=outcome,
             waits_for=waits_for,
-            closed_ns=now_ns,
+            closed_ns=closed_ns,
             blamed=self.blamed,
         )
 

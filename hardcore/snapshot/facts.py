@@ -18,14 +18,14 @@ _MS = 1_000_000
 
 
 def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int], str]) -> dict[str, Any]:
-    """Return the facts of a closed incident. `wall` turns a monotonic time into RFC 3339."""
+    """Return the facts of an incident, an open one has no time of closing. `wall` makes RFC 3339 of a monotonic time."""
     steps = dict(incident.timeline)
     fault = steps["fault"]
     return {
         "version": VERSION,
         "id": incident.id,
         "opened_at": wall(incident.opened_ns),
-        "closed_at": wall(incident.closed_ns),
+        "closed_at": wall(incident.closed_ns) if incident.closed_ns else None,
         "outcome": incident.outcome,
         "diagnosis": str(incident.diagnosis),
         "grade": str(incident.grade),
@@ -106,6 +106,13 @@ def abandoned(incident_id: str, closed_at: str, page: Mapping[str, Any]) -> dict
         },
         "last_words": page.get("last_words"),
     }
+
+
+def left_open(known: Mapping[str, Any], closing: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the closing facts of an incident whose guard died, from what was `known` of it while it was open."""
+    evidence = known.get("evidence")
+    told = evidence if isinstance(evidence, list) else []
+    return {**closing, **known, "closed_at": closing["closed_at"], "evidence": [*told, *closing["evidence"]]}
 
 
 def _id_time(incident_id: str) -> str | None:

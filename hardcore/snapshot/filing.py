@@ -1,4 +1,4 @@
-"""What is written of an incident after its last word: facts, what comes late, the report, and how much is kept.
+"""What is written of an incident: what is known while it is open, its facts, what comes late, the report.
 
 All of it waits for disks and may fail, so it is tried again with pauses as long as the guard lives; for one
 incident one thing at a time, so that a report never tells of less than its facts. What the disk of the incidents
@@ -59,6 +59,7 @@ class Filing:
         self._report = report
         self._pauses_s = pauses_s
         self._shelter = shelter
+        self._going_on: dict[str, dict[str, Any]] = {}
         self._lost: dict[str, EvidenceFailed] = {}
         self._waiting = 0
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
@@ -71,6 +72,27 @@ class Filing:
         if failed.kept is not Kept.ELSEWHERE and len(self._lost) < LATE_INCIDENTS_MAX:
             self._lost.setdefault(incident_id, failed)
 
+    async def open(
+        self, incident: Incident, pid: int | None, nonce: str, after: Sequence[asyncio.Event]
+    ) -> None:
+        """Write down what is known of an incident that goes on, until it is done or there is more to tell.
+
+        `after`: its evidence, which comes first. Nothing waits for this, least of all the closing.
+        """
+        told = self._going_on[incident.id] = facts(incident, pid, nonce, clock.wall)
+        for evidence in after:
+            await evidence.wait()
+        pauses, folder = self._pauses(), self._incidents / incident.id
+        while True:
+            async with self._alone(incident.id):  # and not while it pauses: the closing does not wait for a disk
+                if self._going_on.get(incident.id) is not told:
+                    return
+                failed = await self._hands.in_hand(writer.write_opening, folder, told)
+            pause_s = next(pauses, None)
+            if failed is None or pause_s is None or self._hands.halted.is_set():
+                return
+            await _first(self._hands.halted, pause_s)
+
     async def close(
         self, incident: Incident, pid: int | None, nonce: str, after: Sequence[asyncio.Event]
     ) -> None:
@@ -78,6 +100,7 @@ class Filing:
 
         `after`: its evidence, which comes first.
         """
+        self._going_on.pop(incident.id, None)
         if incident.outcome == "manual":
             self._stopped.append(incident.id)
         told = facts(incident, pid, nonce, clock.wall)

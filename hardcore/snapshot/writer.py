@@ -18,7 +18,7 @@ from typing import Any
 
 from hardcore.model.observations import ProcessSample
 from hardcore.snapshot import recipe, storing
-from hardcore.snapshot.facts import abandoned
+from hardcore.snapshot.facts import abandoned, left_open
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.gathering import Gathering, abandon, gather, prepare
 from hardcore.snapshot.image import ImageLimits, write_image
@@ -94,14 +94,22 @@ def write_facts(path: Path, facts: Mapping[str, Any]) -> bundle.BundleFailed | N
 
     Blocks on the disk: to be called on a thread. None: written and synced.
     """
-    data = as_bytes(facts)
+    return _put(path, bundle.FACTS, as_bytes(facts))
+
+
+def write_opening(path: Path, facts: Mapping[str, Any]) -> bundle.BundleFailed | None:
+    """Write what is known of an incident that goes on, in place of what was known before. Blocks on the disk."""
+    return _put(path, bundle.OPENING, as_bytes(facts))
+
+
+def _put(path: Path, name: str, data: bytes) -> bundle.BundleFailed | None:
     if not bundle.is_there(path):
-        made = bundle.write_bundle(path.parent, path.name, {bundle.FACTS: data}, {})
+        made = bundle.write_bundle(path.parent, path.name, {name: data}, {})
         if not isinstance(made, bundle.BundleFailed):
             return None
         if not bundle.is_there(path):  # else its evidence came meanwhile
             return made
-    return bundle.add_file(path, bundle.FACTS, data)
+    return bundle.add_file(path, name, data)
 
 
 def add_requests(path: Path, requests: Sequence[Mapping[str, Any]]) -> bundle.BundleFailed | None:
@@ -175,9 +183,9 @@ def close_abandoned(found: Abandoned, closed_at: str) -> Path | bundle.BundleFai
     path = bundle.complete_partial(found) if half else found.path.with_name(found.id)
     if not isinstance(path, Path) or bundle.is_there(path / bundle.FACTS):
         return path
-    page = _read(path, "recorder.json")
-    told = {} if isinstance(page, bundle.BundleFailed) else page
-    failed = write_facts(path, abandoned(found.id, closed_at, told))
+    page, known = _read(path, "recorder.json"), _read(path, bundle.OPENING)
+    told = abandoned(found.id, closed_at, {} if isinstance(page, bundle.BundleFailed) else page)
+    failed = write_facts(path, told if isinstance(known, bundle.BundleFailed) else left_open(known, told))
     return path if failed is None else failed
 
 

@@ -6,12 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from hardcore.model import verdicts
 from hardcore.model.actions import AddAudit, Incident
-from hardcore.model.observations import LedgerAudited, RequestOutcome, RequestsSettled
-from hardcore.model.verdicts import Diagnosis, Grade
+from hardcore.model.observations import DeathNote, LedgerAudited, RequestOutcome, RequestsSettled
+from hardcore.model.verdicts import Colour, Diagnosis, Grade
 from hardcore.snapshot import writer
 from hardcore.snapshot.filing import Filing
-from postmortem import bundle
+from postmortem import bundle, reading
 
 ID = "0199a000-0000-7000-8000-00000000000f"
 
@@ -90,6 +91,81 @@ def test_facts_that_could_not_be_written_are_tried_again(tmp_path: Path) -> None
     assert "failed" in hands.noted[0]
     assert facts(place / ID)["waits_for"] == "DB_LOCKED"
     assert hands.reported == [ID]
+
+
+def going_on(*deaths: DeathNote) -> Incident:
+    return replace(
+        incident(),
+        evidence=(verdicts.Testimony("pidfd", Colour.RED, "the core ended by SIGKILL"),),
+        timeline=(("fault", 1),),
+        deaths=deaths,
+        outcome="open",
+        waits_for=None,
+        closed_ns=0,
+    )
+
+
+def test_an_incident_that_goes_on_says_what_is_known_of_it(tmp_path: Path) -> None:
+    async def begin() -> None:
+        hands = Hands(lambda: None)
+        await Filing(tmp_path, hands, hands.report, ()).open(going_on(), 7, "n", [])
+        assert hands.reported == []
+
+    asyncio.run(begin())
+    (one,) = reading.all_reports(tmp_path)
+    told = one.incident
+    assert (told.diagnosis, told.grade, told.outcome) == ("KILLED_FROM_OUTSIDE", "certain", "open")
+    assert (told.opened_at is not None, told.closed_at, told.pid) == (True, None, 7)
+    assert [words.text for words in told.evidence] == ["the core ended by SIGKILL"]
+    assert writer.find_abandoned(tmp_path), "it is open: only a guard that is gone has left it so"
+
+
+def test_what_was_known_of_it_is_not_lost_with_its_guard(tmp_path: Path) -> None:
+    hands = Hands(lambda: None)
+    asyncio.run(Filing(tmp_path, hands, hands.report, ()).open(going_on(), None, "", []))
+    (found,) = writer.find_abandoned(tmp_path)
+    asyncio.run(Filing(tmp_path, hands, hands.report, ()).close_abandoned([found]))
+    told = facts(tmp_path / ID)
+    assert (told["diagnosis"], told["outcome"], told["closed_at"] is not None) == (
+        "KILLED_FROM_OUTSIDE",
+        "open",
+        True,
+    )
+    assert [line["kind"] for line in told["evidence"]] == ["pidfd", "guard"]
+
+
+def test_an_opening_that_no_disk_takes_keeps_no_closing_waiting(tmp_path: Path) -> None:
+    place = tmp_path / "incidents"
+    place.write_bytes(b"a file where the folder should be")
+
+    async def work() -> None:
+        hands = Hands(lambda: None)
+        filing = Filing(place, hands, hands.report, (3600.0,))
+        opening = asyncio.create_task(filing.open(going_on(), None, "", []))
+        await asyncio.sleep(0)
+        assert not opening.done()
+        place.unlink()
+        await filing.close(incident(), None, "", [])
+        opening.cancel()
+
+    asyncio.run(work())
+    assert facts(place / ID)["outcome"] == "manual"
+    assert not bundle.is_there(place / ID / bundle.OPENING)
+
+
+def test_of_an_incident_that_goes_on_the_newest_is_told(tmp_path: Path) -> None:
+    async def twice() -> None:
+        hands, taken = Hands(lambda: None), asyncio.Event()
+        filing = Filing(tmp_path, hands, hands.report, ())
+        first = asyncio.create_task(filing.open(going_on(), None, "", [taken]))
+        await asyncio.sleep(0)
+        await filing.open(going_on(DeathNote(1, Diagnosis.CRASHED, None)), None, "", [])
+        taken.set()
+        await first
+
+    asyncio.run(twice())
+    (one,) = reading.all_reports(tmp_path)
+    assert len(one.incident.deaths) == 1
 
 
 def test_a_guard_that_ends_waits_for_no_pause(tmp_path: Path) -> None:
