@@ -112,7 +112,13 @@ def left_open(known: Mapping[str, Any], closing: Mapping[str, Any]) -> dict[str,
     """Return the closing facts of an incident whose guard died, from what was `known` of it while it was open."""
     evidence = known.get("evidence")
     told = evidence if isinstance(evidence, list) else []
-    return {**closing, **known, "closed_at": closing["closed_at"], "evidence": [*told, *closing["evidence"]]}
+    return {
+        **closing,
+        **known,
+        "closed_at": closing["closed_at"],
+        "evidence": [*told, *closing["evidence"]],
+        "last_words": known.get("last_words") or closing["last_words"],
+    }
 
 
 def _id_time(incident_id: str) -> str | None:
