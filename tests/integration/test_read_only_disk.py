@@ -236,3 +236,22 @@ def test_a_log_whose_index_is_gone_can_not_be_read_there_and_the_disk_is_named(t
     with started(data, before=again, sock=tmp_path / "second", HARDCORE_SAFE=REASON) as core:
         assert core.ends_with() == 73
         assert "read-only (and its log can't be read without a write" in core.said()
+
+
+@pytest.mark.skipif(STRACE is None, reason="no strace here")
+@pytest.mark.parametrize(
+    ("failing", "code"), [("fdatasync,fsync:error=EIO", 73), ("fdatasync:error=EIO:when=1", 74)]
+)
+def test_a_core_that_can_not_fence_asks_the_disk_before_it_blames_the_store(
+    tmp_path: Path, failing: str, code: int
+) -> None:
+    """Both fail at the fence's COMMIT; only where a small write of its own fails too it is the disk."""
+    data = tmp_path / "data"
+    with started(data, sock=tmp_path / "first") as core:
+        assert ready(core).open("cash").status == 201
+    traced = [STRACE or "strace", "-D", "-f", "-q", "-o", "/dev/null", f"--inject={failing}"]
+    with started(data, before=traced, sock=tmp_path / "second") as core:
+        assert core.ends_with() == code
+        assert ("EIO" in core.said()) == (code == 73), core.said()
+    assert {path.name for path in data.iterdir()} >= {"ledger.db", "ledger.lock"}
+    assert not (data / ".core-probe").exists()
