@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING, Phase, Wanted
-from hardcore.model.verdicts import Diagnosis
+from hardcore.model.verdicts import Colour, Diagnosis
 from hardcore.recovery import transitions, trial
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.policy import Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.transitions import Step, Trigger
 from tests.simulation.conditions import WELL
-from tests.simulation.looks import BEAT_NS
-from tests.simulation.machine import CORRUPT, NO_ROOM, Life, Stage
+from tests.simulation.looks import BEAT_NS, seen_of
+from tests.simulation.machine import CORRUPT, LOCKED, NO_ROOM, Life, Stage
 
 if TYPE_CHECKING:  # the world owns its checkers
     from tests.simulation.guard import Guard
@@ -40,6 +40,8 @@ TROUBLES = frozenset(
 SLACK_NS = 3 * NS_PER_S
 #: A fact is told so long after it became true.
 HEARING_NS = 10 * NS_PER_MS
+#: A core that can't be seen for so long is told to be so.
+TOLD_NS = NS_PER_S
 _BY_ITSELF = frozenset({Trigger.NO_DELAY, Trigger.DEADLINE})
 DRILL_NS = 15 * NS_PER_S
 #: A trouble that was over for so long is not told as a new one.
@@ -80,6 +82,7 @@ class Checkers:
         self._sent_away: set[int] = set()
         self._renewed: set[int] = set()
         self._handed_over: set[int] = set()
+        self._tick_ns = self._forgiven_ns = self._unseen_ns = self._silent_ns = 0
         self._counts = False  # whether the last end was an accident
         self._asked_by_operator = False
         self._way_in: Transition | None = None
@@ -133,10 +136,29 @@ class Checkers:
             self._deaths_ns.append(fact.at_ns)
 
     def _only_tried(self, life: Life) -> bool:
-        """Whether it was started in a reader's place, to find out whether the reason is over, and it is not."""
+        """Whether it found out that a reason is not over: in a reader's place, or at its fence, where it can't be."""
+        if life.exit is not None and life.exit.code in {LOCKED, NO_ROOM} and life.number not in self._ready:
+            return True
         before = self.world.lives[life.serial - 2] if life.serial > 1 else None
         tried = before is not None and before.unfenced
         return tried and life.exit is not None and life.exit.code in {CORRUPT, NO_ROOM}
+
+    def looks(self, guard: "Guard", tick: seen.Sampled) -> None:
+        """What the guard is about to be told of its core is remembered for the laws below."""
+        gap_ns, self._tick_ns = tick.at_ns - self._tick_ns, tick.at_ns
+        interval_ns = guard.policy.health_check_interval_ms * NS_PER_MS
+        if gap_ns > 2 * interval_ns:  # what was before a tick of ours that came late says nothing
+            self._forgiven_ns = tick.at_ns
+        seen_ = tick.beats is not None and tick.process is not None
+        self._unseen_ns = 0 if seen_ else self._unseen_ns or tick.at_ns
+        loop_ns = tick.beats.loop_ns if tick.beats is not None else tick.at_ns
+        self._silent_ns = tick.at_ns - max(loop_ns, self._forgiven_ns)
+
+    def looked(self, guard: "Guard", tick: seen.Sampled) -> None:
+        """What can't be seen is told."""
+        if self._unseen_ns and tick.at_ns - max(self._unseen_ns, self._forgiven_ns) >= TOLD_NS:
+            blind = guard.phase in SERVING and guard.manager.reading().verdict.colour is Colour.GREEN
+            _hold(not blind, "a core that can't be seen is called well")
 
     # ---- where the guard goes ----
 
@@ -144,14 +166,16 @@ class Checkers:
         """Each change of phase is in the table, follows from the one before, and has a reason."""
         for move in moves:
             row = transitions.TABLE[move.before].get(move.trigger)
-            _hold(row is not None and row[0] is move.after, f"{move} is not in the table")
-            _hold(move.before is self._phase, f"{move} does not follow from {self._phase}")
+            if row is None or row[0] is not move.after:
+                raise Broken(f"{move} is not in the table")
+            if move.before is not self._phase:
+                raise Broken(f"{move} does not follow from {self._phase}")
             _hold(move.reason, f"{move} has no reason")
             self.rows.add((move.before, move.trigger))
             self._phase = move.after
             if move.after is not move.before:
                 self._way_in = move
-            if row is not None and Step.FORGET in row[1]:
+            if Step.FORGET in row[1]:
                 self._deaths_ns.clear()
             if move.trigger is Trigger.RENEW and guard.life is not None:
                 self._renewed.add(guard.life.number)
@@ -161,13 +185,16 @@ class Checkers:
                 self._lost(guard, move)
             elif move.trigger is Trigger.DEADLINE and move.before in {Phase.STARTING, Phase.PROVING}:
                 self._too_slow(guard)
+            elif move.before is Phase.PROBATION and move.after is Phase.RUNNING:
+                self._proven(guard)
 
     def _lost(self, guard: "Guard", move: Transition) -> None:
         """No core is judged that only was late: the truth must be a hang, and have lasted."""
         life = guard.life
         _hold(life is not None and life.alive, "a verdict needs a living core")
         assert life is not None, "held just now"
-        needed_ms = life.condition.judged.needs_ms(guard.policy)
+        row = seen_of(life)
+        needed_ms = row.judged.needs_ms(guard.policy)
         lasted_ns = move.at_ns - life.since_ns + BEAT_NS
         _hold(
             needed_ms is not None and lasted_ns >= needed_ms * NS_PER_MS,
@@ -176,22 +203,27 @@ class Checkers:
         diagnosis = Diagnosis(move.reason.split(":")[0])
         self.named[life.condition.name, diagnosis] += 1
         _hold(
-            diagnosis in life.condition.right,
+            diagnosis in row.right,
             f"a core that was {life.condition.name} was called {diagnosis}: {move.reason}",
         )
         self._judged[life.number] = diagnosis
         self._count_verdict(move.at_ns)
         life.asked, life.blamed = True, diagnosis in trial.FROM_INSIDE
 
+    def _proven(self, guard: "Guard") -> None:
+        silent_ms = self._silent_ns // NS_PER_MS
+        borne_ms = guard.policy.health_check_timeout_ms + 2 * guard.policy.health_check_interval_ms
+        _hold(silent_ms < borne_ms, f"a core that has been silent for {silent_ms} ms has proven itself")
+
     def _troubled(self, guard: "Guard", diagnosis: Diagnosis) -> None:
-        """A trouble is told only while it is there; of a living core that nobody may restart, too."""
+        """A trouble is told only while it is there, or reads only are served; of one nobody may restart, too."""
         self.world.note_truths()
         name = guard.life.condition.name if guard.life is not None else "gone"
         right = guard.life.condition.right if guard.life is not None else frozenset()
         self.named[name if diagnosis in right else "its store", diagnosis] += 1
         since_ns = self.world.clock.now_ns - self.world.truths.get(diagnosis, -STALE_NS)
         _hold(
-            diagnosis in right or since_ns < STALE_NS,
+            diagnosis in right or since_ns < STALE_NS or (guard.life is not None and guard.life.safe),
             f"{diagnosis} is told of a core that is {name}, {since_ns // NS_PER_MS} ms after it was so",
         )
 
@@ -231,6 +263,8 @@ class Checkers:
                 self._sent_away.add(action.life)
             case orders.TakeEvidence(living=True):
                 self._evidence[action.life] = self.world.clock.now_ns
+                if action.stop:
+                    self._sent_away.add(action.life)  # it is stopped for good: its end is asked for
             case orders.SetSafe():
                 self._set_safe(action)
             case orders.Release():
@@ -287,6 +321,7 @@ class Checkers:
 
     def _release(self, guard: "Guard", order: orders.Release) -> None:
         life = guard.life
+        self._silent_ns = self._unseen_ns = 0  # of another core
         _hold(life is not None and life.number == order.life, "the newest core is released")
         assert life is not None, "held just now"
         _hold(order.life in self._ready and life.completed_boot, "a core is released after its proof")
@@ -339,7 +374,7 @@ class Checkers:
         if world.disk_wanted is Wanted.DOWN:
             _hold(guard.halted, "a guard that is not wanted ends")
             _hold(not living or world.stuck_for_ever, "a core that is not wanted ends")
-        elif guard.phase is Phase.RUNNING:
+        elif guard.phase is Phase.RUNNING or (guard.phase is Phase.SUSPECT and guard.always_worried):
             well = guard.life is not None and guard.life.alive and guard.life.condition is WELL
             _hold(well and guard.life is not None and guard.life.stage is Stage.READY, "what runs, serves")
             self._writes_again(guard)
@@ -348,6 +383,8 @@ class Checkers:
         else:
             _hold(guard.phase is Phase.FATAL, f"the guard came to rest in {guard.phase}")
             _hold(self._way_in is not None and self._way_in.reason, "FATAL has a reason")
+            waits_for = guard.manager.reading().waits_for
+            _hold(waits_for != Diagnosis.DB_LOCKED, "a lock that was let go is waited for for ever")
         self._incidents_at_end()
         self._ledger_at_end()
 

@@ -50,7 +50,7 @@ class ThreadLook:
     starves: bool = False
 
 
-_IN_EPOLL = ThreadLook("S", "ep_poll")
+_IN_EPOLL = ThreadLook("S", "ep_poll", wakes=True)
 _STOPPED = ThreadLook("T", "do_signal_stop")
 _RUNS = ThreadLook("R", "", burns=True)
 _SLEEPS = ThreadLook("S", "hrtimer_nanosleep")

@@ -13,8 +13,9 @@ from hardcore.model.recorder import CommandNote, SlotStage
 from tests.simulation import conditions
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import Condition
-from tests.simulation.looks import Spoilt
-from tests.simulation.machine import BootPlan, Disk, Harm, Rot, Stage
+from tests.simulation.machine import BootPlan, Harm, Stage
+from tests.simulation.senses_faults import SENSES_CRISIS, SENSES_LOAD
+from tests.simulation.store import Disk, Rot
 from tests.simulation.store_faults import (
     at_the_fence,
     disk,
@@ -22,6 +23,7 @@ from tests.simulation.store_faults import (
     end_the_present_one,
     later,
     locked,
+    locked_at_the_fence,
     rots,
     safe_orders,
 )
@@ -219,17 +221,6 @@ def _wall_jumps(world: World) -> None:
     world.worry()
 
 
-def _page_is_spoilt(*, torn: bool) -> Fault:
-    """For a moment the page can't be read, or shows what stood there a while ago."""
-
-    def fault(world: World) -> None:
-        for_ns = world.rng.randrange(50, 900) * MS
-        world.spoilt = Spoilt(world.clock.now_ns + for_ns, torn=torn)
-        world.worry()
-
-    return fault
-
-
 def _load(world: World) -> None:
     """The machine is busy: our ticks come late, and the core is not always scheduled."""
     world.switches.tick_late_ns = world.rng.randrange(50, 600) * MS
@@ -305,19 +296,6 @@ def _drill(world: World) -> None:
         world.clock.after(2 * MS, lambda: _ends(signal=6)(world))
 
 
-def _machine_sleeps(world: World) -> None:
-    """The whole machine sleeps: nobody can do anything, the clock goes on."""
-    gap_ns = world.rng.choice([300, 1500, 30_000, 3_600_000]) * MS
-    world.clock.leap(gap_ns)
-    core = world.core
-    if core is None:
-        return
-    core.since_ns += gap_ns  # what befell it did not go on in its sleep
-    if core.condition is conditions.WELL:
-        core.befall(conditions.STARVED, world.rng.randrange(150) * MS)
-        world.worry()
-
-
 def _poison(harm: Harm) -> Fault:
     def fault(world: World) -> None:
         for n in range(world.rng.randrange(1, 4)):
@@ -364,15 +342,13 @@ LOAD: Mapping[str, Fault] = {
     "memory grows": _grows,
     "machine is suspended": _suspends,
     "wall clock jumps": _wall_jumps,
-    "page torn": _page_is_spoilt(torn=True),
-    "page late": _page_is_spoilt(torn=False),
     "starved": _befalls(conditions.STARVED, 100, 6000),
     "store slow": _befalls(conditions.STORE_SLOW, 100, 6000),
     "disk slow": _befalls(conditions.DISK_SLOW, 100, 6000),
     "slow reads": _slow_reads,
     "load": _load,
     "guard stalls": _guard_stalls,
-    "machine sleeps": _machine_sleeps,
+    **SENSES_LOAD,
 }
 
 CRISIS: Mapping[str, Fault] = {
@@ -399,6 +375,7 @@ CRISIS: Mapping[str, Fault] = {
     "lying core": _answers_falsely(conditions.LYING),
     "deaf core": _befalls(conditions.DEAF),
     "ledger locked": locked,
+    "ledger locked at the fence": locked_at_the_fence,
     "disk fills": disk(Disk.FULL, 100, 20_000),
     "disk read-only": disk(Disk.READ_ONLY, 100, 20_000),
     "disk stalls": disk(Disk.STALLED, 100, 20_000),
@@ -448,6 +425,7 @@ CRISIS: Mapping[str, Fault] = {
     "operator restarts hard": _asks(seen.Verb.RESTART_HARD),
     "operator resumes": _asks(seen.Verb.RESUME),
     "operator changes his mind": _changes_his_mind,
+    **SENSES_CRISIS,
 }
 
 FAULTS: Mapping[str, Fault] = {**LOAD, **CRISIS}

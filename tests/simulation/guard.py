@@ -5,20 +5,23 @@ delays, and can be stalled or killed at any moment, also between two orders. Eve
 so that a second manager can be asked the same questions. Facts that waited are heard before the deadline.
 """
 
+import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING, Phase, Wanted
-from hardcore.model.verdicts import Diagnosis
+from hardcore.model.recorder import Beats, CommandNote, SlotStage
+from hardcore.model.verdicts import Colour, Diagnosis
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.policy import Policy
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.conditions import FROZEN, WELL
 from tests.simulation.looks import THREADS, notes, page, process, stacks
-from tests.simulation.machine import REFUSALS, Disk, Life
+from tests.simulation.machine import Life
+from tests.simulation.store import REFUSALS, Disk
 from tests.simulation.switches import Looking, Order, Taking
 
 if TYPE_CHECKING:  # the world starts guards
@@ -27,15 +30,41 @@ if TYPE_CHECKING:  # the world starts guards
 #: As the watch of the real guard: threads and commands are looked at only when something waits.
 STALE_NS = 80 * NS_PER_MS
 LOOK_CLOSER_NS = 200 * NS_PER_MS
+IN_FLIGHT_EVERY_TICKS = 5
 TICKS_AT_LEAST = 3
 HANDS_NS = 20 * NS_PER_MS
-#: Surveys and probes come with every so many ticks; a probe that is not answered is given up after its time.
-SURVEY_EVERY = 10
+#: A probe that is not answered is given up after its time.
 PROBE_NS = 500 * NS_PER_MS
+#: A survey waits so long for its own write before it says that it is under way.
+OWN_WRITE_NS = 200 * NS_PER_MS
+#: One that is under way is looked at again so soon.
+PENDING_MS = 500
 #: A look at stacks, or at the store's lock.
 LOOKING_MS = 60
 #: The real guard stamps a fact when it notices it: one that waited longer than this gets a new stamp.
 NOTICED_NS = 5 * NS_PER_MS
+
+
+@dataclass(slots=True)
+class OwnWrite:
+    """The guard's small write to the ledger's disk: one at a time, and the next survey tells of it."""
+
+    began_ns: int | None = None
+
+    @property
+    def again_ms(self) -> int:
+        """How soon it is looked at again at most: how long it took is known only from looking."""
+        return PENDING_MS if self.began_ns is not None else sys.maxsize
+
+    def look(self, now_ns: int, takes_ns: int | None) -> tuple[int | None, int]:
+        """Return what it took and for how long it has been under way. `takes_ns` None: it does not come back."""
+        if self.began_ns is None:
+            self.began_ns = now_ns - OWN_WRITE_NS
+        under_way_ns = now_ns - self.began_ns
+        if takes_ns is None or takes_ns > under_way_ns:
+            return None, under_way_ns
+        self.began_ns = None
+        return max(takes_ns, NS_PER_MS), 0
 
 
 class Guard:
@@ -63,6 +92,9 @@ class Guard:
         self._leftovers: set[int] = set()
         self._was_spawning = False
         self._found: list[Life] = []
+        self._waits_for_leftovers = False
+        self._own_write = OwnWrite()
+        self._one_is_slow = False
         self._ringing_ns: int | None = None
         self._ticking = False
         self._ticks_left = 0
@@ -161,61 +193,109 @@ class Guard:
         if not self._ticking or life is None:
             return
         self._survey(life, now_ns)
-        self.hear(self._look(life, now_ns))
+        tick = self._look(life, now_ns)
+        self.world.checkers.looks(self, tick)
+        self.hear(tick)
+        if self.works:
+            self.world.checkers.looked(self, tick)
         self._ticks_left -= 1
-        if self._is_sick(life) or self._ticks_left > 0 or self.phase is Phase.SUSPECT:
+        if self._is_sick(life) or self._ticks_left > 0 or self._suspects():
             self.world.clock.after(self._interval_ns(), self._tick)
         else:
             self._ticking = False
 
     def _interval_ns(self) -> int:
-        every_ns = self.policy.health_check_interval_ms * NS_PER_MS
-        late_ns = self.world.switches.tick_late_ns
-        return every_ns + self.world.rng.randrange(late_ns or 5 * NS_PER_MS)
+        return self.policy.health_check_interval_ms * NS_PER_MS + self.world.switches.late_ns(self._ticks)
+
+    def _suspects(self) -> bool:
+        """Whether the guard looks for what is wrong. Some worries never end; but a probation does."""
+        if self.phase is Phase.SUSPECT:
+            return not (self.world.quiet and self.always_worried)
+        unproven = self.phase is Phase.PROBATION
+        return unproven and self.manager.reading().verdict.colour is not Colour.GREEN
+
+    @property
+    def always_worried(self) -> bool:
+        """Whether there is something to be worried about to the end of the world: our ticks, or a lost page."""
+        return bool(self.world.switches.late_every or (self.life is not None and self.life.page_lost))
 
     def _is_sick(self, life: Life) -> bool:
-        """Whether the next tick may matter: only then it is simulated."""
-        world = self.world
+        """Whether the next tick may matter: only then it is simulated.
+
+        A damaged ledger is read until a person comes: no tick changes that.
+        """
+        world, store = self.world, self.world.store
         open_ = bool(self.ids) and self.ids[-1] not in world.checkers.closed
-        lasts = world.quiet and Diagnosis.STORE_CORRUPT in world.truths  # nobody says resume in the quiet
+        damaged = Diagnosis.STORE_CORRUPT in world.truths
         return bool(
             life.condition is not WELL
             or life.extra_waiting
+            or (life.page_lost and not world.quiet)
+            or world.clock.now_ns < world.unseen_until_ns
             or life.in_store_ns
-            or (not lasts and (world.store.ill or life.safe or open_))
+            or store.blocked
+            or store.disk is not Disk.WELL
+            or (not damaged and (life.safe or open_))
         )
 
     def _look(self, life: Life, now_ns: int) -> seen.Sampled:
-        beats = self.world.spoilt.look(life)
-        flying = None
-        if beats is not None and beats.waiting and now_ns - beats.completed_ns > LOOK_CLOSER_NS:
-            flying = notes(life)
-        closer = beats is not None and (
-            now_ns - min(beats.loop_ns, beats.thread_ns) > STALE_NS or flying is not None
+        world, beats = self.world, self.world.spoilt.look(life)
+        flying = self._in_flight(life, beats, now_ns)
+        closer = (
+            beats is None or flying is not None or now_ns - min(beats.loop_ns, beats.thread_ns) > STALE_NS
         )
-        world = self.world
         clocks = seen.Clocks(now_ns + world.slept_ns, now_ns + world.slept_ns + world.wall_shift_ns)
-        return seen.Sampled(
-            now_ns, life.number, beats, THREADS, process(life, closer=closer), flying, life.witness, clocks
+        unseen = now_ns < world.switches.unseen_until_ns
+        sample = None if unseen else process(life, closer=closer)
+        witness = None if beats is None else life.witness
+        return seen.Sampled(now_ns, life.number, beats, THREADS, sample, flying, witness, clocks)
+
+    def _in_flight(self, life: Life, beats: Beats | None, now_ns: int) -> tuple[CommandNote, ...] | None:
+        """The commands in flight, as often as the real guard reads them."""
+        if beats is None or not beats.waiting:
+            self._one_is_slow = False
+            return None
+        due = self._one_is_slow or self._ticks % IN_FLIGHT_EVERY_TICKS == 0
+        if not due and now_ns - beats.completed_ns <= LOOK_CLOSER_NS:
+            return None
+        told = notes(life)
+        self._one_is_slow = any(
+            note.stage is SlotStage.DECIDING
+            and now_ns - max(note.stage_ns, note.progress_ns) > LOOK_CLOSER_NS
+            for note in told
         )
+        return told
 
     def _survey(self, life: Life, now_ns: int) -> None:
-        """Once a second: the disk, the counters, and whether the core answers."""
+        """Now and then: the disk, the counters, and whether the core answers."""
         self._ticks += 1
         self.world.note_truths()
-        if self._ticks % SURVEY_EVERY:
-            return
+        every_ms = self.policy.health_check_interval_ms
+        survey_ms = min(self.policy.survey_interval_ms, self._own_write.again_ms)
+        if self._ticks % max(1, survey_ms // every_ms) == 0:
+            self._survey_disk(life, now_ns)
+        if self._ticks % (self.policy.probe_interval_ms // every_ms) == 0:
+            self._probe(life, now_ns)
+
+    def _survey_disk(self, life: Life, now_ns: int) -> None:
         store = self.world.store
+        stalled = store.disk is Disk.STALLED
+        took_ns, pending_ns = self._own_write.look(
+            now_ns, None if stalled else self.world.switches.own_write_ns
+        )
         disk = seen.DiskFacts(
             free_bytes=0 if store.disk is Disk.FULL else 1 << 34,
             read_only=store.disk is Disk.READ_ONLY,
-            write_ns=None if store.disk is Disk.STALLED else NS_PER_MS,
-            pending_ns=now_ns - store.stalled_ns if store.disk is Disk.STALLED else 0,
+            write_ns=took_ns,
+            pending_ns=pending_ns,
             fault=store.disk.value if store.disk in REFUSALS else "",
         )
         self.tell(seen.Surveyed(now_ns, life.number, disk, seen.Conduct(), life.oom_kills))
+
+    def _probe(self, life: Life, now_ns: int) -> None:
         if life.condition.loop_works:
-            self.tell(seen.Probed(now_ns, life.number, now_ns, True, life.epoch, len(store.commits)))
+            head = len(self.world.store.commits)
+            self.tell(seen.Probed(now_ns, life.number, now_ns, True, life.epoch, head))
         else:
             self._soon(PROBE_NS, lambda: self._probe_is_over(life, now_ns))
 
@@ -303,11 +383,14 @@ class Guard:
         return under_way
 
     def _kill_leftovers(self) -> None:
+        """End what was there before us; told again, the hands kill again, and one waiting is enough."""
         living = [life for life in self.world.lives if life.alive]
-        self._leftovers, self._found = {life.serial for life in living}, living
+        first, self._waits_for_leftovers = not self._waits_for_leftovers, True
+        if first:
+            self._leftovers, self._found = {life.serial for life in living}, living
         for life in living:
             _kill(life)
-        if not living:
+        if not living and first:
             self._leftovers_gone()
 
     def _leftovers_gone(self) -> None:

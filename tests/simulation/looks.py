@@ -1,17 +1,22 @@
 """What somebody outside sees of a simulated core: its page, what the kernel says of it, its stacks.
 
 Beats are not events: they are computed when somebody looks, from when they stopped, so that a core that is well
-costs nothing. A look may also be spoilt: torn, so that nothing can be read, or late, so that it shows what was
-there a while ago.
+costs nothing. A look may also be spoilt: torn, so that nothing can be read, late, so that it shows what was
+there a while ago, or of a page that somebody writes all over.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from enum import Enum
+from random import Random
+from typing import Any
 
 from hardcore.model import observations as seen
 from hardcore.model.recorder import Beats, CommandNote, LifeState, Page, SlotStage, Threads
+from hardcore.model.verdicts import Diagnosis
 from tests.simulation.clock import NS_PER_MS
-from tests.simulation.conditions import DISK_SLOW, STORE_SLOW, WELL, Condition, ThreadLook, Wait
-from tests.simulation.machine import Disk, Life
+from tests.simulation.conditions import DISK_SLOW, STORE_SLOW, WELL, Condition, Judged, ThreadLook, Wait
+from tests.simulation.machine import Life
+from tests.simulation.store import Disk
 
 BEAT_NS = 50 * NS_PER_MS
 THREADS = Threads(loop=1, writer=2, beat=3)
@@ -26,9 +31,18 @@ def row_of(life: Life) -> Condition:
     return life.condition
 
 
+def seen_of(life: Life) -> Condition:
+    """Return what may be said of it: without its page only what the kernel shows of a core that answers nobody."""
+    row = life.condition
+    unseen = life.page_lost or life.world.clock.now_ns < life.world.unseen_until_ns
+    if not unseen or row.loop_works or row.judged is Judged.NEVER:
+        return row
+    asleep = frozenset({Diagnosis.LOOP_BLOCKED} if row.state == "S" else ())
+    return replace(row, right=row.right | asleep)
+
+
 def beats(life: Life) -> Beats:
     """The beat block now."""
-    now_ns = life.world.clock.now_ns
     loop_ns, thread_ns = _beat(life, life.loop_silent_ns), _beat(life, life.thread_silent_ns)
     row = row_of(life)
     stuck = _stuck(life, row)
@@ -36,7 +50,7 @@ def beats(life: Life) -> Beats:
     return Beats(
         loop_ns, loop_ns // BEAT_NS, thread_ns, thread_ns // BEAT_NS,
         life.submitted + life.extra_waiting + len(stuck), life.completed, life.completed_ns,
-        in_store_ns, min(life.since_ns, now_ns) if row.collects else 0, life.epoch or 0, LifeState.READY,
+        in_store_ns, life.began_ns if row.collects else 0, life.epoch or 0, LifeState.READY,
         life.claimed_seq,
     )  # fmt: skip
 
@@ -54,8 +68,8 @@ def _stuck(life: Life, row: Condition) -> tuple[CommandNote, ...]:
     progress_ns = life.world.clock.now_ns - 30 * NS_PER_MS if row.wait is Wait.PROGRESS else 0
     return (
         CommandNote(
-            SlotStage.DECIDING, f"stuck-{life.serial}", "", "drill", "tx-1", ("acc-1",), life.since_ns,
-            life.world.policy.transaction_timeout_ms * NS_PER_MS, life.since_ns, progress_ns, THREADS.writer,
+            SlotStage.DECIDING, f"stuck-{life.serial}", "", "drill", "tx-1", ("acc-1",), life.began_ns,
+            life.world.policy.transaction_timeout_ms * NS_PER_MS, life.began_ns, progress_ns, THREADS.writer,
         ),
     )  # fmt: skip
 
@@ -130,20 +144,43 @@ def page(life: Life) -> Page | None:
     )  # fmt: skip
 
 
+class Spoiling(Enum):
+    """How a look at the page goes wrong."""
+
+    TORN = "nothing can be read"
+    LATE = "it shows what stood there a while ago"
+    NONSENSE = "somebody writes all over it"
+
+
 @dataclass(slots=True)
 class Spoilt:
     """How the next looks at the page go wrong. `until_ns`: from then on all is well."""
 
     until_ns: int = 0
-    torn: bool = False
+    how: Spoiling = Spoiling.TORN
     old: Beats | None = None
 
     def look(self, life: Life) -> Beats | None:
         """Return the beats that are read now."""
+        if life.page_lost:
+            return None
         if life.world.clock.now_ns >= self.until_ns:
             return beats(life)
-        if self.torn:
-            return None
-        if self.old is None:
-            self.old = beats(life)
-        return self.old
+        match self.how:
+            case Spoiling.TORN:
+                return None
+            case Spoiling.LATE:
+                self.old = self.old or beats(life)
+                return self.old
+            case Spoiling.NONSENSE:
+                return _nonsense(beats(life), life.world.rng)
+
+
+def _nonsense(true: Beats, rng: Random) -> Beats:
+    """Beats of which somebody has written over every field but the state, which would be noticed."""
+    written: dict[str, Any] = {
+        field.name: rng.randrange(1 << rng.choice([1, 20, 40, 63]))
+        for field in fields(Beats)
+        if field.name != "state"
+    }
+    return replace(true, **written)

@@ -1,4 +1,4 @@
-"""The guarded side of the simulated machine: the ledger's store, and cores that live and die on it.
+"""The guarded side of the simulated machine: cores that live and die on the ledger's store.
 
 A core boots, fences, proves, serves, leaves or dies, as the plan of its boot and the conditions that befall
 it say. Work that can't go on in a condition waits until it passes; work that the store keeps waiting (a stalled
@@ -6,7 +6,7 @@ disk, another program's lock) waits there. What somebody outside sees of a core 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from random import Random
 from typing import TYPE_CHECKING, Protocol
@@ -18,6 +18,7 @@ from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
 from tests.simulation.clock import NS_PER_MS, Clock
 from tests.simulation.conditions import FROZEN, WELL, Condition
+from tests.simulation.store import REFUSALS, Disk, Rot, Store
 
 if TYPE_CHECKING:  # the workload knows the machine; the machine only hands its requests around
     from tests.simulation.workload import Request
@@ -25,6 +26,8 @@ if TYPE_CHECKING:  # the workload knows the machine; the machine only hands its 
 #: How long after READY the whole ledger is proven.
 AUDIT_NS = 300 * NS_PER_MS
 CORRUPT, LOCKED, NO_ROOM, FENCED = 65, 69, 73, 75
+#: How long a core waits at its fence for a lock that somebody else holds.
+FENCE_BUSY_NS = 2_000 * NS_PER_MS
 #: A resident memory that nothing is wrong with.
 RSS_BYTES = 61 << 20
 #: Now and then nobody can read how a process ended.
@@ -49,79 +52,6 @@ class Stage(Enum):
     FENCED = "fenced"
     READY = "ready"
     DEAD = "dead"
-
-
-class Disk(Enum):
-    """How the ledger's file system is; the value is what a write says."""
-
-    WELL = ""
-    FULL = "ENOSPC"
-    READ_ONLY = "EROFS"
-    STALLED = "stalled"
-
-
-class Rot(Enum):
-    """How damaged the ledger is."""
-
-    NONE = "whole"
-    DEEP = "damaged where only the proof of all of it looks"
-    HEAD = "damaged where every start looks"
-
-
-#: What a core that can't write says of its store, and what that is called.
-REFUSALS = {
-    Disk.FULL: (seen.StoreFault.FULL, Diagnosis.DISK_FULL),
-    Disk.READ_ONLY: (seen.StoreFault.READ_ONLY, Diagnosis.DISK_READ_ONLY),
-}
-
-
-@dataclass(slots=True)
-class Store:
-    """The ledger: an epoch that only grows, and each command at most once."""
-
-    epoch: int = 3
-    commits: list[tuple[int, int, str]] = field(default_factory=list)
-    keys: dict[str, int] = field(default_factory=dict)
-    disk: Disk = Disk.WELL
-    stalled_ns: int = 0
-    holder: seen.LockHolder | None = None
-    rot: Rot = Rot.NONE
-    waiting: list[Callable[[], None]] = field(default_factory=list)
-
-    @property
-    def blocked(self) -> bool:
-        """Whether a write waits, for nobody knows how long."""
-        return self.disk is Disk.STALLED or self.holder is not None
-
-    @property
-    def ill(self) -> bool:
-        """Whether anything is wrong with it."""
-        return self.blocked or self.disk is not Disk.WELL or self.rot is not Rot.NONE
-
-    def befall(self, now_ns: int, disk: Disk, holder: seen.LockHolder | None = None) -> None:
-        """Something begins or ends; when nothing blocks any more, what waited goes on."""
-        self.disk, self.holder = disk, holder
-        self.stalled_ns = now_ns if disk is Disk.STALLED else 0
-        if not self.blocked:
-            waiting, self.waiting = self.waiting, []
-            for work in waiting:
-                work()
-
-    def raise_epoch(self, expected: int | None) -> bool:
-        """Compare and set."""
-        if expected is not None and expected != self.epoch:
-            return False
-        self.epoch += 1
-        return True
-
-    def commit(self, epoch: int, life: int, key: str) -> bool:
-        """Write one command, if `epoch` is still the one that may; the caller has looked the key up."""
-        if epoch != self.epoch:
-            return False
-        assert key not in self.keys, f"{key} is written twice"
-        self.commits.append((epoch, life, key))
-        self.keys[key] = len(self.commits)
-        return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +94,9 @@ class Surroundings(Protocol):
     store: Store
     policy: Policy
 
+    @property
+    def unseen_until_ns(self) -> int: ...
+
     def tell(self, life: "Life", fact: seen.Observation) -> None: ...
     def is_true(self, diagnosis: Diagnosis) -> None: ...
     def answered(self, life: "Life", request: "Request", *, refused: bool = False) -> None: ...
@@ -192,7 +125,7 @@ class Life:
         self.stage = Stage.BORN
         self.epoch: int | None = None
         self.condition = WELL
-        self.since_ns = world.clock.now_ns
+        self.since_ns = self.began_ns = world.clock.now_ns
         self.slots: dict[str, Slot] = {}
         self.submitted = self.completed = self.completed_ns = 0
         self.witness: Witness | None = None
@@ -260,13 +193,17 @@ class Life:
             else:
                 self._waiting.append((False, work))
 
+    def pause(self, gap_ns: int) -> None:
+        """Nothing went on for so long: what befell it has lasted for less than a clock says."""
+        self.since_ns += gap_ns
+
     def befall(self, condition: Condition, for_ns: int | None = None) -> None:
         """Let a condition begin; it ends after `for_ns`, or never by itself."""
         if not self.alive or condition is self.condition:
             return
         now_ns = self.world.clock.now_ns
         self._turn += 1
-        self.condition, self.since_ns = condition, now_ns
+        self.condition, self.since_ns, self.began_ns = condition, now_ns, now_ns
         self.loop_silent_ns = None if condition.loop_beats else self.loop_silent_ns or now_ns
         self.thread_silent_ns = None if condition.thread_beats else self.thread_silent_ns or now_ns
         if for_ns is not None:
@@ -303,8 +240,8 @@ class Life:
         elif plan.fails_at is Stage.BORN:
             self._fail()
         elif store.holder is not None:
-            self._tell(seen.FenceBlocked(self.world.clock.now_ns, self.number))
-            self.die(seen.Exit(code=LOCKED), "DB_LOCKED")
+            store.waiting.append(lambda: self.on_loop(self._fence))
+            self.world.clock.after(FENCE_BUSY_NS, lambda: self.on_loop(self._locked_out))
         elif store.disk is Disk.STALLED:
             store.waiting.append(lambda: self.on_loop(self._fence))
         elif store.disk in REFUSALS:
@@ -317,6 +254,12 @@ class Life:
             if plan.tells_epoch:
                 self._tell(seen.EpochRaised(self.world.clock.now_ns, self.number, store.epoch))
             self.world.clock.after(plan.prove_ns, lambda: self.on_loop(self._prove))
+
+    def _locked_out(self) -> None:
+        """Somebody else has held the lock for longer than it waits."""
+        if self.stage is Stage.BORN and self.world.store.holder is not None:
+            self._tell(seen.FenceBlocked(self.world.clock.now_ns, self.number))
+            self.die(seen.Exit(code=LOCKED), "DB_LOCKED")
 
     def _prove(self) -> None:
         if self.plan.fails_at is Stage.FENCED and not self.unfenced:

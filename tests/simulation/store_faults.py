@@ -9,7 +9,7 @@ from functools import partial
 
 from hardcore.model import observations as seen
 from tests.simulation.clock import NS_PER_MS
-from tests.simulation.machine import REFUSALS, Disk, Rot
+from tests.simulation.store import REFUSALS, Disk, Rot
 from tests.simulation.switches import Order
 from tests.simulation.world import World
 
@@ -106,6 +106,25 @@ def locked(world: World) -> None:
     if world.rng.random() < 0.3:
         later(world, 10, 2000, partial(end_the_present_one, world))
     later(world, 200, 20_000, lambda: befall(world, world.store.disk))
+
+
+def locked_at_the_fence(world: World) -> None:
+    """A core begins while another program holds the ledger's lock; for seconds, or till long into the quiet."""
+    if world.store.ill:
+        return
+    befall(world, Disk.WELL, seen.LockHolder(4711, "backup"))
+    world.held_into_the_quiet = world.rng.random() < 0.3
+    if (core := world.core) is not None:
+        core.signal(9)
+    if not world.held_into_the_quiet:
+        later(world, 200, world.rng.choice([1500, 8000, 90_000]), partial(lets_go, world))
+
+
+def lets_go(world: World) -> None:
+    """Whoever held the lock has ended."""
+    world.held_into_the_quiet = False
+    if world.store.holder is not None:
+        befall(world, world.store.disk)
 
 
 def rots(rot: Rot) -> Fault:

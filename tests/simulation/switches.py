@@ -41,7 +41,10 @@ class Order(Enum):
 
 @dataclass(slots=True)
 class Switches:
-    """See the module. `tick_late_ns`: the guard's ticks come up to so much late."""
+    """See the module. `tick_late_ns`: the guard's ticks come up to so much late for a while.
+
+    `late_every`: of its ticks every so many comes `late_by_ns` late, to the end of the world; 0: none.
+    """
 
     rng: Random
     boot_plans: deque[BootPlan] = field(default_factory=deque)
@@ -49,15 +52,28 @@ class Switches:
     evidence: deque[Taking] = field(default_factory=deque)
     failing_spawns: int = 0
     tick_late_ns: int = 0
+    late_every: int = 0
+    late_by_ns: int = 0
     orders_until_death: int | None = None
     safe_orders: deque[Order] = field(default_factory=deque)
     looking: Looking = Looking.WORKS
+    #: What a small write of the guard's own takes.
+    own_write_ns: int = NS_PER_MS
+    #: Until then the kernel says nothing about any process.
+    unseen_until_ns: int = 0
 
     def clear(self) -> None:
         """Everything goes well from now on."""
         for prepared in (self.boot_plans, self.slow_spawns_ns, self.evidence, self.safe_orders):
             prepared.clear()
         self.failing_spawns, self.tick_late_ns, self.orders_until_death = 0, 0, None
+        self.own_write_ns, self.unseen_until_ns = NS_PER_MS, 0
+
+    def late_ns(self, ticks: int) -> int:
+        """How late the guard's next tick comes after so many."""
+        if self.late_every and ticks % self.late_every == 0:
+            return self.late_by_ns
+        return self.rng.randrange(self.tick_late_ns or 5 * NS_PER_MS)
 
     def boot_plan(self, *, prepared: bool) -> BootPlan:
         """How the next boot goes; without what faults have `prepared`: well."""

@@ -15,7 +15,8 @@ from tests.simulation.clock import NS_PER_MS, Clock
 from tests.simulation.conditions import WELL, Condition
 from tests.simulation.guard import Guard
 from tests.simulation.looks import Spoilt, page
-from tests.simulation.machine import REFUSALS, Disk, Life, Rot, Store
+from tests.simulation.machine import Life
+from tests.simulation.store import REFUSALS, Disk, Rot, Store
 from tests.simulation.switches import Looking, Switches
 from tests.simulation.workload import Gateway, Request
 
@@ -36,6 +37,7 @@ class World:
         self.quiet = False
         self.stranger_raised = False
         self.stuck_for_ever = False
+        self.held_into_the_quiet = False
         self.disk_wanted = Wanted.UP
         self.disk_deaths_ns: tuple[int, ...] = ()
         self.slept_ns = self.wall_shift_ns = 0
@@ -126,6 +128,17 @@ class World:
         self.gateway.died(life)
         if self.guard.works:
             self.guard.died(life)
+
+    @property
+    def unseen_until_ns(self) -> int:
+        """Until when something of a core can't be seen that could be."""
+        return max(self.spoilt.until_ns, self.switches.unseen_until_ns)
+
+    def pause(self, gap_ns: int) -> None:
+        """Nobody on the machine can do anything for so long, and the clock goes on."""
+        self.clock.leap(gap_ns)
+        for life in self.lives:
+            life.pause(gap_ns)
 
     def worry(self) -> None:
         """Something is the matter: the guard's ticks matter from now on."""
