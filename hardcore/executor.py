@@ -282,7 +282,9 @@ class Executor:
         self._adopting = True
         self._living_leftovers = len(handles)
         loop = asyncio.get_running_loop()
-        for handle in handles:  # no time limit: what hangs in the kernel may end in hours, and then a core may begin
+        for (
+            handle
+        ) in handles:  # no time limit: what hangs in the kernel may end in hours, and then a core may begin
             loop.add_reader(handle.pidfd, self._leftover_ended, handle)
         if not handles:
             self._adopt()

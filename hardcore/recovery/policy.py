@@ -345,7 +345,9 @@ def _contradictory_words(diagnosis: Diagnosis, words: frozenset[Word]) -> list[F
         faults.append(Fault(diagnosis, "stay down, or serve reads only: only one of the two"))
     if diagnosis in NEVER_REBOOT and Word.REBOOT_PROCESS in meant:
         faults.append(Fault(diagnosis, "a ledger that may be damaged is never restarted by itself"))
-    faults += [Fault(diagnosis, why) for undoable, on, why in _UNDOABLE if diagnosis in on and undoable & words]
+    faults += [
+        Fault(diagnosis, why) for undoable, on, why in _UNDOABLE if diagnosis in on and undoable & words
+    ]
     return faults
 
 

@@ -84,7 +84,9 @@ class Filing:
             await evidence.wait()
         pauses, folder = self._pauses(), self._incidents / incident.id
         while True:
-            async with self._alone(incident.id):  # and not while it pauses: the closing does not wait for a disk
+            async with self._alone(
+                incident.id
+            ):  # and not while it pauses: the closing does not wait for a disk
                 if self._going_on.get(incident.id) is not told:
                     return
                 failed = await self._hands.in_hand(writer.write_opening, folder, told)

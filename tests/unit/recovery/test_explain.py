@@ -60,7 +60,9 @@ def test_a_lock_at_the_start_is_waited_for_and_reads_are_served_meanwhile() -> N
     tells = Policy(actions={Diagnosis.DB_LOCKED: frozenset({Word.SEND_ALERT})})
     assert Said.READS_MEANWHILE not in _said(Diagnosis.DB_LOCKED, tells)
     waits = Policy(actions={Diagnosis.DB_LOCKED: frozenset({Word.AWAIT_OPERATOR})})
-    assert {Said.LEFT_ALONE} == {Said.LEFT_ALONE, Said.WAITS_FOR_LOCK} & set(_said(Diagnosis.DB_LOCKED, waits))
+    assert {Said.LEFT_ALONE} == {Said.LEFT_ALONE, Said.WAITS_FOR_LOCK} & set(
+        _said(Diagnosis.DB_LOCKED, waits)
+    )
 
 
 def test_a_hang_that_is_left_alone_is_not_said_to_go_on() -> None:

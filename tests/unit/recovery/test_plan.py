@@ -35,9 +35,7 @@ def test_a_core_may_serve_reads_where_the_policy_says_so_and_it_was_not_just_tri
     assert not plan.may_read(waits, diagnosis, tried=False)
 
 
-@pytest.mark.parametrize(
-    "reason", [None, Diagnosis.CONFIG_INVALID, Diagnosis.CRASH_LOOP, Diagnosis.CRASHED]
-)
+@pytest.mark.parametrize("reason", [None, Diagnosis.CONFIG_INVALID, Diagnosis.CRASH_LOOP, Diagnosis.CRASHED])
 def test_nothing_else_makes_a_core_that_only_reads(reason: Diagnosis | None) -> None:
     assert not plan.may_read(Policy(), reason, tried=False)
 
