@@ -78,9 +78,16 @@ def _own_writes_slow(world: World) -> None:
     later(world, 2000, 6000, lambda: setattr(world.switches, "own_write_ns", MS))
 
 
+def _pause(world: World, gap_ns: int) -> None:
+    """Nobody on the machine can do anything for so long, and the clock goes on."""
+    world.clock.leap(gap_ns)
+    for life in world.lives:
+        life.pause(gap_ns)
+
+
 def _machine_sleeps(world: World) -> None:
     """The whole machine sleeps: nobody can do anything, the clock goes on."""
-    world.pause(world.rng.choice([300, 1500, 30_000, 3_600_000]) * MS)
+    _pause(world, world.rng.choice([300, 1500, 30_000, 3_600_000]) * MS)
     core = world.core
     if core is not None and core.condition is conditions.WELL:
         core.befall(conditions.STARVED, world.rng.randrange(150) * MS)
@@ -106,7 +113,7 @@ def _machine_paused(world: World) -> None:
 
 
 def _pause_amid(world: World, core: Life) -> None:
-    world.pause(world.rng.choice([700, 6000, 11_000, 60_000]) * MS)
+    _pause(world, world.rng.choice([700, 6000, 11_000, 60_000]) * MS)
     for n in range(world.rng.randrange(4)):
         later(world, 1, 900, partial(world.gateway.submit, f"after-the-pause-{world.clock.now_ns}-{n}"))
     for most_ms in (2500, 4000):  # once more for what had not begun by then

@@ -134,12 +134,6 @@ class World:
         """Until when something of a core can't be seen that could be."""
         return max(self.spoilt.until_ns, self.switches.unseen_until_ns)
 
-    def pause(self, gap_ns: int) -> None:
-        """Nobody on the machine can do anything for so long, and the clock goes on."""
-        self.clock.leap(gap_ns)
-        for life in self.lives:
-            life.pause(gap_ns)
-
     def worry(self) -> None:
         """Something is the matter: the guard's ticks matter from now on."""
         if self.guard.works:
