@@ -66,6 +66,7 @@ class Course:
     challenge: Witness | None = None  # what it has to prove its ledger against
     blame: Diagnosis = Diagnosis.OPERATOR  # what its end is called
     heard_ns: int = 0  # its loop's last beat that was seen
+    looked_ns: int = 0  # when one was looked for
     outlasted_ns: int | None = None  # when the time of its probation was over, whatever it looked like then
     term_sent: bool = False
     verdict: Verdict = GREEN

@@ -330,13 +330,11 @@ def _last(c: Course, now_ns: int) -> None:
     """
     if c.phase is not Phase.PROBATION or c.outlasted_ns is None:
         return
-    silent_ns = now_ns - c.heard_ns
+    if c.looked_ns - c.heard_ns > c.policy.health_check_timeout_ms * NS_PER_MS:
+        return  # also where its silence is forgiven: an amnesty proves nothing
     if c.verdict.colour is Colour.GREEN:
         fire(c, Trigger.LASTED, now_ns, "it has served for its probation")
-    elif (
-        now_ns - c.outlasted_ns >= plan.patience_max_ns(c.policy)
-        and silent_ns <= c.policy.health_check_timeout_ms * NS_PER_MS
-    ):
+    elif now_ns - c.outlasted_ns >= plan.patience_max_ns(c.policy):
         fire(
             c, Trigger.LASTED, now_ns, "it has served for its probation, and what worries has come to nothing"
         )
@@ -345,7 +343,9 @@ def _last(c: Course, now_ns: int) -> None:
 def _watch(c: Course, tick: seen.Sampled) -> None:
     now_ns = tick.at_ns
     # Where no beat can be read there is no silence to be heard: others have to say how it is.
-    c.heard_ns = max(c.heard_ns, tick.beats.loop_ns if tick.beats is not None else now_ns)
+    # A beat from the future is none, and must not hide the silence after it.
+    c.heard_ns = max(c.heard_ns, min(tick.beats.loop_ns, now_ns) if tick.beats is not None else now_ns)
+    c.looked_ns = now_ns
     c.budget = c.budget.at(now_ns)
     if tick.process is not None:
         c.growth.look(now_ns, tick.process.rss_bytes)

@@ -190,7 +190,7 @@ def _spawn(c: Course, reader: Diagnosis | None) -> None:
 def _release(c: Course, now_ns: int) -> None:
     c.bench = Bench(plan.patience(c.policy))
     c.held_ns = c.trying = c.outlasted_ns = None
-    c.heard_ns = now_ns
+    c.heard_ns = c.looked_ns = now_ns
     assert c.epoch is not None, "a core that is ready has said its epoch"
     suspects = c.story.suspects if c.story else ()
     incident = c.story.id if c.story else None

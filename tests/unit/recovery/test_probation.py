@@ -4,6 +4,7 @@ import pytest
 
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase
+from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.recovery import plan
 from hardcore.recovery.policy import Policy
 from tests.unit.recovery.play import MS, Play, S, fall_silent, kinds, look
@@ -74,3 +75,40 @@ def test_a_core_that_is_well_has_proven_itself_when_the_time_is_over(policy: Pol
     assert play.phase is Phase.RUNNING
     assert play.closed().outcome == "recovered"
     assert play.closed().opened_ns >= 100 * S
+
+
+def _silent_in_held_interpreter(
+    play: Play, at_ms: int, *, slept_ms: int = 0, loop_ns: int | None = None
+) -> None:
+    """A tick at which both beats have been silent since 600; `loop_ns`: what somebody wrote in the place of one."""
+    play.now_ns += 100 * MS
+    silent_ns = play.now_ns - (at_ms - 600) * MS
+    beats = Beats(
+        loop_ns=silent_ns if loop_ns is None else loop_ns, thread_ns=silent_ns, state=LifeState.READY
+    )
+    clocks = seen.Clocks(play.now_ns + slept_ms * MS, play.now_ns + slept_ms * MS)
+    process = seen.ProcessSample("R", play.now_ns // 2, 1 << 20, 3)
+    play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process, clocks=clocks))
+    due_ns = play.manager.next_deadline_ns()
+    if due_ns is not None and due_ns <= play.now_ns:
+        play.manager.handle_deadline(play.now_ns)
+        play.tell()
+
+
+def test_silence_that_is_forgiven_proves_nothing() -> None:
+    play = _again(Policy(confirm_hang_ms=60_000))
+    # Its time is over at 2600; shortly before that the machine has slept.
+    for at_ms in range(700, 2900, 100):
+        _silent_in_held_interpreter(play, at_ms, slept_ms=60_000 if at_ms >= 2500 else 0)
+    assert play.phase is Phase.PROBATION
+    assert "CloseIncident" not in kinds(play.ordered)
+
+
+def test_a_beat_from_the_future_does_not_hide_the_silence_after_it() -> None:
+    play = _again(Policy(confirm_hang_ms=60_000, gc_grace_ms=100, transaction_timeout_ms=100))
+    _silent_in_held_interpreter(play, 700, loop_ns=1 << 62)
+    for at_ms in range(800, 90_000, 100):
+        if play.phase is not Phase.PROBATION:
+            break
+        _silent_in_held_interpreter(play, at_ms)
+    assert "CloseIncident" not in kinds(play.ordered)
