@@ -86,6 +86,7 @@ class Checkers:
         self._counts = False  # whether the last end was an accident
         self._asked_by_operator = False
         self._way_in: Transition | None = None
+        self._last: Trigger | None = None
 
     # ---- guards come and go ----
 
@@ -172,7 +173,7 @@ class Checkers:
                 raise Broken(f"{move} does not follow from {self._phase}")
             _hold(move.reason, f"{move} has no reason")
             self.rows.add((move.before, move.trigger))
-            self._phase = move.after
+            self._phase, self._last = move.after, move.trigger
             if move.after is not move.before:
                 self._way_in = move
             if Step.FORGET in row[1]:
@@ -333,6 +334,7 @@ class Checkers:
         _hold(told.id in guard.ids, f"{told.id} was never opened")
         _hold(told.id not in self.closed, f"{told.id} is closed twice")
         _hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
+        _hold(self._last is not Trigger.READY, "nothing is over the moment that a core is ready")
         # What only a person can end is handed over while reads are served: nobody tries any more.
         handed_over = told.waits_for is Diagnosis.STORE_CORRUPT
         over = handed_over or self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
