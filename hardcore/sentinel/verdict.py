@@ -217,7 +217,10 @@ class Bench:
         ages = beat_witness.ages(beats, seen)
         collecting = self._collection.look(beats, seen.at_ns)
         spent = self._processor.look(beats, sample, seen, collecting=collecting.touched)
-        silent = ages.loop_stale(self.patience.late_ms)
+        # What else explains that nobody is answered; a stop has its own patience.
+        explained = (
+            ages.loop_stale(self.patience.late_ms) or collecting.touched or blind or sample.state == "T"
+        )
         return Look(
             at_ns=seen.at_ns,
             threads=tick.threads,
@@ -232,7 +235,7 @@ class Bench:
                 tick.in_flight, sample.deciding, self.patience.transaction_ms, seen
             ),
             unkept=self._answers.look(beats, tick.witness, seen),
-            unanswered=self._probe.look(beats, seen, excused=silent or collecting.touched or blind),
+            unanswered=self._probe.look(beats, seen, excused=explained),
             clocks=clocks_found,
             disk=self._disk.find(seen),
             store=self._store.find(tick.witness, seen),

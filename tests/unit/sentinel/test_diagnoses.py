@@ -303,6 +303,14 @@ def test_a_core_that_turns_and_answers_no_probe_makes_no_progress() -> None:
     assert named(heard(well(5000), _unanswered(5000))) == (Diagnosis.NO_PROGRESS, Grade.LIKELY)
 
 
+def test_probes_of_a_core_that_is_stopped_now_and_then_are_not_counted_together() -> None:
+    looks = [
+        replace(look, state="T", loop=traces.STOPPED) if look.at_ms % 1000 in {800, 900} else look
+        for look in well(LONG_MS)
+    ]
+    assert named(heard(looks, _unanswered(LONG_MS))) is None
+
+
 def test_a_loaded_core_that_completes_something_may_leave_probes_unanswered() -> None:
     looks = [replace(look, submitted=99, completed=look.at_ms // 500) for look in well(LONG_MS)]
     assert named(heard(looks, _unanswered(LONG_MS))) is None
