@@ -342,9 +342,10 @@ def _last(c: Course, now_ns: int) -> None:
 
 def _watch(c: Course, tick: seen.Sampled) -> None:
     now_ns = tick.at_ns
-    # Where no beat can be read there is no silence to be heard: others have to say how it is.
-    # A beat from the future is none, and must not hide the silence after it.
-    c.heard_ns = max(c.heard_ns, min(tick.beats.loop_ns, now_ns) if tick.beats is not None else now_ns)
+    # Where no beat can be read there is no silence to be heard: others have to say how it is. A beat from the
+    # future is none, and must not hide the silence after it.
+    beat_ns = tick.beats.loop_ns if tick.beats is not None else now_ns
+    c.heard_ns = max(c.heard_ns, beat_ns) if beat_ns <= now_ns else c.heard_ns
     c.looked_ns = now_ns
     c.budget = c.budget.at(now_ns)
     if tick.process is not None:

@@ -197,6 +197,9 @@ class Checkers:
         row = seen_of(life)
         needed_ms = row.judged.needs_ms(guard.policy)
         lasted_ns = move.at_ns - life.since_ns + BEAT_NS
+        # Of the time before a look that came late, a tick's is counted.
+        if self._forgiven_ns >= life.began_ns:
+            lasted_ns += guard.policy.health_check_interval_ms * NS_PER_MS
         _hold(
             needed_ms is not None and lasted_ns >= needed_ms * NS_PER_MS,
             f"a core that was {life.condition.name} for {lasted_ns // NS_PER_MS} ms was judged: {move.reason}",
