@@ -41,7 +41,7 @@ demo: venv
 	@exec .venv/bin/python -m examples.demo --data "$$DATA/demo" --port "$$PORT"
 
 test: venv-dev
-	@exec .venv/bin/python -m pytest $(ARGS)
+	@exec sh scripts/test $(ARGS)
 
 check: lint fast
 

@@ -115,10 +115,14 @@ def _blow(instance: Watched, fault: str, tally: Tally) -> None:
             tally.refused[fault] = str(answer.get("error"))
             return
     told = _over(instance, before, fault)
+    box = instance.folders.incidents / told
+    give_up_at = time.monotonic() + OVER_S
+    while bundle.verify_bundle(box) and time.monotonic() < give_up_at:
+        time.sleep(LOOK_EVERY_S)  # its report is still being put into it
     story = incidents.show_incident(instance.folders.incidents, told, "en")
     assert isinstance(story, dict), "an incident that is over has been told"
     noticed_ms = (instance.noticed_ns(blow_ns) - blow_ns) / NS_PER_MS
-    tally.take(fault, story, noticed_ms, instance.folders.incidents / told)
+    tally.take(fault, story, noticed_ms, box)
 
 
 def _over(instance: Watched, before: object, fault: str) -> str:
