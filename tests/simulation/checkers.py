@@ -171,7 +171,7 @@ class Checkers:
                 raise Broken(f"{move} is not in the table")
             if move.before is not self._phase:
                 raise Broken(f"{move} does not follow from {self._phase}")
-            _hold(move.reason, f"{move} has no reason")
+            _hold(move.reason, "each move has a reason")
             self.rows.add((move.before, move.trigger))
             self._phase, self._last = move.after, move.trigger
             if move.after is not move.before:
