@@ -354,6 +354,16 @@ class House(Doors):
         return story
 
 
+def whole(house: House, count: int) -> dict[str, Any]:
+    """Wait until `count` incidents are closed and the newest one's box is whole, its report included; its story."""
+    incident = house.closed(count)["id"]
+    folder = house.folders.incidents / incident
+    until(lambda: not bundle.verify_bundle(folder), "the report to be in the box", START_S)
+    story = incidents_cli.show_incident(house.folders.incidents, incident)
+    assert isinstance(story, dict), story
+    return story
+
+
 def run_cli(*words: str, env: Mapping[str, str], cwd: Path | None = None) -> Done:
     """Run `hardcore` to its end; it must never show a traceback."""
     argv: Sequence[str] = [sys.executable, "-m", "hardcore.cli", *words]

@@ -10,7 +10,7 @@ import pytest
 from postmortem import bundle
 from postmortem import cli as incidents_cli
 from tests.integration.clients import assert_exactly_once, at_work, in_ledger
-from tests.integration.house import House
+from tests.integration.house import House, whole
 from tests.waiting import until
 
 STEPS_OF_A_KILL = ["fault", "detected", "spawned", "fenced", "ready", "serving", "closed"]
@@ -61,7 +61,7 @@ def test_a_frozen_core_is_judged_and_its_evidence_is_taken_before_it_is_killed(h
     assert old.gone
     assert in_ledger(house, "into-the-freeze") == {"into-the-freeze": 1}
 
-    story = house.closed(count + 1)
+    story = whole(house, count + 1)
     assert (story["diagnosis"], story["outcome"]) == ("FROZEN", "recovered")
     wanted = ["fault", "detected", "frozen", "dumped", "killed", "spawned", "fenced", "ready", "serving"]
     assert in_order(wanted, steps(story)), steps(story)

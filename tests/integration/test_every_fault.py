@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from hardcore.drilling import PROMISES
-from tests.integration.house import House
+from tests.integration.house import House, whole
 from tests.waiting import until
 
 #: The core stands still but lives: its evidence is taken before it is ended.
@@ -40,7 +40,7 @@ def drill(house: House, fault: str) -> dict[str, Any] | str:
     answer = house.order("drill", fault=fault, yes=True)
     if not answer["ok"]:
         return str(answer["error"])
-    story = house.closed(count + 1)
+    story = whole(house, count + 1)
     house.running()
     return story
 
