@@ -200,7 +200,7 @@ class Executor:
             handle = lives.start(
                 life,
                 order.expected_epoch,
-                order.witness,
+                order.witnesses,
                 WATCHDOG_USEC,
                 limits=self._bounds.core if self._bounds else None,
                 safe=None if order.safe is None else str(order.safe),

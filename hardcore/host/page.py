@@ -130,7 +130,7 @@ def beats(head: bytes) -> Beats | None:
     words = _BEATS.unpack_from(head, 256)
     loop_ns, loop_count, thread_ns, thread_count, submitted, completed, completed_ns, *rest = words
     in_store_since_ns, gc_since_ns, epoch, state, answered_seq = rest
-    if state > LifeState.STOPPING:
+    if state > LifeState.SPARE:
         return None
     return Beats(
         loop_ns=loop_ns,

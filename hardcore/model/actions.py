@@ -14,13 +14,52 @@ from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 class Spawn:
     """Start a core. `expected_epoch` None: raise whatever stands in the store.
 
-    `safe`: it serves reads only, because of this; it raises no epoch and writes nothing.
+    `witnesses`: the last commits that somebody saw; its ledger has to hold each of them. `safe`: it serves reads only,
+    because of this; it raises no epoch and writes nothing.
     """
 
     life: int
     expected_epoch: int | None
-    witness: Witness | None
+    witnesses: tuple[Witness, ...]
     safe: Diagnosis | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SpawnSpare:
+    """Start a core that warms up, raises no epoch, and waits to be promoted."""
+
+    life: int
+
+
+@dataclass(frozen=True, slots=True)
+class Promote:
+    """Have the spare take over: fence, prove, serve. As `Spawn` where they share a word.
+
+    `busy_ms`: how long its fence may wait for the store's lock; None: as long as at any start.
+    """
+
+    life: int
+    expected_epoch: int | None
+    witnesses: tuple[Witness, ...]
+    busy_ms: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Drain:
+    """Have the core finish what it has, take nothing new, and let go of the store; it lives on, idle.
+
+    One that has not done so within `within_ms` takes requests again and says why.
+    """
+
+    life: int
+    within_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Adopt:
+    """Take over the living core that an earlier guard left, as this life."""
+
+    life: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +200,10 @@ class Halt:
 
 Action = (
     Spawn
+    | SpawnSpare
+    | Promote
+    | Drain
+    | Adopt
     | Terminate
     | Kill
     | KillLeftovers

@@ -70,14 +70,17 @@ class Verb(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SentinelBegan:
-    """The guard is up. `leftovers`: an earlier guard's core was found and may still live (as life 0).
+    """The guard is up. `leftovers`: processes of an earlier guard's were found and may still live (as life 0).
 
-    `page` is the recorder of the last core that committed, if there is one of this boot.
+    `page` is the recorder of the last core that committed, if there is one of this boot. `adoptable` is that of a
+    core that was found serving: by its page it is ready, under the highest epoch of all pages, and no earlier guard
+    had begun to end it; it is not among the leftovers.
     """
 
     at_ns: int
     leftovers: bool = False
     page: Page | None = None
+    adoptable: Page | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +226,7 @@ class Surveyed:
     disk: DiskFacts | None = None
     conduct: Conduct | None = None
     oom_kills: int | None = None  # how often the kernel has killed for memory since this life began
+    free_bytes: int | None = None  # memory that could be had now; None: not looked
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +245,43 @@ class SpawnFailed:
     at_ns: int
     life: int
     reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class SpareReady:
+    """The spare has loaded all it needs, bound its socket and read the store. `build` names the code it runs.
+
+    `schema` is the store's as it read it; `migrates`: it would bring the store up to a newer one when it takes over.
+    """
+
+    at_ns: int
+    life: int
+    build: str
+    schema: int
+    migrates: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PromoteRefused:
+    """The spare does not take over, or could not be told to."""
+
+    at_ns: int
+    life: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Drained:
+    """The core answered an order to drain. `done`: everything is answered and the store is let go of, at `seq`.
+
+    Not done: it takes requests again, and `reason` says why.
+    """
+
+    at_ns: int
+    life: int
+    done: bool
+    seq: int = 0
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -350,6 +391,7 @@ class OperatorAsked:
         False  # RESUME: whatever stands in the store is right, nobody's word counts against it
     )
     image: bool = False  # RESTART, RESTART_HARD: with an image of the old core's memory, if the policy allows
+    build: str = ""  # RESTART: the code that lies on the disk now; empty: nobody looked
 
 
 @dataclass(frozen=True, slots=True)
@@ -369,6 +411,14 @@ class GatewayHolding:
     """The gateway has begun to hold requests."""
 
     at_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayWitnessed:
+    """The highest commit that the gateway has passed on to a client in an answer of 2xx."""
+
+    at_ns: int
+    witness: Witness
 
 
 @dataclass(frozen=True, slots=True)
@@ -414,6 +464,9 @@ CoreObservation = (
     Sampled
     | CoreSpawned
     | SpawnFailed
+    | SpareReady
+    | PromoteRefused
+    | Drained
     | EpochRaised
     | StartExtended
     | CoreReady
@@ -435,6 +488,7 @@ Observation = (
     | OperatorAsked
     | DrillStarted
     | GatewayHolding
+    | GatewayWitnessed
     | FirstServed
     | RequestsSettled
     | CoreObservation

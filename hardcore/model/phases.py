@@ -22,10 +22,12 @@ class Phase(StrEnum):
     PROBATION = "PROBATION"  # it serves, and has yet to last
     RUNNING = "RUNNING"  # it serves
     SUSPECT = "SUSPECT"  # it serves, one witness is worried
+    DRAINING = "DRAINING"  # told to finish what it has and let go of the store: a spare is to take over
     SNAPSHOT_LIVE = "SNAPSHOT_LIVE"  # judged; stopped; the evidence is being taken
     STOPPING = "STOPPING"  # asked to leave
     KILLING = "KILLING"  # SIGKILL sent, its end not seen yet
     UNKILLABLE = "UNKILLABLE"  # it may still live: nothing may be started beside it
+    SWITCHING = "SWITCHING"  # the spare was told to take over and has not raised the epoch yet
     BACKOFF = "BACKOFF"  # no core; the next one waits for its time
     FATAL = "FATAL"  # no core; the guard has stopped trying by itself
 
@@ -86,7 +88,9 @@ def face(phase: Phase, wanted: Wanted) -> Face:
             Phase.ADOPTING
             | Phase.STARTING
             | Phase.PROVING
+            | Phase.DRAINING
             | Phase.SNAPSHOT_LIVE
+            | Phase.SWITCHING
             | Phase.STOPPING
             | Phase.KILLING
             | Phase.BACKOFF
@@ -125,9 +129,19 @@ def ha_state(
             return HAState.DEGRADED if yellow else HAState.OPERATIONAL
         case Phase.PROBATION:
             return HAState.RECOVERY if cause is StartCause.UNPLANNED else HAState.OPERATIONAL
+        case Phase.DRAINING | Phase.SWITCHING | Phase.PROVING if cause is StartCause.PLANNED:
+            return HAState.OPERATIONAL
         case Phase.ADOPTING | Phase.SNAPSHOT_LIVE | Phase.KILLING:
             return HAState.RECOVERY
-        case Phase.STOPPED | Phase.STARTING | Phase.PROVING | Phase.STOPPING | Phase.BACKOFF:
+        case (
+            Phase.STOPPED
+            | Phase.STARTING
+            | Phase.DRAINING
+            | Phase.SWITCHING
+            | Phase.PROVING
+            | Phase.STOPPING
+            | Phase.BACKOFF
+        ):
             return HAState.STARTING if cause is StartCause.FIRST else HAState.RECOVERY
         case _:
             assert_never(phase)
@@ -141,9 +155,9 @@ def stage(phase: Phase) -> int | None:
     match phase:
         case Phase.SNAPSHOT_LIVE:
             return 1
-        case Phase.ADOPTING | Phase.STOPPING | Phase.KILLING | Phase.UNKILLABLE:
+        case Phase.ADOPTING | Phase.DRAINING | Phase.STOPPING | Phase.KILLING | Phase.UNKILLABLE:
             return 2
-        case Phase.STARTING | Phase.BACKOFF | Phase.FATAL:
+        case Phase.STARTING | Phase.SWITCHING | Phase.BACKOFF | Phase.FATAL:
             return 3
         case Phase.PROVING:
             return 4

@@ -26,6 +26,7 @@ class LifeState(IntEnum):
     READY = 1
     DRAINING = 2
     STOPPING = 3
+    SPARE = 4  # it waits to be promoted
 
 
 @dataclass(frozen=True, slots=True)

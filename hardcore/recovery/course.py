@@ -22,6 +22,7 @@ from hardcore.recovery.drill import PendingDrill
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Transition
 from hardcore.recovery.safety import Safety, safety
+from hardcore.recovery.spare import Behind, Spare, spare
 from hardcore.recovery.store import StoreKnowledge
 from hardcore.recovery.story import Story, Trouble
 from hardcore.recovery.suspicion import Growth
@@ -43,6 +44,23 @@ class Given:
 
 
 @dataclass(slots=True)
+class Switching:
+    """A switch that a person asked for and that has not been done. Times are monotonic.
+
+    `build`: the code that lay on the disk then; `updates`: the spare of that moment ran other code and was let go.
+    `give_up_ns`: until when a spare is waited for; `again_ns`: when a core that could not be drained is asked again.
+    """
+
+    trouble: Trouble
+    reason: str
+    build: str
+    give_up_ns: int
+    updates: bool = False
+    drains: int = 0
+    again_ns: int | None = None
+
+
+@dataclass(slots=True)
 class Course:
     """The state of one manager. Times are monotonic."""
 
@@ -54,11 +72,13 @@ class Course:
     worry: Worry
     safety: Safety
     troubles: Troubles
+    spare: Spare
     phase: Phase = Phase.STOPPED
     since_ns: int = 0
     delay_ns: int = 0
     cause: StartCause = StartCause.FIRST
     stage_max: int = 0
+    born: int = 0  # lives that were given a number, cores and spares
     # The present life.
     life: int = 0
     reader: Diagnosis | None = None  # it was started to serve reads only, because of this
@@ -73,6 +93,8 @@ class Course:
     growth: Growth = field(default_factory=Growth)
     curiosity: Curiosity = field(default_factory=Curiosity)
     # What outlives it.
+    behind: Behind | None = None  # a core that lives on behind the fence
+    switching: Switching | None = None
     store: StoreKnowledge = field(default_factory=StoreKnowledge)
     audit: Audit = field(default_factory=Audit)
     drill: PendingDrill = field(default_factory=PendingDrill)
@@ -110,4 +132,5 @@ def course(given: Given, wanted: Wanted, deaths_ns: tuple[int, ...]) -> Course:
         Worry(policy.degraded_after_ms, policy.clean_after_ms),
         safety(policy.safe_retry_ms, policy.disk_floor_mb, policy.disk_slow_ms),
         Troubles(policy.clean_after_ms * NS_PER_MS),
+        spare(policy),
     )

@@ -15,14 +15,15 @@ from hardcore.model import observations as seen
 from hardcore.model import phases
 from hardcore.model.actions import Action, Incident, LookAtStore, SampleStacks
 from hardcore.model.phases import Phase, StartCause, Wanted
-from hardcore.model.recorder import LifeState, Witness
+from hardcore.model.recorder import LifeState, Page, Witness
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Wish
-from hardcore.recovery import plan, relief
+from hardcore.recovery import plan, relief, succession
 from hardcore.recovery.budget import NS_PER_MS
 from hardcore.recovery.course import Course, Given, course
 from hardcore.recovery.moves import fire
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.reading import Reading, Transition
+from hardcore.recovery.spare import SpareState
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.telling import BOOTING, mark, order
 from hardcore.recovery.transitions import Trigger, step
@@ -64,6 +65,11 @@ class FailoverManager:
                 # A dying process closes its sockets before its pidfd wakes us: the gateway may be first.
                 c.held_ns = fact.at_ns
                 mark(c, "alerted", fact.at_ns)
+            case seen.GatewayWitnessed():
+                if (
+                    fact.witness.epoch == c.store.epoch
+                ):  # of a ledger that was put back it would tell no truth
+                    c.store.told(fact.witness)
             case seen.FirstServed():
                 if fact.epoch == c.epoch:
                     mark(c, "serving", fact.at_ns)
@@ -71,6 +77,8 @@ class FailoverManager:
                 if c.story is not None and fact.incident == c.story.id:
                     c.story.add_requests(fact.requests)
             case _:
+                if succession.heard(c, fact) or succession.behind(c, fact):
+                    return
                 # Who holds the store's lock is no one life's: a look that was asked for the last core is still true.
                 if fact.life == c.life or isinstance(fact, seen.StoreLooked):
                     _receive_of_core(c, fact)
@@ -89,10 +97,12 @@ class FailoverManager:
             else:
                 fire(c, Trigger.DEADLINE, now_ns, "time is over")
         relief.ring(c, now_ns)
+        succession.ring(c, now_ns)
 
     def next_deadline_ns(self) -> int | None:
         """Return when `handle_deadline` wants to be called, monotonic; None: not by itself."""
-        due = (self._course.deadline.due_ns, relief.next_ns(self._course))
+        c = self._course
+        due = (c.deadline.due_ns, relief.next_ns(c), succession.next_ns(c))
         return min((at_ns for at_ns in due if at_ns is not None), default=None)
 
     def take_actions(self) -> tuple[Action, ...]:
@@ -139,7 +149,8 @@ class FailoverManager:
         c = self._course
         serving = c.phase in phases.SERVING
         shown = phases.stage(c.phase)
-        yellow = c.worry.shown or c.audit.worries or c.troubles.on
+        stuck = c.behind is not None and c.behind.stuck
+        yellow = c.worry.shown or c.audit.worries or c.troubles.on or c.spare.lost or stuck
         safe = c.safety.reason if serving else None
         locked = safe is Diagnosis.DB_LOCKED
         alone = _left_alone(c) if serving else None
@@ -163,6 +174,11 @@ class FailoverManager:
             safe=safe,
             drill_ns=c.drill.since_ns,
             in_question=_in_question(c),
+            behind=c.behind.life if c.behind is not None else None,
+            spare=c.spare.life,
+            spare_ready=c.spare.state is SpareState.READY,
+            spare_fault=c.spare.why_not(),
+            switch_waits=c.switching is not None,
             locked_by=c.holder.why if c.holder is not None and (locked or not serving) else None,
         )
 
@@ -180,7 +196,9 @@ def _begin(c: Course, fact: seen.SentinelBegan) -> None:
     c.budget = c.budget.at(fact.at_ns)
     c.store.saw(fact.page)
     c.store.certain = False  # a core of the earlier guard may have raised it since
-    if c.wanted is Wanted.DOWN and not fact.leftovers:
+    if fact.adoptable is not None and c.wanted is Wanted.UP:
+        _adopt(c, fact, fact.adoptable)
+    elif c.wanted is Wanted.DOWN and not fact.leftovers:
         fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
     elif fact.leftovers or (fact.page is not None and fact.page.beats.state is LifeState.READY):
         why = "the core of a guard that is gone was found" if fact.leftovers else "guard and core are gone"
@@ -190,6 +208,17 @@ def _begin(c: Course, fact: seen.SentinelBegan) -> None:
         fire(c, Trigger.FOUND, fact.at_ns, "processes of an earlier guard were found")
     else:
         fire(c, Trigger.START, fact.at_ns, "the guard is up")
+
+
+def _adopt(c: Course, fact: seen.SentinelBegan, page: Page) -> None:
+    """Go on with a core that serves: what ended was its guard."""
+    c.store.saw(page)
+    c.store.certain = False  # a core that was started since may have raised it
+    c.epoch = page.beats.epoch
+    why = "the guard was gone; its core was found serving and goes on"
+    death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (Testimony("run folder", Colour.YELLOW, why),))
+    c.pending = Trouble(death, fact.at_ns)
+    fire(c, Trigger.FOUND_SERVING, fact.at_ns, why)
 
 
 def _obey(c: Course, fact: seen.OperatorAsked) -> None:
@@ -207,8 +236,12 @@ def _obey(c: Course, fact: seen.OperatorAsked) -> None:
             fire(c, Trigger.RESUME, fact.at_ns, why)
         case seen.Verb.RESTART | seen.Verb.RESTART_HARD:
             asked = Testimony("operator", Colour.GREEN, fact.reason or "no reason was given")
-            c.pending = Trouble(Death(Diagnosis.OPERATOR, Grade.CERTAIN, (asked,)), fact.at_ns)
-            fire(c, _restart(c, fact), fact.at_ns, why)
+            trouble = Trouble(Death(Diagnosis.OPERATOR, Grade.CERTAIN, (asked,)), fact.at_ns)
+            trigger = _restart(c, fact)
+            if trigger is Trigger.RESTART and succession.asked(c, fact, trouble):
+                return
+            c.pending = trouble
+            fire(c, trigger, fact.at_ns, why)
         case _:
             assert_never(fact.verb)
 
@@ -244,6 +277,12 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
                 c.deadline.extend(fact.at_ns + min(fact.for_ns, most_ns))
         case seen.CoreReady():
             _ready(c, fact)
+        case seen.PromoteRefused():
+            fire(c, Trigger.REFUSED, fact.at_ns, fact.reason)
+        case seen.Drained():
+            succession.drained(c, fact)
+        case seen.SpareReady():
+            pass  # it was promoted meanwhile
         case seen.StoreLooked():
             relief.looked(c, fact)
         case seen.FenceBlocked():
@@ -285,6 +324,8 @@ def _receive_of_serving(
             relief.switched(c, fact)
         case seen.Surveyed():
             relief.surveyed(c, fact)
+            if fact.free_bytes is not None:
+                c.spare.free_bytes = fact.free_bytes
         case seen.Probed():
             pass  # only the judge wants to know
         case _:
@@ -309,12 +350,12 @@ def _ready(c: Course, fact: seen.CoreReady) -> None:
     elif fact.proof.kind == UNPROVEN:
         return  # it was started to write, and must have proven what it writes to
     else:
-        c.store.witness = Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns)
+        c.store.proven(Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns))
     if c.phase not in BOOTING:
         return  # it is being ended: what it has proven serves nobody
     mark(c, "ready", fact.at_ns)
     if c.reader is None:
-        if c.phase is Phase.STARTING:
+        if c.phase in {Phase.STARTING, Phase.SWITCHING}:
             _raised(c, fact.epoch, fact.at_ns)
         mark(c, "verified", fact.at_ns)
         if c.story:
@@ -366,6 +407,7 @@ def _watch(c: Course, tick: seen.Sampled) -> None:
     c.verdict = verdict
     relief.settle(c, now_ns)
     _last(c, now_ns)
+    succession.tend(c, now_ns)
     if verdict.colour is Colour.GREEN:
         fire(c, Trigger.ON_TIME, now_ns, "the beats are back")
     else:

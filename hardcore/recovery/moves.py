@@ -8,32 +8,39 @@ from typing import assert_never
 
 from hardcore.model import phases
 from hardcore.model.actions import (
+    Adopt,
     Alert,
+    Drain,
     Halt,
     Kill,
     KillLeftovers,
     LookAtStore,
+    Promote,
     Release,
     SetSafe,
     Spawn,
     Terminate,
 )
 from hardcore.model.phases import Phase, Wanted
+from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import GREEN, Diagnosis
 from hardcore.recovery import plan, telling
-from hardcore.recovery.budget import Budget
+from hardcore.recovery.budget import NS_PER_MS, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.curiosity import Curiosity
 from hardcore.recovery.policy import Word
 from hardcore.recovery.reading import Transition
 from hardcore.recovery.safety import Deed
+from hardcore.recovery.spare import Behind
 from hardcore.recovery.suspicion import Growth
 from hardcore.recovery.telling import BOOTING, order
 from hardcore.recovery.transitions import ON_ENTRY, Step, Trigger, step
 from hardcore.sentinel.verdict import Bench
 
 #: Phases whose time is the core's: it is judged by what it did not do in it.
-_ITS_TIME = BOOTING | {Phase.ADOPTING, Phase.STOPPING, Phase.KILLING}
+_ITS_TIME = BOOTING | {Phase.ADOPTING, Phase.DRAINING, Phase.STOPPING, Phase.KILLING}
+#: How long a spare's fence waits for the lock of a core that was killed and is still there.
+BRIEFLY_MS = 100
 
 
 def fire(c: Course, trigger: Trigger, now_ns: int, reason: str) -> None:
@@ -56,7 +63,7 @@ def fire(c: Course, trigger: Trigger, now_ns: int, reason: str) -> None:
     if after is before:
         return
     for question in ON_ENTRY.get(after, ()):
-        if _holds(c, question):
+        if _holds(c, question, now_ns):
             fire(c, question, now_ns, _why(c, question))
             return
 
@@ -79,7 +86,13 @@ def heed(c: Course, deed: Deed, now_ns: int) -> None:
             assert_never(deed)
 
 
-def _holds(c: Course, question: Trigger) -> bool:
+def next_life(c: Course) -> int:
+    """Return the number of a life that begins."""
+    c.born += 1
+    return c.born
+
+
+def _holds(c: Course, question: Trigger, now_ns: int) -> bool:
     match question:
         case Trigger.UNWANTED:
             return c.wanted is Wanted.DOWN
@@ -87,6 +100,9 @@ def _holds(c: Course, question: Trigger) -> bool:
             return plan.may_read(c.policy, _reads_for(c), tried=c.reader_tried)
         case Trigger.HOPELESS:
             return c.hopeless is not None and not plan.passes(c.policy, c.hopeless)
+        case Trigger.SPARE_READY:
+            unhurried = c.phase is Phase.BACKOFF and c.delay_ns > 0
+            return not unhurried and c.behind is None and c.life != 0 and c.spare.fit(now_ns)
         case Trigger.NO_DELAY:
             return c.delay_ns == 0
         case _:
@@ -98,6 +114,8 @@ def _why(c: Course, question: Trigger) -> str:
         return f"{_reads_for(c)}: a core may still serve reads"
     if question is Trigger.HOPELESS:
         return f"{c.hopeless}: another try would not help"
+    if question is Trigger.SPARE_READY:
+        return "a spare is ready"
     return "the operator wants no core" if question is Trigger.UNWANTED else "nothing to wait for"
 
 
@@ -133,6 +151,17 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
     match name:
         case Step.SPAWN | Step.SPAWN_READER:
             _spawn(c, _reads_for(c) if name is Step.SPAWN_READER else None)
+        case Step.ADOPT:
+            _born(c, next_life(c), None)
+            order(c, Adopt(c.life))
+        case Step.DRAIN:
+            order(c, Drain(c.life, c.policy.drain_timeout_ms))
+        case Step.PROMOTE | Step.PROMOTE_BRIEFLY:
+            _promote(c, BRIEFLY_MS if name is Step.PROMOTE_BRIEFLY else None)
+        case Step.LEAVE_BEHIND:
+            c.behind = Behind(c.life, stuck=c.phase is Phase.UNKILLABLE)
+        case Step.RETIRE:
+            _retire(c, now_ns)
         case Step.TERMINATE:
             order(c, Terminate(c.life))
         case Step.KILL:
@@ -141,6 +170,8 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             order(c, KillLeftovers())
         case Step.OPEN | Step.OPEN_PLANNED:
             telling.open_death(c, now_ns, planned=name is Step.OPEN_PLANNED)
+        case Step.OPEN_UNWATCHED:
+            telling.open_unwatched(c, now_ns)
         case Step.OPEN_TROUBLE:
             telling.open_trouble(c, now_ns)
         case Step.EVIDENCE_LIVE | Step.EVIDENCE_DEAD:
@@ -168,7 +199,29 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
 
 def _spawn(c: Course, reader: Diagnosis | None) -> None:
     """Start a core. A reader raises no epoch and proves nothing: what is known of the store stays as it is."""
-    c.life += 1
+    _born(c, next_life(c), reader)
+    if reader is not None:
+        c.challenge = None
+        order(c, Spawn(c.life, None, (), safe=reader))
+        return
+    order(c, Spawn(c.life, *_challenge(c)))
+
+
+def _promote(c: Course, busy_ms: int | None) -> None:
+    _born(c, c.spare.leave(), None)
+    order(c, Promote(c.life, *_challenge(c), busy_ms=busy_ms))
+
+
+def _retire(c: Course, now_ns: int) -> None:
+    """Have the core that was left behind leave; it is ended if it does not. A stuck one has been killed already."""
+    if c.behind is not None and not c.behind.stuck and c.behind.leave_by_ns is None:
+        c.behind.leave_by_ns = now_ns + c.policy.stop_timeout_ms * NS_PER_MS
+        order(c, Terminate(c.behind.life))
+
+
+def _born(c: Course, life: int, reader: Diagnosis | None) -> None:
+    """Let `life` be the core from now on: what was known of the one before is over."""
+    c.life = life
     c.drill.cancel()  # a drill is one life's
     c.blame = Diagnosis.OPERATOR
     if plan.passes(c.policy, c.hopeless):
@@ -177,14 +230,15 @@ def _spawn(c: Course, reader: Diagnosis | None) -> None:
     c.term_sent = c.image_asked = False
     c.growth, c.curiosity = Growth(), Curiosity()
     c.reader, c.reader_tried = reader, reader is not None
-    if reader is not None:
-        c.challenge = None
-        order(c, Spawn(c.life, None, None, safe=reader))
-        return
+
+
+def _challenge(c: Course) -> tuple[int | None, tuple[Witness, ...]]:
+    """Return the epoch that the next core has to find, if it is certain, and the commits that it has to show."""
     expected = c.store.epoch if c.store.certain else None
-    c.challenge = c.store.witness
+    shown = c.store.witnesses()
+    c.challenge = max(shown, key=lambda witness: witness.seq, default=None)
     c.store.certain = False
-    order(c, Spawn(c.life, expected, c.store.witness))
+    return expected, shown
 
 
 def _release(c: Course, now_ns: int) -> None:
@@ -212,7 +266,7 @@ def _read_only(c: Course, now_ns: int) -> None:
 def _alert_about(c: Course, after: Phase) -> None:
     if after is Phase.UNKILLABLE:
         about = c.story.diagnosis if c.story else Diagnosis.OPERATOR
-        text = "The core was killed and is still there. No other is started beside it; the kill is repeated."
+        text = "The core was killed and is still there. Only a fence may let another one write; the kill is repeated."
         order(c, Alert(about, text))
         return
     assert c.hopeless is not None, "FATAL is entered for a reason"

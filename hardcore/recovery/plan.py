@@ -11,6 +11,8 @@ from hardcore.sentinel.verdict import Patience
 
 #: Evidence that overruns its budget is given this much longer to hand over what it has.
 EVIDENCE_SLACK_MS = 250
+#: A core that is drained is given this much longer to say so.
+DRAIN_SLACK_MS = 500
 #: A core that did not die is killed again this often: what kept the kill from it may be over.
 KILL_AGAIN_MS = 5_000
 
@@ -121,6 +123,10 @@ def limit_ns(
         case Phase.SNAPSHOT_LIVE:
             image_ms = policy.memory_image_budget_ms if imaged else 0
             return (policy.snapshot_budget_ms + image_ms + EVIDENCE_SLACK_MS) * NS_PER_MS
+        case Phase.DRAINING:
+            return (policy.drain_timeout_ms + DRAIN_SLACK_MS) * NS_PER_MS
+        case Phase.SWITCHING:
+            return policy.promote_timeout_ms * NS_PER_MS
         case Phase.STOPPING:
             return policy.stop_timeout_ms * NS_PER_MS
         case Phase.BACKOFF:

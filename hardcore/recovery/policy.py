@@ -40,7 +40,7 @@ class Word(StrEnum):
 #: What a word means here, where that is less than its name says.
 EFFECT = {
     Word.RESTART_COMPONENT: (Word.REBOOT_PROCESS, "components are not restarted alone yet: the core is"),
-    Word.PLANNED_SWITCH: (Word.REBOOT_PROCESS, "there is no spare core yet: the core is restarted"),
+    Word.PLANNED_SWITCH: (Word.REBOOT_PROCESS, "no quiet moment is waited for yet: the core is restarted"),
     Word.SHUTDOWN: (Word.AWAIT_OPERATOR, "the core stays down; the guard goes on and waits for you"),
 }
 
@@ -199,7 +199,14 @@ class Policy:
     max_restart_count: int = setting(5, "unplanned deaths allowed in a window", low=1, high=1000)
     restart_window_sec: int = setting(60, "length of that window", low=1, high=86_400)
     slow_retry_sec: int = setting(300, "a try this long after giving up; 0: never", low=0, high=86_400)
-    spare: bool = setting(True, "keep a warm spare core (not in this version)")
+    drain_timeout_ms: int = setting(
+        2000, "time to finish what is under way before a switch", low=10, high=600_000
+    )
+    spare: bool = setting(True, "keep a warm spare core that takes over at once")
+    spare_memory_mb: int = setting(1024, "with less free memory no spare is kept", low=0, high=1 << 20)
+    promote_timeout_ms: int = setting(
+        3000, "a spare that has not taken over by then is ended", low=50, high=600_000
+    )
     snapshot_budget_ms: int = setting(400, "time for the evidence before a kill", low=10, high=60_000)
     memory_image: str = setting(
         "never",

@@ -42,4 +42,9 @@ class Reading:
     safe: Diagnosis | None = None  # why the serving core answers reads only
     drill_ns: int | None = None  # when a drill was ordered that has shown no effect yet
     in_question: bool = False  # an operator may say that the ledger is right as it stands
+    behind: int | None = None  # the life that lives on behind the fence
+    spare: int = 0  # the life that waits, 0: none
+    spare_ready: bool = False
+    spare_fault: str = ""  # why there is none, where there never will be by itself
+    switch_waits: bool = False  # a switch was asked for and has not been done
     locked_by: str | None = None  # who keeps the ledger's lock from a core that is to write

@@ -18,7 +18,7 @@ from hardcore.sentinel.deaths import Death
 
 #: A gateway that began to hold this shortly before the death was known held because of it.
 HELD_EARLY_NS = NS_PER_S
-BOOTING = frozenset({Phase.STARTING, Phase.PROVING})
+BOOTING = frozenset({Phase.STARTING, Phase.SWITCHING, Phase.PROVING})
 
 
 def order(c: Course, action: Action) -> None:
@@ -97,6 +97,14 @@ def open_trouble(c: Course, now_ns: int) -> None:
     c.worth_a_look = c.troubles.meets(death.diagnosis) and not known
     if c.worth_a_look and story.drill is None:
         alert(c, death.diagnosis, f"{_why(death)}. A restart would not help; the core goes on.")
+
+
+def open_unwatched(c: Course, now_ns: int) -> None:
+    """Open an incident that stopped nobody: the pending trouble is a guard's, not the core's."""
+    trouble = _take(c)
+    _begin(c, trouble, now_ns, down=False)
+    _story(c).blame(trouble.death.evidence, ())
+    alert(c, trouble.death.diagnosis, f"{_why(trouble.death)}.")
 
 
 def close(c: Course, now_ns: int, *, recovered: bool) -> None:
@@ -188,7 +196,11 @@ def _begin(c: Course, trouble: Trouble, now_ns: int, *, planned: bool = False, d
 
 def _count(c: Course, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
     """Put an unplanned death on the budget and judge whether another try makes sense."""
-    if c.phase in BOOTING or c.phase is Phase.PROBATION:
+    if c.phase in {
+        Phase.STARTING,
+        Phase.PROVING,
+        Phase.PROBATION,
+    }:  # a spare that fails has a core to fall back on
         c.tries += 1
     if not free:
         keep(c, c.budget.after_death(now_ns))

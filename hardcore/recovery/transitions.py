@@ -17,6 +17,12 @@ policy says so. Whether it does is no phase of its own but a value beside the ph
 only may be late, lost, stopped or killed like any other, and a second set of phases would have doubled the table.
 A core that was *started* to read only leaves that by being changed for another (RENEW).
 
+How to read a switch. A spare that is ready takes over wherever a core would be started without a pause: after a death
+(SPARE_READY is asked in BACKOFF before NO_DELAY), after a kill that has not been seen to work (asked in UNKILLABLE, with
+a short patience for the store's lock: the fence is what makes that safe), and after a core that was told to drain.
+Who lives on behind the fence then is no phase but a value beside it (`succession.py`), told to leave as soon as its
+successor serves, or none will. A spare that fails is ended first, and then the way is the cold one: it was the only one.
+
 Why a dead core has no phase for its evidence: its recorder page is never reused, so it can be read at the
 wake-up (1 ms) and copied beside the restart; a phase in which to wait would only make the outage longer.
 Why UNKILLABLE is a phase: a START given there would make two cores. Why FATAL has no process: for the same
@@ -39,14 +45,20 @@ class Trigger(StrEnum):
 
     START = "START"  # begin with nothing to clear away
     FOUND = "FOUND"  # begin, and an earlier sentinel's processes are there
+    FOUND_SERVING = "FOUND_SERVING"  # begin, and among them is a core that serves
     STOP = "STOP"  # the operator wants no core
     RESTART = "RESTART"  # the operator wants a new core, the old one may finish
     RESTART_HARD = "RESTART_HARD"  # the same, at once
     RESTART_IMAGED = "RESTART_IMAGED"  # the same, with an image of the old one's memory
+    SWITCH = "SWITCH"  # the operator wants a new core, and a spare is ready
     RENEW = "RENEW"  # a core that was started to read only has its time to make room for one that may write
     RESUME = "RESUME"  # the operator says: try again
     SPAWNED = "SPAWNED"  # the process exists
     SPAWN_FAILED = "SPAWN_FAILED"
+    DRAINED = "DRAINED"  # the core has let go of the store, and the spare is still ready
+    NOT_DRAINED = "NOT_DRAINED"  # it could not, and serves again
+    UNSPARED = "UNSPARED"  # it has let go, and there is no spare any more
+    REFUSED = "REFUSED"  # the spare does not take over
     EPOCH_RAISED = "EPOCH_RAISED"
     READY = "READY"
     LASTED = "LASTED"  # its probation is over, and it is well
@@ -61,6 +73,7 @@ class Trigger(StrEnum):
     UNWANTED = "UNWANTED"  # state-triggered, see above
     READS_ONLY = "READS_ONLY"
     HOPELESS = "HOPELESS"
+    SPARE_READY = "SPARE_READY"
     NO_DELAY = "NO_DELAY"
 
 
@@ -69,11 +82,18 @@ class Step(StrEnum):
 
     SPAWN = "SPAWN"
     SPAWN_READER = "SPAWN_READER"  # a core that serves reads only
+    ADOPT = "ADOPT"
+    DRAIN = "DRAIN"
+    LEAVE_BEHIND = "LEAVE_BEHIND"  # the present core lives on, behind the fence
+    PROMOTE = "PROMOTE"
+    PROMOTE_BRIEFLY = "PROMOTE_BRIEFLY"  # the same, with little patience for the store's lock
+    RETIRE = "RETIRE"  # who lives on behind the fence is told to leave
     TERMINATE = "TERMINATE"
     KILL = "KILL"
     KILL_LEFTOVERS = "KILL_LEFTOVERS"
     OPEN = "OPEN"  # an incident, or a further death in the open one
     OPEN_PLANNED = "OPEN_PLANNED"  # an incident that the operator asked for
+    OPEN_UNWATCHED = "OPEN_UNWATCHED"  # an incident that stopped nobody: the guard was gone
     OPEN_TROUBLE = "OPEN_TROUBLE"  # an incident without a death, or a further trouble in the open one
     EVIDENCE_LIVE = "EVIDENCE_LIVE"
     EVIDENCE_BESIDE = "EVIDENCE_BESIDE"  # of a core that goes on
@@ -93,23 +113,29 @@ P, T, S = Phase, Trigger, Step
 
 #: Asked on entering a phase, in this order; the first that holds is taken at once.
 ON_ENTRY: Mapping[Phase, tuple[Trigger, ...]] = {
-    P.BACKOFF: (T.UNWANTED, T.READS_ONLY, T.HOPELESS, T.NO_DELAY),
-    P.UNKILLABLE: (T.UNWANTED,),
+    P.BACKOFF: (T.UNWANTED, T.READS_ONLY, T.HOPELESS, T.SPARE_READY, T.NO_DELAY),
+    P.UNKILLABLE: (T.UNWANTED, T.SPARE_READY),
 }
 
 _DIED = (P.BACKOFF, (S.OPEN, S.EVIDENCE_DEAD))
 _JUDGED = (P.SNAPSHOT_LIVE, (S.OPEN, S.EVIDENCE_LIVE))
 _LEAVE = (P.STOPPING, (S.TERMINATE,))
+_SERVES = (P.PROBATION, (S.RELEASE, S.RETIRE))
+_SWITCH = (P.DRAINING, (S.OPEN_PLANNED, S.DRAIN))
 _RENEWED = (P.STOPPING, (S.OPEN_PLANNED, S.TERMINATE))
 _RENEWED_HARD = (P.KILLING, (S.OPEN_PLANNED, S.KILL))
 _RENEWED_IMAGED = (P.SNAPSHOT_LIVE, (S.OPEN_PLANNED, S.EVIDENCE_LIVE))
 _TROUBLE = (S.OPEN_TROUBLE, S.EVIDENCE_BESIDE, S.READ_ONLY)
-_AGAIN = (P.STARTING, (S.FORGET, S.SPAWN))
+_AGAIN = (P.STARTING, (S.FORGET, S.RETIRE, S.SPAWN))
 
 TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     P.STOPPED: {
         T.START: (P.STARTING, (S.SPAWN,)),
         T.FOUND: (P.ADOPTING, (S.OPEN, S.KILL_LEFTOVERS)),
+        T.FOUND_SERVING: (
+            P.RUNNING,
+            (S.ADOPT, S.OPEN_UNWATCHED, S.KILL_LEFTOVERS, S.RELEASE, S.CLOSE),
+        ),
         T.STOP: (P.STOPPED, (S.HALT,)),
     },
     P.ADOPTING: {
@@ -118,15 +144,24 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     },
     P.STARTING: {
         T.EPOCH_RAISED: (P.PROVING, ()),
-        T.READY: (P.PROBATION, (S.RELEASE,)),
+        T.READY: _SERVES,
         T.SPAWN_FAILED: (P.BACKOFF, (S.OPEN,)),
         T.EXITED: _DIED,
         T.DEADLINE: _JUDGED,
         T.STOP: _LEAVE,
         T.RESTART_HARD: _RENEWED_HARD,
     },
+    P.SWITCHING: {
+        T.EPOCH_RAISED: (P.PROVING, ()),
+        T.READY: _SERVES,
+        T.EXITED: _DIED,
+        T.REFUSED: (P.KILLING, (S.KILL,)),
+        T.DEADLINE: (P.KILLING, (S.KILL,)),
+        T.STOP: _LEAVE,
+        T.RESTART_HARD: (P.KILLING, (S.KILL,)),
+    },
     P.PROVING: {
-        T.READY: (P.PROBATION, (S.RELEASE,)),
+        T.READY: _SERVES,
         T.EXITED: _DIED,
         T.DEADLINE: _JUDGED,
         T.STOP: _LEAVE,
@@ -137,6 +172,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.EXITED: _DIED,
         T.LOST: _JUDGED,
         T.STOP: _LEAVE,
+        T.SWITCH: _SWITCH,
         T.RESTART: _RENEWED,
         T.RESTART_HARD: _RENEWED_HARD,
         T.RESTART_IMAGED: _RENEWED_IMAGED,
@@ -148,6 +184,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.EXITED: _DIED,
         T.LOST: _JUDGED,
         T.STOP: _LEAVE,
+        T.SWITCH: _SWITCH,
         T.RESTART: _RENEWED,
         T.RESTART_HARD: _RENEWED_HARD,
         T.RESTART_IMAGED: _RENEWED_IMAGED,
@@ -160,12 +197,22 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.EXITED: _DIED,
         T.LOST: _JUDGED,
         T.STOP: _LEAVE,
+        T.SWITCH: _SWITCH,
         T.RESTART: _RENEWED,
         T.RESTART_HARD: _RENEWED_HARD,
         T.RESTART_IMAGED: _RENEWED_IMAGED,
         T.RENEW: _LEAVE,
         T.TROUBLED: (P.SUSPECT, _TROUBLE),
         T.EASED: (P.SUSPECT, (S.CLOSE,)),
+    },
+    P.DRAINING: {
+        T.DRAINED: (P.SWITCHING, (S.LEAVE_BEHIND, S.PROMOTE)),
+        T.NOT_DRAINED: (P.RUNNING, (S.RELEASE, S.CLOSE)),
+        T.UNSPARED: _LEAVE,
+        T.DEADLINE: _LEAVE,
+        T.EXITED: _DIED,
+        T.STOP: _LEAVE,
+        T.RESTART_HARD: (P.KILLING, (S.KILL,)),
     },
     P.SNAPSHOT_LIVE: {
         T.EVIDENCE_TAKEN: (P.KILLING, (S.KILL,)),
@@ -195,13 +242,15 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.RESTART_HARD: (P.UNKILLABLE, (S.KILL,)),
         T.UNWANTED: (P.UNKILLABLE, (S.CLOSE, S.HALT)),
         T.STOP: (P.UNKILLABLE, (S.CLOSE, S.HALT)),
+        T.SPARE_READY: (P.SWITCHING, (S.LEAVE_BEHIND, S.PROMOTE_BRIEFLY)),
     },
     P.BACKOFF: {
         T.UNWANTED: (P.STOPPED, (S.CLOSE, S.HALT)),
-        T.READS_ONLY: (P.STARTING, (S.SPAWN_READER,)),
-        T.HOPELESS: (P.FATAL, (S.ALERT, S.CLOSE)),
-        T.NO_DELAY: (P.STARTING, (S.SPAWN,)),
-        T.DEADLINE: (P.STARTING, (S.SPAWN,)),
+        T.READS_ONLY: (P.STARTING, (S.RETIRE, S.SPAWN_READER)),
+        T.HOPELESS: (P.FATAL, (S.RETIRE, S.ALERT, S.CLOSE)),
+        T.SPARE_READY: (P.SWITCHING, (S.PROMOTE,)),
+        T.NO_DELAY: (P.STARTING, (S.RETIRE, S.SPAWN)),
+        T.DEADLINE: (P.STARTING, (S.RETIRE, S.SPAWN)),
         T.STOP: (P.STOPPED, (S.CLOSE, S.HALT)),
         T.RESTART: _AGAIN,
         T.RESTART_HARD: _AGAIN,
