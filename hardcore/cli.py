@@ -25,7 +25,7 @@ from hardcore.asked import WAIT_S as STOP_S
 from hardcore.asked import Asked, come_back, is_held, next_words, operator, options, status_of, until
 from hardcore.drilling import drill
 from hardcore.examination import doctor
-from hardcore.host import lives
+from hardcore.host import leftovers
 from hardcore.host.files import take_lock
 from hardcore.host.folders import Folders
 from hardcore.looking_back import incidents, replay
@@ -130,7 +130,7 @@ def _down_without_a_sentinel(folders: Folders) -> int | None:
     try:
         if not until(lambda: not held(folders.guard_lock)):
             return None
-        return lives.end_leftovers(folders, standing.policy_in_force(folders).policy.stop_timeout_ms / 1000)
+        return leftovers.end_leftovers(folders, standing.policy_in_force(folders).policy.stop_timeout_ms / 1000)
     finally:
         os.close(lock)
 

@@ -18,7 +18,7 @@ import psutil
 
 from hardcore import standing, status
 from hardcore.control.protocol import PEACE_S, PEACEFUL, Ask, Request, write_line
-from hardcore.host import clock, lives, processes
+from hardcore.host import clock, leftovers, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
@@ -146,7 +146,7 @@ class Door:
                     "not-in-question",
                     "No ledger is in question: what was last seen of it stays what it has to match.",
                 )
-            await self._house.in_hand(lives.overrule_pages, self._house.folders)
+            await self._house.in_hand(leftovers.overrule_pages, self._house.folders)
         return self._order(seen.Verb.RESUME, request)
 
     def _restart(self, request: Request) -> Answer:

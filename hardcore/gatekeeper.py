@@ -14,7 +14,7 @@ import sys
 from contextlib import suppress
 
 from hardcore.executor import Executor, gone
-from hardcore.host import clock, lives, logs, processes
+from hardcore.host import clock, leftovers, lives, logs, processes
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle
 from hardcore.recovery.budget import NS_PER_S, Budget, backoff_ns
@@ -59,7 +59,7 @@ class Gatekeeper:
                 logs.end_with(f"a new gateway's end can't be watched: {error}")
 
     def _spawn(self) -> Handle:
-        environment = lives.environment_of_gateway(self._folders)
+        environment = leftovers.environment_of_gateway(self._folders)
         environment["HARDCORE_LIMITS"] = json.dumps(dataclasses.asdict(self._policy.gateway))
         argv = [sys.executable, "-I", "-m", "hardcore.crisis"]
         argv += ["--listen-fd", str(self._listen_fd), "--control", str(self._folders.control)]

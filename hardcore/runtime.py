@@ -25,10 +25,11 @@ from hardcore.control.server import ControlServer
 from hardcore.door import Door
 from hardcore.executor import Executor
 from hardcore.gatekeeper import Gatekeeper
-from hardcore.host import clock, deaths, files, lives, logs
+from hardcore.host import clock, deaths, files, leftovers, lives, logs
 from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
 from hardcore.host.ids import new_id
-from hardcore.host.lives import Leftovers, Life
+from hardcore.host.leftovers import Leftovers
+from hardcore.host.lives import Life
 from hardcore.host.notify import NotifySocket, Tally
 from hardcore.host.processes import Handle, start_of
 from hardcore.model import actions as orders
@@ -393,7 +394,7 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     if lock_fd is None:
         sys.stderr.write("Another sentinel watches this data folder.\n")
         return EXIT_ANOTHER_WATCHES
-    lives.sweep_drafts(folders)
+    leftovers.sweep_drafts(folders)
     standing.own_run_folder(folders)
     generation = standing.next_generation(folders)
     files.write_json(
@@ -418,7 +419,7 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         url,
         generation,
         in_force,
-        lives.find_leftovers(folders),
+        leftovers.find_leftovers(folders),
         writer.find_abandoned(folders.incidents, folders.shelter),
     )
 

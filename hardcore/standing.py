@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardcore.executor import Bounds
-from hardcore.host import clock, files, lives
+from hardcore.host import clock, files, leftovers
 from hardcore.host.folders import Folders
 from hardcore.host.ids import new_id
 from hardcore.host.lives import CoreLimits
@@ -121,7 +121,7 @@ def own_run_folder(folders: Folders) -> None:
             known = new_id()
             files.write_json(kept, {"instance": known})
         if not older:
-            lives.forget_pages(folders)
+            leftovers.forget_pages(folders)
         files.write_json(noted, {"instance": known}, durable=False)  # last: it says that this was done
 
 

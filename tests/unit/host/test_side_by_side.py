@@ -6,7 +6,7 @@ import sys
 import threading
 from pathlib import Path
 
-from hardcore.host import files, lives
+from hardcore.host import files, leftovers, lives
 from hardcore.host.folders import Folders
 
 WRITERS = 4
@@ -40,7 +40,7 @@ def test_drafts_of_dead_writers_are_swept_and_those_of_living_ones_are_not(tmp_p
             ".c.tmp",
         ):
             (folder / name).touch()
-    lives.sweep_drafts(folders)
+    leftovers.sweep_drafts(folders)
     for folder in (folders.data, folders.state, folders.run):
         left = {path.name for path in folder.iterdir() if path.is_file()}
         assert left == {f".a.json.{threading.get_native_id()}.tmp", "b.tmp", ".c.tmp"}
