@@ -33,6 +33,7 @@ from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
 from core.imports.desk import Desk
+from core.journal.proof import Witness
 from core.journal.store import LEDGER_FILE, StoreError, open_reading
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
@@ -40,7 +41,7 @@ from core.journal.writer import Writer
 from core.listening import LedgerServer, bind_loopback, bind_unix
 from core.lock_holder import SECONDS_MAX, hold_lock
 from core.obedience import Obedience
-from core.opening import OpenBook, Telling, open_book
+from core.opening import OpenBook, Telling, Terms, open_book
 from core.opening_to_read import ReadableBook, open_to_read
 from core.safety import Safety
 from core.saying import Unkept, say
@@ -186,10 +187,17 @@ class Life:
         if isinstance(bound, str):
             return departure.config_invalid(bound)
         telling = Telling(self._recorder, self._beacon)
-        named = (self._data, self._environment, self._settings)
-        opening: Callable[[], Book | Departure] = functools.partial(open_book, *named, telling)
+        terms = Terms(
+            self._environment.expected_epoch,
+            tuple([Witness(seen.seq, seen.epoch, seen.hash) for seen in self._environment.witnesses]),
+            None,
+            self._environment.guarded,
+        )
+        opening: Callable[[], Book | Departure] = functools.partial(
+            open_book, self._data, terms, self._settings, telling
+        )
         if self._environment.safe is not None:
-            opening = functools.partial(open_to_read, *named)
+            opening = functools.partial(open_to_read, self._data, self._environment, self._settings)
         book = await loop.run_in_executor(None, opening)
         if isinstance(book, Departure):
             bound.close()

@@ -17,7 +17,6 @@ from sqlalchemy.exc import DBAPIError
 from core import departure
 from core.departure import Departure
 from core.guarded.beacon import Beacon
-from core.guarded.environment import GuardedEnvironment
 from core.guarded.recorder import FlightRecorder
 from core.journal import disk
 from core.journal.append import Journal
@@ -52,22 +51,42 @@ class Telling:
     beacon: Beacon
 
 
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """On what terms a book is taken over.
+
+    `expected_epoch`: from which epoch it is raised; None: from whatever stands in the store. `witnesses`: commits
+    that somebody saw, which must be there. `busy_ms`: how long the fence waits for the store's lock; None: as
+    the settings say. `shared`: somebody sees to it that one core writes; else the folder is this core's alone.
+    """
+
+    expected_epoch: int | None
+    witnesses: tuple[Witness, ...]
+    busy_ms: int | None
+    shared: bool
+
+
 def open_book(
-    data: Path, environment: GuardedEnvironment, settings: Settings, telling: Telling
+    data: Path, terms: Terms, settings: Settings, telling: Telling, ahead: Proven | None = None
 ) -> OpenBook | Departure:
-    """Take the book of a data folder over, raising its epoch, and prove its tail. Blocks."""
-    guard = take_start_guard(data, shared=environment.guarded)
+    """Take the book of a data folder over, raising its epoch, and prove its tail. Blocks.
+
+    `ahead`: up to where this very process has seen the chain whole already.
+    """
+    guard = take_start_guard(data, shared=terms.shared)
     if isinstance(guard, DoorClosed):
         return _not_let_in(guard)
-    connection = open_writing(data / LEDGER_FILE, settings.fence_busy_ms)
+    connection = open_writing(
+        data / LEDGER_FILE, settings.fence_busy_ms if terms.busy_ms is None else terms.busy_ms
+    )
     if isinstance(connection, StoreError):
         return _unopened(connection, data, telling)
-    epoch = _take_over(connection, environment.expected_epoch, telling)
+    epoch = _take_over(connection, terms.expected_epoch, telling)
     if isinstance(epoch, StoreError):
         return _unopened(epoch, data, telling)
     if isinstance(epoch, Departure):
         return epoch
-    proof = _prove(connection, environment, settings, telling)
+    proof = _prove(connection, terms, ahead, settings, telling)
     if isinstance(proof, StoreError):
         return _unproven(proof, data)
     if isinstance(proof, Departure):
@@ -110,11 +129,11 @@ def _take_over(
 
 
 def _prove(
-    connection: Connection, environment: GuardedEnvironment, settings: Settings, telling: Telling
+    connection: Connection, terms: Terms, ahead: Proven | None, settings: Settings, telling: Telling
 ) -> Proven | StoreError | Departure:
-    seen = environment.witness
+    del ahead  # XXX
     # A witness of nothing (a predecessor that committed nothing) is nobody's word about any event.
-    witness = Witness(seen.seq, seen.epoch, seen.hash) if seen is not None and seen.seq > 0 else None
+    witness = max((seen for seen in terms.witnesses if seen.seq > 0), key=lambda w: w.seq, default=None)
     try:
         connection.exec_driver_sql("BEGIN").close()
         tail = read_tail(connection, witness, settings.tail_events)

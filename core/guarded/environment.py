@@ -15,6 +15,8 @@ from pathlib import Path
 SOCKET_PATH_BYTES_MAX = 107
 #: A day: a limit of more is none.
 LIMIT_MS_MAX = 86_400_000
+#: Who can have seen a commit: the last core's page, its guard, the gateway, and one to spare.
+WITNESSES_MAX = 4
 _NUMBER_MAX = 2**63 - 1
 _WITNESS = re.compile(r"([0-9]{1,19}):([0-9]{1,19}):([0-9a-f]{64})")
 _NUMBER = re.compile(r"[0-9]{1,19}")
@@ -23,11 +25,19 @@ _DIAGNOSIS = re.compile(r"[A-Z_]{1,40}")
 
 @dataclass(frozen=True, slots=True)
 class LastSeen:
-    """The last commit of the predecessor that its recorder shows. `hash`: 32 bytes."""
+    """The last commit of the predecessor that somebody saw. `hash`: 32 bytes."""
 
     seq: int
     epoch: int
     hash: bytes
+
+    @classmethod
+    def read(cls, text: str) -> "LastSeen | None":
+        """Return what `sequence:epoch:hash` says; None: it says nothing that can be understood."""
+        parts = _WITNESS.fullmatch(text)
+        if parts is None or max(int(parts[1]), int(parts[2])) > _NUMBER_MAX:
+            return None
+        return cls(int(parts[1]), int(parts[2]), bytes.fromhex(parts[3]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +49,7 @@ class GuardedEnvironment:
     recorder: Path | None = None
     control: Path | None = None
     expected_epoch: int | None = None
-    witness: LastSeen | None = None
+    witnesses: tuple[LastSeen, ...] = ()
     #: The diagnosis because of which this core may only read.
     safe: str | None = None
     #: How long a command may be DECIDING; a kind of command may have a multiple of it.
@@ -66,7 +76,7 @@ class GuardedEnvironment:
             recorder=reading.path("HARDCORE_RECORDER"),
             control=reading.socket("HARDCORE_CONTROL"),
             expected_epoch=reading.number("HARDCORE_EPOCH"),
-            witness=reading.witness("HARDCORE_WITNESS"),
+            witnesses=reading.witnesses("HARDCORE_WITNESS"),
             safe=reading.word("HARDCORE_SAFE"),
             limit_ms=reading.number("HARDCORE_LIMIT_MS", 1, LIMIT_MS_MAX),
             memory_bytes=reading.number("HARDCORE_MEMORY_BYTES", 1),
@@ -120,15 +130,17 @@ class _Reading:
             return None
         return text
 
-    def witness(self, name: str) -> LastSeen | None:
+    def witnesses(self, name: str) -> tuple[LastSeen, ...]:
         text = self._text(name)
         if text is None:
-            return None
-        parts = _WITNESS.fullmatch(text)
-        if parts is None or max(int(parts[1]), int(parts[2])) > _NUMBER_MAX:
-            self.faults.append(f"{name} must be sequence:epoch:hash, not {text!r}.")
-            return None
-        return LastSeen(int(parts[1]), int(parts[2]), bytes.fromhex(parts[3]))
+            return ()
+        found = [LastSeen.read(part) for part in text.split(",", WITNESSES_MAX)]
+        seen = tuple(one for one in found if one is not None)
+        if len(seen) < len(found) or len(seen) > WITNESSES_MAX:
+            self.faults.append(
+                f"{name} must be sequence:epoch:hash, up to {WITNESSES_MAX} with commas, not {text!r}."
+            )
+        return seen
 
     def notify(self, name: str) -> str | None:
         text = self._text(name)
