@@ -2,6 +2,10 @@
 
 A dead gateway is replaced at once; one that dies again and again waits longer each time, but is always
 tried: without it nobody sees anything. Its deaths are counted apart from the core's.
+
+A gateway that an earlier guard left holds every browser's connection, so it is kept, if it is what we would start
+now (the same code, told the same, on the same listener) and dials us within moments. Any other is seen off: it
+answers what it holds first, while ours takes what is new.
 """
 
 import asyncio
@@ -11,10 +15,12 @@ import os
 import random
 import signal
 import sys
+from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 
 from hardcore.executor import Executor, gone
-from hardcore.host import clock, leftovers, lives, logs, processes
+from hardcore.host import build, clock, leftovers, lives, logs, processes
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle
 from hardcore.recovery.budget import NS_PER_S, Budget, backoff_ns
@@ -25,6 +31,9 @@ QUICK_RESTARTS = 3
 LEAVE_GRACE_S = 1.0
 #: Making a process takes milliseconds; a disk that does not give its log for this long may never do so.
 MAKING_S = 5.0
+#: A gateway that lives dials a new guard some ten times in this time.
+DIALS_S = 2.0
+_LISTENER = "--listen-fd"
 
 
 class Gatekeeper:
@@ -40,6 +49,47 @@ class Gatekeeper:
         self._wanted = True
         self._ended = asyncio.Event()
         self._starting = asyncio.Lock()
+        self._dialled = asyncio.Event()
+        self._dialled_pid = 0
+
+    async def begin(self, older: Sequence[Handle]) -> None:
+        """Go on with a gateway that an earlier guard left, if it is as ours would be; else start one."""
+        kept: Handle | None = None
+        for handle in older:
+            if kept is None and await self._executor.in_hand(self._fits, handle):
+                kept = handle
+            else:
+                self._executor.begin(self.see_off(handle))
+        if kept is None:
+            await self.start()
+        else:
+            await self._adopt(kept)
+
+    def dialled(self, pid: int) -> None:
+        """Somebody has joined the feed: process `pid`, as the kernel says."""
+        self._dialled_pid = pid
+        if self.handle is not None and self.handle.pid == pid:
+            self._dialled.set()
+
+    async def _adopt(self, older: Handle) -> None:
+        self._watch(older)
+        self.dialled(self._dialled_pid)  # it may have been quicker than we
+        if await _within(self._dialled, DIALS_S):
+            await self._executor.in_hand(self._name, older)
+            self._executor.note("gateway", adopted=older.pid)
+        elif self.handle is older:
+            asyncio.get_running_loop().remove_reader(older.pidfd)
+            self.handle = None
+            self._executor.begin(self.see_off(older))
+            await self.start()
+
+    def _watch(self, handle: Handle) -> None:
+        self.handle = handle
+        self._ended.clear()
+        try:
+            asyncio.get_running_loop().add_reader(handle.pidfd, self._on_end, handle)
+        except OSError as error:
+            logs.end_with(f"a gateway's end can't be watched: {error}")
 
     async def start(self) -> None:
         """Start the gateway; what can't be started is tried again with growing pauses."""
@@ -47,30 +97,55 @@ class Gatekeeper:
             if not self._wanted:
                 return
             try:
-                self.handle = await self._executor.in_hand(self._spawn)
+                handle = await self._executor.in_hand(self._spawn)
             except Exception as error:  # noqa: BLE001  # without a gateway nobody sees anything: always again
                 self._executor.note("gateway", failed=f"{type(error).__name__}: {error}")
                 self._again(None)
                 return
-            self._ended.clear()
-            try:
-                asyncio.get_running_loop().add_reader(self.handle.pidfd, self._on_end, self.handle)
-            except OSError as error:
-                logs.end_with(f"a new gateway's end can't be watched: {error}")
+            self._watch(handle)
 
     def _spawn(self) -> Handle:
-        environment = leftovers.environment_of_gateway(self._folders)
-        environment["HARDCORE_LIMITS"] = json.dumps(dataclasses.asdict(self._policy.gateway))
+        log = logs.place(self._folders.logs / "gateway.log", self._folders.run)
+        fds = (self._listen_fd,)
+        handle = processes.spawn(self._argv(), self._environment(), log, self._folders.data, fds=fds)
+        self._name(handle)
+        return handle
+
+    def _name(self, handle: Handle) -> None:
+        self._executor.hint(None, gateway={"pid": handle.pid, "start": handle.identity.start})
+
+    def _environment(self) -> dict[str, str]:
+        return {
+            **leftovers.environment_of_gateway(self._folders),
+            "HARDCORE_LIMITS": json.dumps(dataclasses.asdict(self._policy.gateway)),
+            "HARDCORE_BUILD": build.guard_build_id(),
+        }
+
+    def _argv(self) -> list[str]:
         argv = [sys.executable, "-I", "-m", "hardcore.crisis"]
-        argv += ["--listen-fd", str(self._listen_fd), "--control", str(self._folders.control)]
+        argv += [_LISTENER, str(self._listen_fd), "--control", str(self._folders.control)]
         if os.environ.get(lives.DEMO_SWITCH) == "1":
             argv.append("--demo")
         argv += ["--recoveries", str(self._folders.state / "recoveries.json")]
-        log = logs.place(self._folders.logs / "gateway.log", self._folders.run)
-        handle = processes.spawn(argv, environment, log, self._folders.data, fds=(self._listen_fd,))
-        identity = {"pid": handle.pid, "start": handle.identity.start}
-        self._executor.hint(None, gateway=identity)
-        return handle
+        return argv
+
+    def _fits(self, older: Handle) -> bool:
+        """Whether a gateway is what we would start now, but for the number that its listener has there."""
+        told = dict(line.partition("=")[::2] for line in leftovers.read_environment(older.pid))
+        ours = self._environment()
+        if any(told.get(name) != ours[name] for name in ("HARDCORE_LIMITS", "HARDCORE_BUILD")):
+            return False
+        return _told_alike(self._argv(), _command_line(older.pid)) and self._shares_listener(older)
+
+    def _shares_listener(self, older: Handle) -> bool:
+        """Whether what browsers dial is the same socket for both; a new launcher may hold another."""
+        argv = _command_line(older.pid)
+        number = argv[argv.index(_LISTENER) + 1]
+        try:
+            theirs = Path(f"/proc/{older.pid}/fd/{number}").stat()
+            return os.path.samestat(theirs, os.fstat(self._listen_fd))
+        except OSError:
+            return False
 
     def _on_end(self, handle: Handle) -> None:
         how = handle.reap()
@@ -134,3 +209,18 @@ async def _within(event: asyncio.Event, limit_s: float) -> bool:
     except TimeoutError:
         return False
     return True
+
+
+def _command_line(pid: int) -> list[str]:
+    try:
+        return os.fsdecode(Path(f"/proc/{pid}/cmdline").read_bytes()).split("\0")[:-1]
+    except OSError:
+        return []
+
+
+def _told_alike(ours: list[str], theirs: list[str]) -> bool:
+    """Whether two command lines differ in the number of the listener alone."""
+    if _LISTENER not in theirs or len(ours) != len(theirs):
+        return False
+    number = ours.index(_LISTENER) + 1
+    return [*ours[:number], *ours[number + 1 :]] == [*theirs[:number], *theirs[number + 1 :]]

@@ -7,6 +7,7 @@ whole, which is all it needs. Nothing a client sends can stop the loop; every li
 import asyncio
 import os
 import socket
+import struct
 from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 
@@ -30,13 +31,24 @@ Answerer = Callable[[Request], Awaitable[tuple[Mapping[str, object], list[int]]]
 Listener = Callable[[dict[str, object]], None]
 #: Returns the lines a new subscriber begins with.
 Greeter = Callable[[], list[Mapping[str, object]]]
+#: Is told which process has subscribed, as the kernel names it.
+Doorman = Callable[[int], None]
+_PEER = struct.Struct("3i")  # pid, uid, gid
 
 
 class ControlServer:
     """Listens on one Unix socket for the operator and for the gateway."""
 
-    def __init__(self, path: Path, answer: Answerer, listen: Listener, greet: Greeter) -> None:
+    def __init__(
+        self,
+        path: Path,
+        answer: Answerer,
+        listen: Listener,
+        greet: Greeter,
+        subscribed: Doorman = lambda _pid: None,
+    ) -> None:
         self._path = path
+        self._subscribed = subscribed
         self._answer = answer
         self._listen = listen
         self._greet = greet
@@ -107,6 +119,7 @@ class ControlServer:
         for line in self._greet():
             writer.write(write_line(line))
         self._subscribers.add(writer)
+        self._subscribed(_peer(writer))
         try:
             while data := await reader.readline():
                 value = read_object(data)
@@ -114,6 +127,12 @@ class ControlServer:
                     self._listen(value)
         finally:
             self._subscribers.discard(writer)
+
+
+def _peer(writer: asyncio.StreamWriter) -> int:
+    """Return the process at the other end; what it says of itself could be anybody's."""
+    raw = writer.get_extra_info("socket").getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _PEER.size)
+    return int(_PEER.unpack(raw)[0])
 
 
 def _send_fds(writer: asyncio.StreamWriter, answer: Mapping[str, object], fds: list[int]) -> None:

@@ -3,12 +3,19 @@
 A process is found by its environment, which names our run folder: a core that was started the moment before its guard
 died may not have written its page yet, but it can't lose its environment. Not chosen: the numbers of processes that
 the guard before wrote down. They are given again, and what was not written is not found.
+
+One core may be gone on with: it serves, by its own page, under the highest epoch that any page shows, and nobody had
+begun to end it. Everything in the middle of something (a spare, a core that drains, one that was stopped for its
+evidence, one behind the fence) is ended instead: to finish another's half-done step one would have to know what the
+other knew.
 """
 
+import json
 import os
 import re
 import select
 import signal
+import socket
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,22 +26,55 @@ from hardcore.host.folders import Folders
 from hardcore.host.lives import KILL_S, Life, clean_environment
 from hardcore.host.processes import Handle, Identity
 from hardcore.host.recorder import PageReader
-from hardcore.model.recorder import Page
+from hardcore.model.recorder import LifeState, Page
 
 ENVIRONMENT_BYTES_MAX = 1 << 20
+#: A core that serves answers at once; what does not is no reason to end it, the watch will see to it.
+ASKED_S = 0.3
+ANSWER_BYTES_MAX = 4096
+#: Nonces of lives that were given up on: more than there can be of them, so that a damaged file costs nothing.
+CONDEMNED_MAX = 64
 
 
 @dataclass(frozen=True, slots=True)
 class Leftovers:
-    """What an earlier guard left behind: its cores, its gateways, and the page of its last core."""
+    """What an earlier guard left behind: cores to be ended, its gateways, the page of its last core.
+
+    `adoptable` is the core to go on with, which is not among the others, and `adoptable_page` its page as it was read.
+    """
 
     cores: tuple[Life, ...]
     gateways: tuple[Handle, ...]
     last_page: Page | None
+    adoptable: Life | None = None
+    adoptable_page: Page | None = None
 
 
-def find_leftovers(folders: Folders) -> Leftovers:
-    """Look for processes of an earlier guard of this instance, and for the last recorder page."""
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A core that was found, and whether it was started to read only."""
+
+    life: Life
+    reader: bool
+
+
+def find_leftovers(folders: Folders, *, adopt: bool = False) -> Leftovers:
+    """Look for processes of an earlier guard of this instance, and for the last recorder page.
+
+    `adopt`: say which of the cores may be gone on with, if one may. It may take a moment: that core is asked.
+    """
+    found, gateways = _processes(folders)
+    pages = _pages(folders)
+    last = max(pages, key=_head_of, default=None)
+    last = last if last is not None and last.witness is not None else None
+    chosen = _adoptable(folders, found, pages) if adopt else None
+    life, page = chosen if chosen is not None else (None, None)
+    cores = tuple(core.life for core in found if core.life is not life)
+    return Leftovers(cores, tuple(gateways), last, life, page)
+
+
+def _processes(folders: Folders) -> tuple[list[_Found], list[Handle]]:
+    """Return the cores and the gateways whose environment names our run folder."""
     cores, gateways = [], []
     # By its name alone: the folder above it may be another one now than where they were started.
     run = re.escape(folders.run.name)
@@ -43,7 +83,7 @@ def find_leftovers(folders: Folders) -> Leftovers:
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit() or int(entry.name) == os.getpid():
             continue
-        found = _read_environment(int(entry.name))
+        found = read_environment(int(entry.name))
         core = next(filter(None, map(core_mark.fullmatch, found)), None)
         mark = core or next(filter(None, map(gateway_mark.fullmatch, found)), None)
         handle = _hold(int(entry.name), mark[0]) if mark else None
@@ -52,10 +92,54 @@ def find_leftovers(folders: Folders) -> Leftovers:
         if core is None:
             gateways.append(handle)
         else:
-            nonce = core[2]
-            reader = PageReader(Path(core[1]), nonce)
-            cores.append(Life(0, nonce, folders, reader, handle))
-    return Leftovers(tuple(cores), tuple(gateways), _last_page(folders))
+            life = Life(0, core[2], folders, PageReader(Path(core[1]), core[2]), handle)
+            cores.append(_Found(life, any(name.startswith("HARDCORE_SAFE=") for name in found)))
+    return cores, gateways
+
+
+def _adoptable(folders: Folders, cores: list[_Found], pages: list[Page]) -> tuple[Life, Page] | None:
+    """Return the core that serves and may go on, with its page; None if there is none."""
+    highest = max((page.beats.epoch for page in pages), default=0)
+    given_up = condemned(folders)
+    for core in cores:
+        life, page = core.life, core.life.page()
+        if core.reader or page is None or life.nonce in given_up or not _is_its_own(life, page):
+            continue
+        serves = page.beats.state is LifeState.READY and 0 < page.beats.epoch == highest
+        if serves and _reachable(folders, life) and not _reads_only(folders, life):
+            return life, page
+    return None
+
+
+def _is_its_own(life: Life, page: Page) -> bool:
+    assert life.handle is not None, "it was found as a process"
+    who = life.handle.identity
+    return (page.pid, page.start) == (who.pid, who.start) and page.boot_id == clock.boot_id()
+
+
+def _reachable(folders: Folders, life: Life) -> bool:
+    """Whether what leads to it is where we would look: its folder may have been removed and made anew."""
+    paths = (folders.recorder(life.nonce), folders.core_socket(life.nonce), folders.core_control(life.nonce))
+    return all(path.exists() for path in paths)
+
+
+def _reads_only(folders: Folders, life: Life) -> bool:
+    """Whether the core says that it only reads. One that does not answer is judged later, by what it does."""
+    try:
+        with socket.socket(socket.AF_UNIX) as connection:
+            connection.settimeout(ASKED_S)
+            connection.connect(str(folders.core_control(life.nonce)))
+            connection.sendall(b'{"verb": "status"}\n')
+            told = json.loads(connection.recv(ANSWER_BYTES_MAX))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(told, dict) and told.get("safe") is not None
+
+
+def condemned(folders: Folders) -> frozenset[str]:
+    """Return the nonces of the lives that the earlier guard had begun to stop, to drain or to end."""
+    told = files.read_json(folders.switch).get("condemned")
+    return frozenset(str(nonce) for nonce in told[:CONDEMNED_MAX]) if isinstance(told, list) else frozenset()
 
 
 def end_leftovers(folders: Folders, grace_s: float) -> int:
@@ -81,7 +165,8 @@ def _ends(handle: Handle, within_s: float) -> bool:
     return bool(select.select([handle.pidfd], [], [], within_s)[0])
 
 
-def _read_environment(pid: int) -> list[str]:
+def read_environment(pid: int) -> list[str]:
+    """Return the environment that a process was started with, `NAME=value` each; empty if nobody may know it."""
     try:
         with Path(f"/proc/{pid}/environ").open("rb") as file:
             return os.fsdecode(file.read(ENVIRONMENT_BYTES_MAX)).split("\0")
@@ -93,15 +178,15 @@ def _hold(pid: int, mark: str) -> Handle | None:
     """Return a handle on the process if it still is the one whose environment was read."""
     start = processes.start_of(pid)
     handle = processes.find(Identity(pid, start)) if start is not None else None
-    if handle is not None and mark not in _read_environment(pid):
+    if handle is not None and mark not in read_environment(pid):
         handle.close()
         return None
     return handle
 
 
-def _last_page(folders: Folders) -> Page | None:
-    """Return the page with the highest commit among those of this boot whose word still counts."""
-    best: Page | None = None
+def _pages(folders: Folders) -> list[Page]:
+    """Return the pages of this boot whose word still counts."""
+    found = []
     overruled = files.read_json(_overruled(folders)).get("pages")
     for path in folders.run.glob("recorder-*"):
         if path.suffix or (isinstance(overruled, list) and path.name in overruled):
@@ -109,11 +194,13 @@ def _last_page(folders: Folders) -> Page | None:
         reader = PageReader(path)
         page = reader.read()
         reader.close()
-        if not isinstance(page, Page) or page.boot_id != clock.boot_id() or page.witness is None:
-            continue
-        if best is None or best.witness is None or page.witness.seq > best.witness.seq:
-            best = page
-    return best
+        if isinstance(page, Page) and page.boot_id == clock.boot_id():
+            found.append(page)
+    return found
+
+
+def _head_of(page: Page) -> int:
+    return -1 if page.witness is None else page.witness.seq
 
 
 def overrule_pages(folders: Folders) -> None:
