@@ -189,6 +189,11 @@ def holding_line(phase: str, at_ns: int) -> bytes:
     return _line({"type": "holding", "phase": phase, "at_ns": at_ns})
 
 
+def witness_line(epoch: int, seq: int, digest: str) -> bytes:
+    """Say which commit of `epoch` was passed on to a client: the highest so far."""
+    return _line({"type": "witness", "epoch": epoch, "seq": seq, "hash": digest})
+
+
 def served_line(epoch: int, at_ns: int) -> bytes:
     """Say that the first answer of `epoch` came through."""
     return _line({"type": "served", "epoch": epoch, "at_ns": at_ns})

@@ -47,6 +47,9 @@ _NOT_TO_CLIENT = _HOP_BY_HOP | {b"content-length"}
 #: no copy of it can be confirmed by the tag of what the core wrote.
 _NOT_OF_A_PAGE = frozenset({b"accept-encoding", b"if-none-match", b"if-modified-since"})
 
+#: What a core says of the commit that its answer stands for: the sequence and the event's hash.
+_COMMIT = re.compile(rb"([0-9]{1,18}):([0-9a-f]{64})")
+
 #: Languages that a page may put into its cookie.
 _TONGUES = frozenset({b"ko", b"en"})
 
@@ -335,11 +338,19 @@ def request_bytes(head: RequestHead, *, length: int | None) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
+class Commit:
+    """A commit that an answer stands for: its sequence, and the event's hash in hex."""
+
+    seq: int
+    hash: str
+
+
+@dataclass(frozen=True, slots=True)
 class AnswerHead:
     """An answer's head. `headers` go on to the client; `length` None: not known (chunked).
 
     `epoch` is the core that answered, None if the answer does not say; `draining`: the core says that it
-    is leaving and did not run the request.
+    is leaving and did not run the request; `commit` is what it claims to have committed for this answer.
     """
 
     status: int
@@ -349,6 +360,7 @@ class AnswerHead:
     epoch: int | None = None
     draining: bool = False
     framed: bool = True
+    commit: Commit | None = None
 
     @property
     def bodiless(self) -> bool:
@@ -368,7 +380,7 @@ def read_answer(status: int, reason: bytes, lines: Iterable[Header]) -> AnswerHe
     """Take a parsed answer head apart: what the client gets, and what only we needed to know."""
     kept: list[tuple[bytes, bytes, bytes]] = []
     named: frozenset[bytes] = frozenset()
-    length, epoch, draining, chunked = None, None, False, False
+    length, epoch, draining, chunked, commit = None, None, False, False, None
     for name, value in lines:
         low = name.lower()
         if low == b"connection":
@@ -381,11 +393,18 @@ def read_answer(status: int, reason: bytes, lines: Iterable[Header]) -> AnswerHe
             epoch = int(value) if value.isdigit() else None
         elif low == b"x-core-draining":
             draining = value.strip() == b"1"
+        elif low == b"x-core-commit":
+            commit = _commit(value.strip())
         if low not in _NOT_TO_CLIENT and not low.startswith(b"x-core-"):
             kept.append((low, name, value))
     headers = tuple((name, value) for low, name, value in kept if low not in named)
     framed = chunked or length is not None or status in {204, 304}
-    return AnswerHead(status, reason, headers, length, epoch, draining, framed)
+    return AnswerHead(status, reason, headers, length, epoch, draining, framed, commit)
+
+
+def _commit(value: bytes) -> Commit | None:
+    found = _COMMIT.fullmatch(value)
+    return Commit(int(found[1]), found[2].decode()) if found is not None else None
 
 
 def answer_bytes(head: AnswerHead, *, length: int | None, chunked: bool, close: bool, http10: bool) -> bytes:

@@ -24,6 +24,9 @@ class GatewayLimits(Limits):
     doubt_told_ms: int = setting(500, "pages are told of a doubt that nobody confirmed", low=0, high=60_000)
     feed_retry_ms: int = setting(100, "a lost feed is dialled again after this", low=5, high=60_000)
     stats_ms: int = setting(200, "numbers are told at most this often", low=5, high=60_000)
+    witness_ms: int = setting(
+        100, "a commit that was passed on is told at most this often", low=0, high=60_000
+    )
     client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
     flush_ms: int = setting(500, "at the end: how long the last answers may leave", low=0, high=60_000)
     linger_ms: int = setting(2_000, "hears a client out that says nothing more", low=10, high=60_000)

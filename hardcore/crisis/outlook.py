@@ -17,6 +17,7 @@ from hardcore.crisis.heads import AnswerHead
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.standing import Standing
 from hardcore.crisis.upstream import Pool, UpstreamConnection
+from hardcore.crisis.witness import Witness
 from hardcore.model.phases import Face
 
 _LOG = logging.getLogger(__name__)
@@ -94,6 +95,7 @@ class Outlook:
         self._probing: object = None  # marks the probe that is out; a newer one makes its answer void
         self._probe_connection: UpstreamConnection | None = None
         self._retry: asyncio.TimerHandle | None = None
+        self._witness = Witness(loop, ties.teller, limits.witness_ms)
 
     @property
     def epoch(self) -> int:
@@ -108,6 +110,8 @@ class Outlook:
         if known is None:
             return
         was = self.standing
+        if known.generation != was.generation:
+            self._witness.repeat()  # another sentinel listens: it has heard none of it
         if known.serving != was.serving:
             self._follow(known)
         if isinstance(message, ReleaseHeard):
@@ -150,6 +154,7 @@ class Outlook:
 
     def _tell_holding(self) -> None:
         if not self._holding_told:
+            self._witness.tell()  # what comes next is chosen by what was passed on before
             self._holding_told = self._ties.teller.say(holding_line(self.standing.phase, self._ties.now_ns()))
 
     # -- doubt -----------------------------------------------------------------------------------------
@@ -169,6 +174,11 @@ class Outlook:
         """An answer of this pool's epoch came through."""
         if self._served_due and pool is self.pool:
             self._served_due = not self._ties.teller.say(served_line(pool.epoch, self._ties.now_ns()))
+
+    def passed_on(self, head: AnswerHead) -> None:
+        """A client was given an answer that stands for a commit."""
+        if head.commit is not None and head.epoch is not None:
+            self._witness.saw(head.epoch, head.commit)
 
     # -- asking for its health -------------------------------------------------------------------------
 
@@ -236,6 +246,7 @@ class Outlook:
     def close(self) -> None:
         """The gateway ends."""
         self._stop_probing()
+        self._witness.close()
         pool, self.pool = self.pool, None
         if pool is not None:
             pool.close()

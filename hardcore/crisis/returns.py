@@ -42,6 +42,8 @@ class Returns:
             self._mover.step(exchange, Trigger.ANSWER)
         else:
             self._mover.step(exchange, Trigger.ANSWER, pages.Answer(head, body))
+        if head.commit is not None and 200 <= head.status < 300:
+            self._outlook.passed_on(head)
 
     def begun(self, exchange: Exchange, head: AnswerHead, first: bytes) -> None:
         """The answer is too long to keep."""
