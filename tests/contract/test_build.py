@@ -1,24 +1,48 @@
-"""The name of a code, said by the core of itself and by its guard of what lies on the disk."""
+"""Guard and core give the same code the same name, each by a rule of its own."""
 
+import shutil
 from pathlib import Path
 
-from core.build import build_of, own_build
-from hardcore.host.build import build_id
+import pytest
+
+from core.build import ROOT, build_of
+from hardcore.host.build import build_id, guard_build_id
 
 
-def test_core_and_guard_give_the_same_code_the_same_name() -> None:
-    assert own_build() == build_id()
+@pytest.fixture
+def code(tmp_path: Path) -> Path:
+    for name, text in {
+        "core/main.py": "print(1)\n",
+        "core/imports/formats/bank.toml": "name = 'bank'\n",
+        "frontend/static/page.js": "export const one = 1;\n",
+        "templates/page.html.j2": "<p>{{ one }}</p>\n",
+        "hardcore/cli.py": "print(2)\n",
+    }.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return tmp_path
 
 
-def test_a_changed_template_is_another_code_and_a_compiled_file_is_none(tmp_path: Path) -> None:
-    for folder in ("core", "frontend", "templates"):
-        (tmp_path / folder).mkdir()
-    (tmp_path / "core" / "one.py").write_text("a = 1\n")
-    (tmp_path / "templates" / "page.html.j2").write_text("<p>\n")
-    before = build_of(tmp_path)
-    assert before == build_id(tmp_path)
-    (tmp_path / "core" / "__pycache__").mkdir()
-    (tmp_path / "core" / "__pycache__" / "one.pyc").write_bytes(b"\0")
-    assert build_of(tmp_path) == build_id(tmp_path) == before
-    (tmp_path / "templates" / "page.html.j2").write_text("<b>\n")
-    assert build_of(tmp_path) == build_id(tmp_path) != before
+def test_both_name_the_code_that_lies_here_alike() -> None:
+    assert build_id() == build_of(ROOT)
+
+
+@pytest.mark.parametrize(
+    "changed", ["core/main.py", "core/imports/formats/bank.toml", "templates/page.html.j2", "core/new.py"]
+)
+def test_both_see_a_change_of_any_file_that_a_core_loads(code: Path, changed: str) -> None:
+    before = build_id(code)
+    (code / changed).write_text("changed")
+    assert build_id(code) == build_of(code) != before
+
+
+def test_the_guards_own_code_is_no_part_of_the_cores_name_nor_is_the_place_where_it_lies(
+    code: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    before, guard = build_id(code), guard_build_id(code)
+    (code / "hardcore/cli.py").write_text("changed")
+    assert build_id(code) == before
+    assert guard_build_id(code) != guard
+    moved = shutil.copytree(code, tmp_path_factory.mktemp("moved") / "code")
+    assert build_id(moved) == build_of(moved) == before
