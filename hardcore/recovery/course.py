@@ -95,6 +95,7 @@ class Course:
     # What outlives it.
     behind: Behind | None = None  # a core that lives on behind the fence
     switching: Switching | None = None
+    switch_fault: str = ""  # why the last one that was asked for was given up
     store: StoreKnowledge = field(default_factory=StoreKnowledge)
     audit: Audit = field(default_factory=Audit)
     drill: PendingDrill = field(default_factory=PendingDrill)

@@ -61,6 +61,8 @@ class FailoverManager:
             case seen.DrillStarted():
                 if fact.life == c.life:
                     c.drill.start(fact)
+                elif fact.life == c.spare.life:
+                    c.spare.drilled = bool(fact.fault)
             case seen.GatewayHolding():
                 # A dying process closes its sockets before its pidfd wakes us: the gateway may be first.
                 c.held_ns = fact.at_ns
@@ -178,7 +180,9 @@ class FailoverManager:
             spare=c.spare.life,
             spare_ready=c.spare.state is SpareState.READY,
             spare_fault=c.spare.why_not(),
+            spare_build=c.spare.build,
             switch_waits=c.switching is not None,
+            switch_fault=c.switch_fault,
             locked_by=c.holder.why if c.holder is not None and (locked or not serving) else None,
         )
 

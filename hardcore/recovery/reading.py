@@ -46,5 +46,7 @@ class Reading:
     spare: int = 0  # the life that waits, 0: none
     spare_ready: bool = False
     spare_fault: str = ""  # why there is none, where there never will be by itself
+    spare_build: str = ""  # the code that it runs
     switch_waits: bool = False  # a switch was asked for and has not been done
+    switch_fault: str = ""  # why the last one was given up
     locked_by: str | None = None  # who keeps the ledger's lock from a core that is to write

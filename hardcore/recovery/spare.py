@@ -53,6 +53,7 @@ class Spare:
     migrates: bool = False
     free_bytes: int | None = None
     fault: str = ""
+    drilled: bool = False  # its next end is a drill's: it says nothing about it
     pause_until_ns: int = 0
     _looked_ns: int = 0
     _heard_ns: int = 0
@@ -86,7 +87,7 @@ class Spare:
     def begin(self, life: int, now_ns: int) -> None:
         """One is being started as `life`."""
         self.state, self.life, self.since_ns = SpareState.STARTING, life, now_ns
-        self.build, self.migrates = "", False
+        self.build, self.migrates, self.drilled = "", False, False
         self._looked_ns = self._heard_ns = now_ns
         self._runs = False
 
@@ -123,14 +124,15 @@ class Spare:
 
     def end(self, why: str, now_ns: int, *, unasked: bool) -> None:
         """It is being ended by us, because of this; `unasked`: it has only itself to thank for it."""
-        self.state, self.fault = SpareState.ENDING, why
+        self.state = SpareState.ENDING
         if unasked:
+            self.fault = why
             self._count(now_ns)
 
     def ended(self, why: str, now_ns: int) -> bool:
         """It is gone. Return whether nobody had asked it to."""
         unasked = self.state in {SpareState.STARTING, SpareState.READY}
-        if unasked:
+        if unasked and not self.drilled:
             self.fault = why
             self._count(now_ns)
         self.state, self.life = SpareState.NONE, 0

@@ -84,6 +84,7 @@ def asked(c: Course, fact: seen.OperatorAsked, trouble: Trouble) -> bool:
     if step(c.phase, Trigger.SWITCH) is None or c.reader is not None or not c.spare.comes:
         return False
     give_up_ns = fact.at_ns + WAITED_STARTS_MAX * c.spare.startup_ns
+    c.switch_fault = ""
     c.switching = Switching(trouble, fact.reason or "the operator asked for it", fact.build, give_up_ns)
     tend(c, fact.at_ns)
     return True
@@ -106,7 +107,7 @@ def drained(c: Course, fact: seen.Drained) -> None:
     fire(c, Trigger.NOT_DRAINED, fact.at_ns, fact.reason)
     wish = c.switching
     if wish is None or wish.drains >= DRAINS_MAX:
-        c.switching = None
+        c.switching, c.switch_fault = None, fact.reason
         telling.alert(c, Diagnosis.PLANNED_SWITCH, f"The switch was given up: {fact.reason}")
         fire(c, Trigger.EASED, fact.at_ns, "the core could not be drained")
         return
@@ -151,11 +152,15 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
 
 
 def _give_up(c: Course, wish: Switching, now_ns: int) -> None:
-    """No spare will come: what was a mere restart is done the cold way, and an update is not done at all."""
+    """No spare will come: what was a mere restart is done the cold way, and an update is not done at all.
+
+    Nor is anything that a spare has just failed at: a core that is started the cold way runs the same code.
+    """
     c.switching = None
-    if wish.updates:
+    if wish.updates or c.spare.fault:
+        c.switch_fault = c.spare.fault or c.spare.why_not() or "no spare was ready in time"
         text = (
-            f"The code that lies on the disk does not start ({c.spare.fault}). The old code goes on serving."
+            f"The code that lies on the disk does not start ({c.switch_fault}). The old code goes on serving."
         )
         telling.alert(c, Diagnosis.PLANNED_SWITCH, text)
         return
