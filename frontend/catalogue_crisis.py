@@ -9,6 +9,7 @@ what has to be known before it is said. In Korean no particle stands right after
 from typing import Final
 
 from frontend.catalogue_problems import READ_ONLY
+from frontend.catalogue_receipts import RECEIPTS
 from frontend.render import Language
 
 LANGUAGES: Final[tuple[Language, ...]] = ("ko", "en")
@@ -24,11 +25,9 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
         "이미 저장된 내역은 디스크에 남아 있어요. 다시 켠 뒤 잔액이 맞는지 확인할게요.",
         "Records already saved are on disk. We will check the balances once it is back.",
     ),
-    "R1b": ("서버 앞에서 기다리는 요청 {n}건", "{n} waiting at the server"),
-    "R1b.line": (
-        "서버가 돌아오면 한 번만 처리해요. 그때까지 창을 닫지 말아 주세요.",
-        "Each one will be handled once when the server is back. Please keep the window open until then.",
-    ),
+    # What the gateway keeps; whether the window is needed depends on what was promised.
+    **{code: RECEIPTS[code] for code in ("R1b", "R1b.line", "R1c")},
+    "R1b.open": ("그때까지 창을 닫지 말아 주세요.", "Please keep the window open until then."),
     "R1p": ("이 창에서 기다리는 요청 {n}건", "{n} waiting in this window"),
     "R1p.line": (
         "이 창을 열어 두면 서버가 돌아온 뒤 한 번만 처리해요. 다시 누르지 않아도 돼요.",
@@ -163,7 +162,20 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
         "When the server is back, please check the records first.",
     ),
     "unknown.now": ("먼저 내역을 확인해 주세요.", "Please check the records first."),
-    "reopen": ("화면 다시 열기", "Open the page again"),
+    "reopen": RECEIPTS["reopen"],
+    "keepable.line": (
+        "방금 보낸 요청은 아직 처리하지 않았어요.",
+        "What you just sent has not been done yet.",
+    ),
+    "keepable.wait": (
+        "맡겨 두면 서버가 돌아온 뒤 한 번만 처리해요. 그다음에는 이 창을 닫아도 돼요.",
+        "Leave it here and it will be handled once when the server is back. You can close this window then.",
+    ),
+    "keepable.now": (
+        "맡기면 지금 한 번만 처리해요.",
+        "Leave it here and it will be handled once, now.",
+    ),
+    "keepable.do": ("요청 맡겨 두기", "Keep it for me"),
     "back.line": (
         "브라우저의 뒤로 가기를 누르면 쓰던 내용이 남아 있을 수 있어요.",
         "Your browser's Back button may bring back what you typed.",
@@ -187,8 +199,10 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
     "phase.PROBATION": ("켜졌고 지켜보는 중", "up, and being watched"),
     "phase.RUNNING": ("켜져 있음", "up"),
     "phase.SUSPECT": ("켜져 있지만 걱정되는 점이 있음", "up, with a worry"),
+    "phase.DRAINING": ("하던 일을 마치는 중", "finishing what was under way"),
     "phase.SNAPSHOT_LIVE": ("원인을 기록하는 중", "saving the cause"),
     "phase.STOPPING": ("하던 일을 마치는 중", "finishing what was under way"),
+    "phase.SWITCHING": ("대기하던 서버가 이어받는 중", "the spare server is taking over"),
     "phase.KILLING": ("멈춘 서버를 끝내는 중", "ending the old server"),
     "phase.UNKILLABLE": ("멈춘 서버가 아직 끝나지 않음", "the old server has not ended yet"),
     "phase.BACKOFF": ("다시 켜기 전에 잠시 기다리는 중", "waiting a moment before the next start"),
@@ -199,6 +213,7 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
 FACTS: Final[dict[str, str]] = {
     "R0": "a request of this page waits while the last state says that the ledger is served",
     "R1b": "the gateway counts held requests of this browser",
+    "R1c": "this browser's storage names a receipt: written there when the gateway had given it, taken out when it was settled",
     "R1p": "the page counts requests that wait in it",
     "R2": "the state frame's text is R2: the guard was asked for this restart",
     "draft.stored": "every field typed into was written to the storage and read back the same",
@@ -225,6 +240,7 @@ FACTS: Final[dict[str, str]] = {
     "R13.unsent": "the form was not submitted since the draft was written",
     "keep.done": "the clipboard took it",
     "not_done.line": "the gateway never sent the request to a core",
+    "keepable.line": "the gateway never sent the request to a core",
     "unknown.line": "the core died before it answered",
 }
 

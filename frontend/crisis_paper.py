@@ -16,23 +16,35 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from frontend.catalogue_crisis import LANGUAGES, words
+from frontend.catalogue_receipts import RECEIPTS
 from frontend.render import Language
 
 #: Why the ledger is away. `off`: the operator stopped it.
 Kind = Literal["recovering", "planned", "stopped_trying", "off"]
-#: What became of the request that the page answers: `get` if it asked for a page, else a form's outcome.
-Outcome = Literal["get", "not_done", "unknown"]
+#: What became of the request that the page answers: `get` if it asked for a page, else a form's outcome. `keepable`:
+#: not done, and the page offers to have it kept.
+Outcome = Literal["get", "not_done", "unknown", "keepable"]
+#: What became of a request that was promised (docs/wires.md, section 9).
+Settled = Literal["waiting", "done", "already_done", "not_done", "refused", "set_aside", "ask", "unknown"]
 
 KINDS: Final[tuple[Kind, ...]] = ("recovering", "planned", "stopped_trying", "off")
-OUTCOMES: Final[tuple[Outcome, ...]] = ("get", "not_done", "unknown")
+OUTCOMES: Final[tuple[Outcome, ...]] = ("get", "not_done", "unknown", "keepable")
+RECEIPT_OUTCOMES: Final[tuple[Settled, ...]] = get_args(Settled)
+
+#: What the gateway puts its own into: the hidden fields of a kept form; a receipt's key, number and the ledger's word.
+FIELDS_MARK: Final = "<!--fields-->"
+KEY_MARK: Final = "<!--key-->"
+NUMBER_MARK: Final = "<!--id-->"
+WHY_MARK: Final = "<!--why-->"
 
 #: The modules of the recovery page and of a living page, each after those it imports from.
-PAGE_MODULES: Final = ("channel.js", "outage.js", "wording.js", "card.js", "recovery.js")
+PAGE_MODULES: Final = ("channel.js", "outage.js", "promised.js", "wording.js", "card.js", "recovery.js")
+RECEIPT_MODULES: Final = ("promised.js", "promises.js", "receipt.js")
 CLIENT_MODULES: Final = (
     *PAGE_MODULES[:-1],
     "place.js",
@@ -112,7 +124,28 @@ def recovery_page(lang: Language, kind: Kind, outcome: Outcome = "get") -> Page:
         outcome=outcome,
         opening=_OPENING[kind],
         w=words(lang),
+        fields=FIELDS_MARK,
         reopens=kind in {"recovering", "planned"} and outcome == "get",
+        style=_verbatim(style, "</style"),
+        script=_verbatim(script, "</script"),
+    )
+    return Page(body.encode(), csp_hash(script), csp_hash(style))
+
+
+@functools.cache
+def receipt_page(lang: Language, outcome: Settled) -> Page:
+    """Return the page of a receipt: what was promised, or what became of it. Its marks are the gateway's to fill;
+    while it is not settled, the page asks again by itself.
+    """
+    script = "\n" + _modules(RECEIPT_MODULES)
+    style = "\n" + _style("client.css") + _style("recovery.css")
+    which = LANGUAGES.index(lang)
+    page = _environment().get_template("receipt.html.j2")
+    body = page.render(
+        lang=lang,
+        outcome=outcome,
+        w={code: texts[which] for code, texts in RECEIPTS.items()},
+        marks={"key": KEY_MARK, "id": NUMBER_MARK, "why": WHY_MARK},
         style=_verbatim(style, "</style"),
         script=_verbatim(script, "</script"),
     )

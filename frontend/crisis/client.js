@@ -5,11 +5,12 @@
 // it by three events and one attribute (docs/wires.md, section 10).
 
 import { openChannel } from "./channel.js";
-import { CALM, RESULT_STAY_MS, next } from "./outage.js";
+import { CALM, RESULT_STAY_MS, isQuiet, next } from "./outage.js";
 import { face } from "./wording.js";
 import { makeScreen } from "./screen.js";
 import { makeBar } from "./bar.js";
 import { keepDrafts } from "./drafts.js";
+import { promised } from "./promised.js";
 import { watchRequests } from "./slowness.js";
 import { watchTyping } from "./typing.js";
 
@@ -72,7 +73,8 @@ function announce(said) {
     tell("hc:state", said);
     if (said.text !== null) goneAway(said);
     else if (isAway) cameBack({ v: 1, type: "back", outage_ms: view.back?.outage_ms ?? null, verified: null, planned: said.planned }, true);
-  } else if (said.type === "lost") isAway = true;
+  } else if (said.type === "receipt") tell("hc:receipt", said);
+  else if (said.type === "lost") isAway = true;
   else if (said.type === "back") {
     if (backWasTold) backWasTold = false;
     else cameBack(said, false);
@@ -95,10 +97,10 @@ function cameBack(frame, byState) {
 
 function paint() {
   const facts = {
-    pending, draft: drafts.standing(), slow: requests.isSlow(), alive: true, unheard: false, request: null,
+    pending, promised: promised(), draft: drafts.standing(), slow: requests.isSlow(), alive: true, unheard: false, request: null,
   };
   const shown = face(view, facts, performance.now(), words);
-  const isOut = view.mode === "sign" || view.mode === "card";
+  const isOut = (view.mode === "sign" || view.mode === "card") && !isQuiet(view);
   const downs = { OFF: "off", R8: "stopped" };
   mark(isOut ? downs[view.frame.text] ?? "down" : view.mode === "lost" ? "down" : shown.bar ? "safe" : facts.slow && view.mode === "calm" ? "slow" : "serving");
   if (window.parent === window) {

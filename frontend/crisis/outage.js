@@ -32,8 +32,13 @@ export function isFinal(frame) {
   return frame.text === "R8" || frame.text === "OFF";
 }
 
+/** Whether it was asked for and may be over before anybody notices: nothing is said of it yet. */
+export function isQuiet(view) {
+  return view.mode === "sign" && view.frame.planned && !isFinal(view.frame);
+}
+
 function isLong(frame) {
-  return isFinal(frame) || frame.text === "R7b" || (frame.eta !== null && frame.eta.low_s >= LONG_S);
+  return isFinal(frame) || frame.text === "R7b" || (!frame.planned && frame.eta !== null && frame.eta.low_s >= LONG_S);
 }
 
 function withStage(view, frame, now_ms) {
@@ -59,7 +64,7 @@ function resumes(view, frame, now_ms) {
 
 function goesOn(view, frame, now_ms) {
   const followed = withStage(view, frame, now_ms);
-  const isBrief = frame.eta !== null && frame.eta.high_s * 1000 <= BRIEF_MS;
+  const isBrief = !frame.planned && frame.eta !== null && frame.eta.high_s * 1000 <= BRIEF_MS;
   const due_ms = isBrief ? Math.max(view.due_ms, followed.begun_ms + BRIEF_MS) : view.due_ms;
   const next = { ...followed, due_ms };
   const heardBefore = view.frame !== null && view.frame.text === frame.text;
@@ -108,13 +113,18 @@ const finds = (view, frame, now_ms) => (frame.sound === false && !view.heeded ? 
   : { ...calms(view), frame, gap_ms: view.gap_ms, mode: "again", due_ms: now_ms + AGAIN_STAY_MS });
 const short = ends("short", SHORT_STAY_MS);
 const result = ends("result", RESULT_STAY_MS);
+// Nobody noticed: an outage that was asked for and not shown needs no end either.
+const fades = (view, said, now_ms) => (isQuiet(view) && (said.verified ?? said.sound) !== false
+  ? { ...calms(view), frame: said.type === "back" ? view.frame : said } : short(view, said, now_ms));
+const passes = (view, said, now_ms) => (said.planned && !view.gap_ms && said.verified !== false ? view
+  : short(view, said, now_ms));
 const rises = (view) => ({ ...view, mode: "card", due_ms: Infinity });
 // Put aside by the reader, which only a final card can be: the strip goes on saying it.
 const lowers = (view) => (isFinal(view.frame) ? { ...view, mode: "sign", due_ms: Infinity } : view);
 
 export const MOVES = {
-  calm: { down: begins, serving: knows, back: short, verified: learns, lost: loses, tick: stays, dismiss: stays },
-  sign: { down: resumes, serving: short, back: short, verified: stays, lost: loses, tick: rises, dismiss: stays },
+  calm: { down: begins, serving: knows, back: passes, verified: learns, lost: loses, tick: stays, dismiss: stays },
+  sign: { down: resumes, serving: fades, back: fades, verified: stays, lost: loses, tick: rises, dismiss: stays },
   card: { down: goesOn, serving: result, back: result, verified: stays, lost: loses, tick: stays, dismiss: lowers },
   result: {
     down: begins, serving: knows, back: result, verified: verifies(RESULT_STAY_MS), lost: loses, tick: calms,

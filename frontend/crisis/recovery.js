@@ -1,12 +1,14 @@
 // The recovery page's own script: the card alive, and the way back to the page that was asked for.
 //
 // It stands at the address somebody wanted. When the ledger is served again, that address is opened anew; unless the
-// page answers a form: nothing is sent again by itself, so there the way back is a link.
+// page answers a form: nothing is sent again by itself, so there the way back is a link. What stood in the form may
+// stand in this page, to be kept by the gateway if its person says so: a form that works without this script too.
 
 import { openChannel } from "./channel.js";
 import { CALM, next } from "./outage.js";
 import { face } from "./wording.js";
 import { makeCard } from "./card.js";
+import { promised } from "./promised.js";
 
 const SPREAD_MS = 150;  // many browsers wait for the same moment
 const REOPEN_PAUSE_MS = 2000;  // after a return that led here again
@@ -21,13 +23,14 @@ const OPENING = {
   off: { text: "OFF", planned: false, phase: "STOPPED" },
 };
 const first = { v: 1, type: "state", stage: null, stages: 4, elapsed_ms: 0, eta: null, samples: 0, incident: null, held: 0, ...OPENING[kind] };
-const facts = { pending: 0, draft: null, slow: false, alive: false, unheard: true, request: outcome === "get" ? null : outcome };
+const facts = { pending: 0, draft: null, slow: false, alive: false, unheard: true, promised: [], request: outcome === "get" ? null : outcome };
 
 let lang = document.documentElement.lang === "ko" ? "ko" : "en";
 let isBack = false;
 // The page itself is the overlay, so it begins as one.
 let view = { ...next(CALM, first, performance.now()), mode: "card", due_ms: Infinity };
 
+const wish = document.querySelector("form");  // of a page that offers to have it kept
 const card = makeCard({ close() {}, keep() {}, other });
 const live = document.createElement("p");
 const link = document.createElement("a");
@@ -37,6 +40,7 @@ live.className = "unseen";
 link.className = "button";
 notice.className = "muted";
 card.acts.prepend(link);
+if (wish) card.acts.before(wish);
 document.querySelector("main").replaceChildren(card.element, notice, live);
 
 function other() {
@@ -47,12 +51,14 @@ function other() {
 
 function paint() {
   const words = WORDS[lang];
+  facts.promised = promised();
   const shown = face(view, facts, performance.now(), words);
   link.hidden = !isBack || outcome === "get";
   card.show({ ...shown.card, closes: false }, words, false);
   document.documentElement.lang = lang;
   document.title = [shown.title, shown.card.head].filter(Boolean).join(" ");
   link.textContent = words.reopen;
+  if (wish) wish.lastElementChild.textContent = words["keepable.do"];
   notice.hidden = outcome !== "get" || shown.card.closes;
   notice.textContent = words.reopens;
   if (live.textContent !== shown.status) live.textContent = shown.status;

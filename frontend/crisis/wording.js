@@ -3,7 +3,8 @@
 // Pure, and the only place where the script decides to claim something. A claim is made from its fact alone
 // (FACTS in catalogue_crisis.py names each): without the fact the neutral sentence stands, or none.
 
-import { isFinal } from "./outage.js";
+import { isFinal, isQuiet } from "./outage.js";
+import { numberOf } from "./promised.js";
 
 const TITLES = { R8: "title.stopped", OFF: "title.off" };
 const HEADS = { R1: "R1", R2: "R2", R7b: "R7", R8: "R8", OFF: "OFF" };
@@ -75,10 +76,15 @@ function stages(view, words) {
   });
 }
 
-// What the gateway holds, and what waits in this page alone: two places, so two sentences.
+// What the gateway holds, and what waits in this page alone: two places, so two sentences. The window is needed for
+// what was not promised to outlive it.
 function waiting(view, facts, words) {
-  return [["R1b", view.frame.held], ["R1p", facts.pending]].filter(([, n]) => n > 0 && !isFinal(view.frame))
-    .map(([code, n]) => ({ head: fill(words[code], { n }), line: words[`${code}.line`] }));
+  const { held } = view.frame;
+  if (isFinal(view.frame)) return [];
+  const more = facts.promised.length < held ? [words["R1b.open"]] : [];
+  if (facts.promised.length) more.push(fill(words.R1c, { id: numberOf(facts.promised.at(-1)) }));
+  return [[held, "R1b", more], [facts.pending, "R1p", []]].filter(([n]) => n > 0)
+    .map(([n, code, more]) => ({ head: fill(words[code], { n }), line: [words[`${code}.line`], ...more].join(" ") }));
 }
 
 function downCard(view, facts, now_ms, words) {
@@ -156,7 +162,7 @@ function barOf(view, words) {
 
 function stripOf(view, facts, words) {
   switch (view.mode) {
-    case "sign": return { head: headOf(view.frame, words), line: null, tone: isFinal(view.frame) ? "warn" : "busy" };
+    case "sign": return isQuiet(view) ? null : { head: headOf(view.frame, words), line: null, tone: isFinal(view.frame) ? "warn" : "busy" };
     case "short": return shortStrip(view, words);
     case "lost": return lostStrip(view, facts, words);
     case "again": return { head: words["R11.back"], line: null, tone: "good" };
@@ -176,15 +182,15 @@ function cardOf(view, facts, strip, now_ms, words) {
 }
 
 /** What is on the screen for a view.
-    `facts`: {pending: count, draft: null | "stored" | "page", slow, alive: the page itself is still there,
-    unheard: no frame has come yet, request: null | "not_done" | "unknown"}. */
+    `facts`: {pending: count, promised: keys of receipts, draft: null | "stored" | "page", slow, alive: the page itself is still there,
+    unheard: no frame has come yet, request: null | "not_done" | "unknown" | "keepable"}. */
 export function face(view, facts, now_ms, words) {
   const strip = stripOf(view, facts, words);
   const card = cardOf(view, facts, strip, now_ms, words);
   const bar = barOf(view, words);
   const said = strip ?? bar;
   const status = card ? card.status : said ? [said.head, said.line].filter(Boolean).join(". ") : "";
-  const down = view.mode === "sign" || view.mode === "card";
+  const down = view.mode === "card" || (view.mode === "sign" && !isQuiet(view));
   const title = down ? TITLES[view.frame.text] ?? "title.down" : view.mode === "result" || view.mode === "short" ? "title.back" : null;
   return { strip, card, bar, status, title: title && words[title] };
 }

@@ -28,6 +28,7 @@ class Asked(StrEnum):
     GET = "get"  # it only reads: asking again is all there is to it
     NOT_DONE = "not_done"
     UNKNOWN = "unknown"
+    KEEPABLE = "keepable"  # a form that is not done, and that the gateway would keep
 
 
 @dataclass(frozen=True, slots=True)

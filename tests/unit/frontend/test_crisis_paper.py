@@ -6,11 +6,13 @@ import hashlib
 import json
 import re
 from html.parser import HTMLParser
+from itertools import product
 from typing import Final
 
 import pytest
 
 from frontend.catalogue_crisis import LANGUAGES, words
+from frontend.catalogue_receipts import RECEIPTS
 from frontend.crisis_paper import (
     CLIENT_MODULES,
     KINDS,
@@ -18,10 +20,14 @@ from frontend.crisis_paper import (
     OUTCOMES,
     PAGE_MODULES,
     PAGE_ONLY,
+    RECEIPT_MODULES,
+    RECEIPT_OUTCOMES,
     SOURCES,
     Kind,
     Outcome,
+    Settled,
     own_files,
+    receipt_page,
     recovery_page,
 )
 from frontend.render import Language
@@ -91,9 +97,30 @@ def test_a_page_says_without_a_script_what_is_true(lang: Language, kind: Kind, o
     says = words(lang)
     assert (says["not_done.line"] in text) == (outcome == "not_done")
     assert (says["unknown.line"] in text) == (outcome == "unknown")
+    assert (says["keepable.line"] in text) == (outcome == "keepable")
+    assert text.count("<form") == text.count("<!--fields-->") == (outcome == "keepable")
     assert (says["R15.line"] in text) == (kind in {"recovering", "planned"} and outcome == "get")
     assert says["R3.verified"] not in text
     assert says["draft.stored"] not in text
+
+
+@pytest.mark.parametrize(("lang", "outcome"), [*product(LANGUAGES, RECEIPT_OUTCOMES)])
+def test_a_receipts_page_says_what_became_of_it_and_nothing_else(lang: Language, outcome: Settled) -> None:
+    page = receipt_page(lang, outcome)
+    seen = _Elements(page.body)
+    assert page.script_hash == _hash(seen.inside["script"])
+    assert page.style_hash == _hash(seen.inside["style"])
+    assert _zipped(page.body) <= RECOVERY_PAGE_BYTES_MAX
+    text = page.body.decode().partition("<body")[2].partition("<script")[0]
+    which = LANGUAGES.index(lang)
+    for other in RECEIPT_OUTCOMES:
+        head = RECEIPTS[{"waiting": "R1c", "ask": "R5.line"}.get(other, f"{other}.line")][which]
+        assert (head.partition("{")[0] in text) == (other == outcome)
+    assert text.count("<!--id-->") == 1
+    assert ("<!--why-->" in text) == (outcome == "refused")
+    assert text.count("<!--key-->") == text.count("<form") == (2 if outcome == "ask" else 0)
+    refreshes = [attributes for _, attributes in seen.found if attributes.get("http-equiv") == "refresh"]
+    assert [one["content"] for one in refreshes] == (["5"] if outcome == "waiting" else [])
 
 
 @pytest.mark.parametrize("lang", LANGUAGES)
@@ -136,20 +163,20 @@ def test_every_import_is_one_line_so_that_modules_can_stand_in_one(module: str) 
     )
 
 
-@pytest.mark.parametrize("modules", [PAGE_MODULES, CLIENT_MODULES])
+@pytest.mark.parametrize("modules", [PAGE_MODULES, CLIENT_MODULES, RECEIPT_MODULES])
 def test_modules_that_stand_in_one_share_no_name(modules: tuple[str, ...]) -> None:
     names = [name for module in modules for name in _TOP_NAME.findall((SOURCES / module).read_text("utf-8"))]
     assert sorted(names) == sorted(set(names))
 
 
-@pytest.mark.parametrize("modules", [PAGE_MODULES, CLIENT_MODULES])
+@pytest.mark.parametrize("modules", [PAGE_MODULES, CLIENT_MODULES, RECEIPT_MODULES])
 def test_each_module_comes_after_those_it_imports(modules: tuple[str, ...]) -> None:
     for place, module in enumerate(modules):
         text = (SOURCES / module).read_text("utf-8")
         assert set(re.findall(r'from "\./([\w.]+)"', text)) <= set(modules[:place])
 
 
-@pytest.mark.parametrize("module", CLIENT_MODULES)
+@pytest.mark.parametrize("module", sorted({*CLIENT_MODULES, *RECEIPT_MODULES}))
 def test_no_string_has_what_is_taken_for_an_operator(module: str) -> None:
     text = re.sub(r"//.*|/\*.*?\*/", "", (SOURCES / module).read_text("utf-8"))
     strings = re.findall(r"\"[^\"\n]*\"", text)
@@ -157,7 +184,7 @@ def test_no_string_has_what_is_taken_for_an_operator(module: str) -> None:
 
 
 def test_every_module_is_used() -> None:
-    assert {path.name for path in SOURCES.glob("*.js")} == {*PAGE_MODULES, *CLIENT_MODULES}
+    assert {path.name for path in SOURCES.glob("*.js")} == {*PAGE_MODULES, *CLIENT_MODULES, *RECEIPT_MODULES}
 
 
 def test_every_word_the_scripts_say_is_in_the_catalogue_and_no_module_makes_markup() -> None:
