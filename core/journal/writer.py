@@ -56,6 +56,7 @@ class Writer:
         self._waiting: deque[Waiting] = deque()
         self._changed = threading.Condition()
         self._stopping = False
+        self._over = False
         self._thread = threading.Thread(target=self._run, name="writer")
 
     @property
@@ -91,10 +92,25 @@ class Writer:
 
     async def stop(self) -> None:
         """Write what waits, close the store and end the thread."""
+        self.ask_to_stop()
+        await self._loop.run_in_executor(None, self._thread.join)
+
+    def ask_to_stop(self) -> None:
+        """Have the thread write what waits, close the store and end; see `is_alive` for when it has."""
         with self._changed:
             self._stopping = True
             self._changed.notify()
-        await self._loop.run_in_executor(None, self._thread.join)
+
+    def go_on(self) -> bool:
+        """Take work again after `ask_to_stop`; False where it is too late: the store is closed, or about to be."""
+        with self._changed:
+            self._stopping = self._over
+        return not self._over
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the thread has not ended yet."""
+        return self._thread.is_alive()
 
     def _run(self) -> None:
         self._recorder.note_writer_thread()
@@ -131,6 +147,7 @@ class Writer:
         """Wait for work and take what is there; empty once stopping and nothing waits."""
         with self._changed:
             self._changed.wait_for(lambda: self._waiting or self._stopping)
+            self._over = not self._waiting
             return [self._waiting.popleft() for _ in range(min(len(self._waiting), BATCH_MAX))]
 
     def _publish(
