@@ -3,13 +3,16 @@
 An order statistic, because it promises what it says: with n outages behind us, the k-th smallest of them holds
 the next one with a chance of k in n+1, whatever the shape of the times. It is asked again at each stage, of
 what was left when earlier outages had come this far, so that causes that differ only in how they begin are
-counted together. Means and interpolated percentiles were tried: they promised too little or too much.
+counted together. The two ways to a core are not: a spare takes over in a tenth of the time of a cold start, and
+pooled they would promise something that is true of neither. What was promised is kept beside what came, so that the
+promise itself can be judged. Means and interpolated percentiles were tried: they promised too little or too much.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
-#: Outages that are remembered; older ones say little about this machine.
+#: Outages that are remembered of each way; older ones say little about this machine.
 SAMPLES_MAX = 50
 #: Below this many nothing is promised.
 SAMPLES_MIN = 5
@@ -19,23 +22,11 @@ BOUND_MIN = 9
 STAGES = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One outage that is over: how long it was, and how long it had lasted when each stage was reached.
+class Way(StrEnum):
+    """How the next core came to serve."""
 
-    `reached_ms` has one number for each stage, 1 to 4; a stage that was passed over has that of the next.
-    """
-
-    total_ms: int
-    reached_ms: tuple[int, int, int, int]
-
-
-@dataclass(frozen=True, slots=True)
-class Range:
-    """What an outage usually lasts, from its begin: at the middle, and at most nine times in ten."""
-
-    low_ms: int
-    high_ms: int
+    COLD = "cold"  # it was started
+    SPARE = "spare"  # it stood ready and took over
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +37,70 @@ class Told:
     high_s: int
 
 
-def sample(total_ms: int, reached: Sequence[tuple[int, int]]) -> Sample:
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One outage that is over: how long it was, and how long it had lasted when each stage was reached.
+
+    `reached_ms` has one number for each stage, 1 to 4; a stage that was passed over has that of the next. `told` is
+    what people were promised meanwhile, at its narrowest; None: nothing.
+    """
+
+    total_ms: int
+    reached_ms: tuple[int, int, int, int]
+    way: Way = Way.COLD
+    told: Told | None = None
+
+    @property
+    def within(self) -> bool:
+        """Whether it was over by the time that was told. An end sooner than usual breaks no promise."""
+        return self.told is not None and self.total_ms <= self.told.high_s * 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """How good the promises were: outages remembered, those of them with a promise, those that kept it."""
+
+    samples: int
+    scored: int
+    within: int
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """What an outage usually lasts, from its begin: at the middle, and at most nine times in ten."""
+
+    low_ms: int
+    high_ms: int
+
+
+def sample(
+    total_ms: int, reached: Sequence[tuple[int, int]], way: Way = Way.COLD, told: Told | None = None
+) -> Sample:
     """The sample of an outage that reached each `(stage, ms)` of `reached`, in this order."""
 
     def at(stage: int) -> int:
         later = (ms for number, ms in reached if number >= stage)
         return 0 if stage == 1 else min(total_ms, next(later, total_ms))
 
-    return Sample(total_ms, (at(1), at(2), at(3), at(4)))
+    return Sample(total_ms, (at(1), at(2), at(3), at(4)), way, told)
+
+
+def of_way(samples: Sequence[Sample], way: Way) -> tuple[Sample, ...]:
+    """Those outages that were ended this way."""
+    return tuple(one for one in samples if one.way is way)
+
+
+def youngest(samples: Sequence[Sample]) -> tuple[Sample, ...]:
+    """What is remembered: the last of each way, so that many of one do not push out the few of the other."""
+    kept = [*of_way(samples, Way.COLD)[-SAMPLES_MAX:], *of_way(samples, Way.SPARE)[-SAMPLES_MAX:]]
+    wanted = set(map(id, kept))
+    return tuple(one for one in samples if id(one) in wanted)
+
+
+def score(samples: Sequence[Sample]) -> Score:
+    """How the promises that were made of these outages came true."""
+    promised = [one for one in samples if one.told is not None]
+    return Score(len(samples), len(promised), sum(one.within for one in promised))
 
 
 def bound(values: Sequence[int]) -> int:

@@ -12,12 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from hardcore.crisis.estimate import Sample, Told, estimate, in_seconds, narrowed, sample
+from hardcore.crisis.estimate import Sample, Told, Way, estimate, in_seconds, narrowed, of_way, sample
 from hardcore.crisis.standing import Standing, posture
-from hardcore.model.phases import Face, HAState
+from hardcore.model.phases import Face, HAState, Phase
 
 NS_PER_MS = 1_000_000
 STAGES = 4
+#: Phases that say which way the next core comes. The later one counts: a spare may fail to take over.
+_WAYS = {Phase.SWITCHING: Way.SPARE, Phase.STARTING: Way.COLD, Phase.BACKOFF: Way.COLD}
 
 
 class Text(StrEnum):
@@ -50,7 +52,7 @@ class Outage:
     `epoch`: the core that served before it, None if this gateway saw none; `reached`: when each stage was first
     reached; `told`: the narrowest promise so far; `plain`: neither the operator nor a last resort was part of it;
     `said`: the guard said so; `sure`: somebody knows of it (see `is_sure`); `measured`: its begin is known, and so is
-    its length.
+    its length; `way`: how the next core comes, None while nobody knows; `of`: how many outages that were ended this way are known.
     """
 
     began_ns: int
@@ -62,6 +64,8 @@ class Outage:
     said: bool = False
     sure: bool = False
     measured: bool = False
+    way: Way | None = None
+    of: int = 0
 
     @property
     def stage(self) -> int:
@@ -115,16 +119,20 @@ def follow(
             said=True,
             sure=True,
             measured=measured,
+            way=_WAYS.get(Phase(known.phase), outage.way) if known.phase in set(Phase) else outage.way,
         )
     return _reach(outage, known.stage or 1, samples, now_ns)
 
 
 def _reach(outage: Outage, stage: int, samples: Sequence[Sample], now_ns: int) -> Outage:
+    """Note that a stage was reached, and promise anew: nothing before it is known which way the core comes."""
     if outage.reached and stage <= outage.stage:
         return outage
-    promise = estimate(samples, stage, _elapsed_ms(outage, now_ns))
+    alike = of_way(samples, outage.way) if outage.way is not None else ()
+    promise = estimate(alike, stage, _elapsed_ms(outage, now_ns))
     told = narrowed(outage.told, in_seconds(promise) if promise is not None else None)
-    return replace(outage, reached=(*outage.reached, (stage, now_ns)), told=told)
+    reached = (*outage.reached, (stage, now_ns))
+    return replace(outage, reached=reached, told=told, of=len(alike))
 
 
 def is_sure(outage: Outage, pace: Pace, now_ns: int) -> bool:
@@ -144,12 +152,13 @@ def _elapsed_ms(outage: Outage, now_ns: int) -> int:
 def finished(outage: Outage, epoch: int, now_ns: int) -> Sample | None:
     """What an outage that is over teaches; None if its length says nothing about the next.
 
-    That is so where nobody saw its begin, where a person took part in it, and where the same core went on.
+    That is so where nobody saw its begin or which way its end came, where a person took part in it, and where the same
+    core went on.
     """
-    if outage.epoch is None or outage.epoch == epoch or not outage.plain:
+    if outage.epoch is None or outage.epoch == epoch or not outage.plain or outage.way is None:
         return None
     reached = [(stage, max(0, at_ns - outage.began_ns) // NS_PER_MS) for stage, at_ns in outage.reached]
-    return sample(_elapsed_ms(outage, now_ns), reached)
+    return sample(_elapsed_ms(outage, now_ns), reached, outage.way, outage.told)
 
 
 def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_ns: int) -> Shown:
@@ -177,7 +186,7 @@ def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_n
         began_ns=outage.began_ns,
         elapsed_ms=elapsed_ms,
         eta=None if open_ended else outage.told,
-        samples=samples,
+        samples=samples if outage.way is None else outage.of,
         planned=outage.planned,
         text=text,
         safe=known.safe,

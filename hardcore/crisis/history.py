@@ -9,7 +9,7 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
-from hardcore.crisis.estimate import SAMPLES_MAX, STAGES, Sample
+from hardcore.crisis.estimate import STAGES, Sample, Told, Way, score, youngest
 from hardcore.host.files import read_json, write_json
 
 _LOG = logging.getLogger(__name__)
@@ -29,7 +29,7 @@ class History:
 
     def add(self, sample: Sample) -> None:
         """Remember one more."""
-        self.samples = (*self.samples, sample)[-SAMPLES_MAX:]
+        self.samples = youngest((*self.samples, sample))
         self._due = self._path is not None
         if self._due and self._writing is None:
             self._writing = self._loop.create_task(self._write())
@@ -51,26 +51,50 @@ class History:
 
 
 def _told(samples: tuple[Sample, ...]) -> dict[str, object]:
-    return {"recoveries": [{"total_ms": one.total_ms, "reached_ms": list(one.reached_ms)} for one in samples]}
+    return {"recoveries": [_row(one) for one in samples]}
+
+
+def _row(one: Sample) -> dict[str, object]:
+    told = None if one.told is None else [one.told.low_s, one.told.high_s]
+    return {"total_ms": one.total_ms, "reached_ms": list(one.reached_ms), "way": one.way, "told_s": told}
+
+
+def estimate_score(kept: Mapping[str, object]) -> dict[str, int]:
+    """How the estimates came true, out of a file's object: as `hardcore status --json` says it."""
+    found = score(read_samples(kept))
+    return {"samples": found.samples, "scored": found.scored, "within": found.within}
 
 
 def read_samples(kept: Mapping[str, object]) -> tuple[Sample, ...]:
     """The samples in a file's object; what makes no sense is passed over."""
     rows = kept.get("recoveries")
     found = [_sample(row) for row in rows] if isinstance(rows, list) else []
-    return tuple(one for one in found if one is not None)[-SAMPLES_MAX:]
+    return youngest([one for one in found if one is not None])
 
 
 def _sample(row: object) -> Sample | None:
+    """A row; one of an earlier version says neither way (there was one then) nor promise."""
     if not isinstance(row, dict):
         return None
-    total_ms, reached_ms = row.get("total_ms"), row.get("reached_ms")
+    total_ms, reached_ms, way = row.get("total_ms"), row.get("reached_ms"), row.get("way", Way.COLD)
     if not _is_length(total_ms) or not isinstance(reached_ms, list) or len(reached_ms) != STAGES:
         return None
     numbers = [0, *reached_ms, total_ms]
-    if not all(map(_is_length, reached_ms)) or numbers != sorted(numbers):
+    if (
+        not all(map(_is_length, reached_ms))
+        or numbers != sorted(numbers)
+        or not isinstance(way, str)
+        or way not in set(Way)
+    ):
         return None
-    return Sample(int(str(total_ms)), (reached_ms[0], reached_ms[1], reached_ms[2], reached_ms[3]))
+    reached = (reached_ms[0], reached_ms[1], reached_ms[2], reached_ms[3])
+    return Sample(int(str(total_ms)), reached, Way(way), _promise(row.get("told_s")))
+
+
+def _promise(row: object) -> Told | None:
+    if not isinstance(row, list) or len(row) != len(("low_s", "high_s")) or not all(map(_is_length, row)):
+        return None
+    return Told(row[0], row[1]) if row[0] <= row[1] else None
 
 
 def _is_length(value: object) -> bool:

@@ -358,7 +358,7 @@ def test_a_socket_of_the_ledger_is_told_in_band(gate: World) -> None:
 
 def _outage(gate: World, own: Page, epoch: int, began_ms: int) -> Any:
     """One whole outage of `began_ms` and a little; returns its first state."""
-    down(gate.feed, time.monotonic_ns() - began_ms * 1_000_000)
+    down(gate.feed, time.monotonic_ns() - began_ms * 1_000_000, phase="STARTING")
     first = own.read_until(lambda frame: frame.get("text") is not None)
     gate.feed.serve(gate.core(epoch))
     own.read_text(None)

@@ -7,16 +7,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardcore.crisis.estimate import (
+    SAMPLES_MAX,
     SAMPLES_MIN,
     Range,
     Sample,
+    Score,
     Told,
+    Way,
     bound,
     estimate,
     in_seconds,
     middle,
     narrowed,
     sample,
+    score,
+    youngest,
 )
 
 TIMES = st.lists(st.integers(0, 10**7), min_size=1, max_size=50)
@@ -107,3 +112,17 @@ def test_seconds_are_rounded_outwards_and_coarser_the_longer(
     low_ms: int, high_ms: int, told: tuple[int, int]
 ) -> None:
     assert in_seconds(Range(low_ms, high_ms)) == Told(*told)
+
+
+def test_a_promise_is_kept_by_an_end_in_time_and_broken_by_a_late_one_alone() -> None:
+    early, late = (sample(total, (), Way.SPARE, Told(1, 2)) for total in (100, 2_001))
+    assert (early.within, late.within) == (True, False)
+    assert score([early, late, sample(5, ())]) == Score(samples=3, scored=2, within=1)
+
+
+def test_many_outages_of_one_way_do_not_push_out_the_few_of_the_other() -> None:
+    cold = [sample(9_000, (), Way.COLD)]
+    kept = youngest([*cold, *(sample(n, (), Way.SPARE) for n in range(SAMPLES_MAX + 7))])
+    assert len(kept) == 1 + SAMPLES_MAX
+    assert kept[0] == cold[0]
+    assert kept[1].total_ms == 7

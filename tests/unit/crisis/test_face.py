@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardcore.crisis.estimate import Sample, Told, sample
+from hardcore.crisis.estimate import Sample, Told, Way, sample
 from hardcore.crisis.face import (
     NS_PER_MS,
     Outage,
@@ -27,7 +27,7 @@ PACE = Pace(longer_than_ms=30_000, floor_ms=5_000, doubt_ms=500)
 PEACE = Standing(
     1, "RUNNING", "OPERATIONAL", Face.FORWARD, serving=Serving("/run/a", 7), released=7, heard_ns=1
 )
-DOWN = replace(PEACE, phase="KILLING", state="RECOVERY", face=Face.HOLD, stage=2, released=None)
+DOWN = replace(PEACE, phase="STARTING", state="RECOVERY", face=Face.HOLD, stage=2, released=None)
 
 
 def _ms(count: int) -> int:
@@ -203,6 +203,45 @@ def test_an_outage_that_is_over_teaches_how_long_it_took_and_when_each_stage_cam
     assert finished(outage, 8, _ms(2_000)) == Sample(1_000, (0, 0, 700, 700))
 
 
+def test_no_time_is_promised_before_it_is_known_which_way_the_next_core_comes() -> None:
+    cold = tuple(sample(9_000, [(1, 0), (3, 100)], Way.COLD) for _ in range(9))
+    quick = tuple(sample(300, [(1, 0), (3, 100)], Way.SPARE) for _ in range(9))
+    killing = replace(DOWN, phase="KILLING", since_ns=_ms(1_000))
+    outage = follow(None, PEACE, killing, cold + quick, _ms(1_000))
+    assert outage is not None
+    assert (outage.way, outage.told) == (None, None)
+    switched = follow(outage, killing, replace(killing, phase="SWITCHING", stage=3), cold + quick, _ms(1_100))
+    started = follow(outage, killing, replace(killing, phase="STARTING", stage=3), cold + quick, _ms(1_100))
+    assert switched is not None
+    assert started is not None
+    assert (switched.told, switched.of) == (Told(0, 1), 9)
+    assert (started.told, started.of) == (Told(9, 10), 9)
+
+
+def test_a_spare_that_failed_to_take_over_leaves_the_history_of_a_cold_start() -> None:
+    outage = _outage()
+    for phase in ("SWITCHING", "KILLING", "STARTING", "PROVING"):
+        later = follow(outage, DOWN, replace(DOWN, phase=phase), (), _ms(1_500))
+        assert later is not None
+        outage = later
+    over = finished(outage, 8, _ms(2_000))
+    assert over is not None
+    assert over.way is Way.COLD
+
+
+def test_an_outage_whose_way_nobody_saw_teaches_nothing() -> None:
+    unseen = follow(None, PEACE, replace(DOWN, phase="KILLING"), (), _ms(1_000))
+    assert unseen is not None
+    assert finished(unseen, 8, _ms(2_000)) is None
+
+
+def test_what_was_promised_is_kept_beside_what_came() -> None:
+    known = tuple(sample(900, [(1, 0)]) for _ in range(9))
+    over = finished(_outage(samples=known), 8, _ms(5_000))
+    assert over is not None
+    assert (over.total_ms, over.told, over.within) == (4_000, Told(0, 1), False)
+
+
 def test_an_outage_teaches_nothing_that_was_nobodys_to_foresee() -> None:
     outage = _outage()
     assert finished(replace(outage, epoch=None), 8, _ms(2_000)) is None  # its begin was not seen
@@ -222,13 +261,13 @@ def test_a_core_that_takes_over_without_a_pause_is_no_outage() -> None:
 
 
 def test_the_frame_has_every_field_of_the_wire() -> None:
-    outage = replace(_outage(), told=Told(0, 1))
+    outage = replace(_outage(), told=Told(0, 1), of=9)
     told = fields(show(outage, DOWN, 9, PACE, outage.began_ns + _ms(250)), 2, "2026-01-01T00:00:00.000Z")
     assert told == {
         "v": 1,
         "type": "state",
         "state": "RECOVERY",
-        "phase": "KILLING",
+        "phase": "STARTING",
         "stage": 2,
         "stages": 4,
         "since": "2026-01-01T00:00:00.000Z",
