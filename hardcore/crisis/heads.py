@@ -69,7 +69,7 @@ class RequestHead:
     `content_length` is None for a chunked body and 0 for none; `key` is the idempotency key, None if the
     client gave none (or one that nobody could look up). `navigation`: a person waits before an empty tab for
     it; `gzip`: the answer may be compressed; `accept_language` is what the pages' own switch says, else the
-    client's header.
+    client's header; `respond_async`: the client takes a promise for an answer (RFC 7240).
     """
 
     method: str
@@ -87,6 +87,7 @@ class RequestHead:
     accept_language: str
     cookie: bytes
     handshake: Handshake | None = None
+    respond_async: bool = False
 
     @property
     def safe(self) -> bool:
@@ -130,6 +131,7 @@ class _Facts:
     accept_encoding: bytes = b""
     accept_language: bytes = b""
     cookie: bytes = b""
+    prefer: bytes = b""
     expect: bytes = b""
     origin: bytes = b""
     fetch_site: bytes = b""
@@ -166,6 +168,8 @@ def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, b
                 facts.expect = value.strip().lower()
             case b"idempotency-key":
                 facts.keys, facts.key = facts.keys + 1, value.strip()
+            case b"prefer":
+                facts.prefer += b"," + value
             case b"accept":
                 facts.accept = value.lower()
             case b"accept-encoding":
@@ -261,6 +265,7 @@ def read_request(
         accept_language=_tongue(facts).decode("latin-1"),
         cookie=facts.cookie,
         handshake=handshake,
+        respond_async=bool(facts.prefer) and b"respond-async" in _tokens(facts.prefer),
     )
 
 
