@@ -19,12 +19,12 @@ from core.departure import Departure
 from core.guarded.beacon import Beacon
 from core.guarded.recorder import FlightRecorder
 from core.journal import disk
+from core.journal.ahead import Ahead
 from core.journal.append import Journal
 from core.journal.chain import Broken, EventRow
 from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack, fence
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.proof import Proven, Witness, prove
-from core.journal.queries import read_tail
 from core.journal.room import Room
 from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_writing, store_error
 from core.settings import Settings
@@ -67,11 +67,11 @@ class Terms:
 
 
 def open_book(
-    data: Path, terms: Terms, settings: Settings, telling: Telling, ahead: Proven | None = None
+    data: Path, terms: Terms, settings: Settings, telling: Telling, ahead: Ahead | None = None
 ) -> OpenBook | Departure:
     """Take the book of a data folder over, raising its epoch, and prove its tail. Blocks.
 
-    `ahead`: up to where this very process has seen the chain whole already.
+    `ahead`: what this very process has seen of the chain already. It is at its end with this.
     """
     guard = take_start_guard(data, shared=terms.shared)
     if isinstance(guard, DoorClosed):
@@ -86,7 +86,7 @@ def open_book(
         return _unopened(epoch, data, telling)
     if isinstance(epoch, Departure):
         return epoch
-    proof = _prove(connection, terms, ahead, settings, telling)
+    proof = _prove(connection, terms, ahead or Ahead(settings.tail_events), telling)
     if isinstance(proof, StoreError):
         return _unproven(proof, data)
     if isinstance(proof, Departure):
@@ -129,16 +129,17 @@ def _take_over(
 
 
 def _prove(
-    connection: Connection, terms: Terms, ahead: Proven | None, settings: Settings, telling: Telling
+    connection: Connection, terms: Terms, ahead: Ahead, telling: Telling
 ) -> Proven | StoreError | Departure:
-    del ahead  # XXX
     # A witness of nothing (a predecessor that committed nothing) is nobody's word about any event.
-    witness = max((seen for seen in terms.witnesses if seen.seq > 0), key=lambda w: w.seq, default=None)
+    witnesses = [witness for witness in terms.witnesses if witness.seq > 0]
     try:
         connection.exec_driver_sql("BEGIN").close()
-        tail = read_tail(connection, witness, settings.tail_events)
+        tail = ahead.tail(connection, witnesses)
+        if isinstance(tail, Broken):
+            return departure.corrupt(tail.sentence)
         rows = asking_for_time(tail.rows, telling.beacon.extend, time.monotonic)
-        proof = prove(replace(tail, rows=rows), witness)
+        proof = prove(replace(tail, rows=rows), witnesses)
         connection.exec_driver_sql("ROLLBACK").close()
     except DBAPIError as error:
         return store_error(error)

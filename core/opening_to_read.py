@@ -100,7 +100,7 @@ def _head(connection: Connection) -> _Head | _NotOurs:
     if "meta" not in names:
         return _NotOurs()
     row = queries.head(connection)
-    if row.schema_version != schema.SCHEMA_VERSION:
+    if not schema.SCHEMA_VERSION_READABLE <= row.schema_version <= schema.SCHEMA_VERSION:
         return _NotOurs()
     return _Head(row.epoch, row.head_seq, row.head_hash)
 

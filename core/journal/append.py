@@ -8,7 +8,7 @@ COMMIT above all, leaves a batch of which nobody can say what became, and such a
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any, Final, assert_never
 
@@ -17,7 +17,7 @@ from sqlalchemy.exc import DBAPIError
 
 from core.guarded.naming import ids_shown
 from core.guarded.recorder import FlightRecorder, Stage
-from core.journal import schema
+from core.journal import queries, schema
 from core.journal.answers import (
     OK,
     Answer,
@@ -36,6 +36,7 @@ from core.journal.answers import (
     found,
     repeated,
 )
+from core.journal.attestation import attest, due_between, standing
 from core.journal.batch import Batch
 from core.journal.room import Room
 from core.journal.shelf import fetch_book, fetch_keys
@@ -267,12 +268,28 @@ class Journal:
         ):
             if rows:
                 connection.execute(statement, rows)
+        attested = _attested(connection, batch)
+        if attested:
+            connection.execute(_ATTEST, attested)
         # Of nothing, it is the write without effect that a `Touch` asks for.
         if batch.events or batch.is_empty:
             moved = connection.execute(
                 _HEAD, {"seq": batch.head_seq, "hash": batch.head_hash, "mine": self._epoch}
             )
             assert moved.rowcount == 1, "the epoch changed under an exclusive lock"
+
+
+def _attested(connection: Connection, batch: Batch) -> list[dict[str, Any]]:
+    """Return the attestations that fall due within a batch that was laid down; as a rule there is none."""
+    hashes = {row["seq"]: row["hash"] for row in batch.events}
+    made = []
+    for seq in due_between(batch.head_seq - len(batch.events), batch.head_seq):
+        moved: dict[str, int] = {}
+        for row in batch.postings:
+            if row["seq"] > seq:
+                moved[row["account_id"]] = moved.get(row["account_id"], 0) + row["amount"]
+        made.append(asdict(attest(seq, hashes[seq], standing(queries.balances(connection), moved))))
+    return made
 
 
 def _exercise(work: Exercise) -> Done:
@@ -365,6 +382,7 @@ _ALTER: Final = (
     )
 )
 _ORIGINS: Final = insert(schema.origin)
+_ATTEST: Final = insert(schema.attestation)
 _CHANGE: Final = (
     update(schema.account)
     .where(schema.account.c.id == bindparam("which"))

@@ -1,45 +1,83 @@
 """Proof A: before a core serves, the tail of the book is shown to be whole, in bounded time.
 
-Pure: a function over rows that somebody read at one moment. The tail begins at the witness, the last commit
-that the predecessor told somebody about; without one (nobody saw it, or the machine was started anew) it is
-the last thousand events, and the proof says that it rests on the chain alone. A head *behind* the witness
-means that an acknowledged event is gone; a head ahead of it is normal, because the predecessor can die
-between its COMMIT and its last note (136 of 300 kills).
+Pure: functions over rows that somebody read at one moment. The tail begins after the last attestation, or where a
+walk along the chain has come that this very process began earlier: a spare walks ahead while it waits, so that few
+events are left when it is promoted. All witnesses are looked up, each commit that somebody saw, wherever in the book
+it lies; without any (nobody saw one, or the machine was started anew) the proof says that it rests on the chain
+alone. A head *behind* a witness means that an acknowledged event is gone; a head ahead of it is normal, because the
+predecessor can die between its COMMIT and its last note (136 of 300 kills). And the balances must be those that were
+attested, moved by what was posted since.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 
+from core.journal.attestation import Attestation, Balance, attest, standing
 from core.journal.chain import Broken, EventRow, check_link
 
 
 @dataclass(frozen=True, slots=True)
 class Witness:
-    """The last commit that somebody saw: its number, its epoch and its hash (32 bytes)."""
+    """A commit that somebody saw: its number, the epoch of whoever told it, and its hash (32 bytes)."""
 
     seq: int
     epoch: int
     hash: bytes
 
 
+@dataclass(slots=True)
+class Walk:
+    """A walk along the chain: where it began, where it has come, and what it met on its way.
+
+    `base`: what was attested where it began; None: nothing was (a ledger that was brought up to attestations and
+    has not come to its first one). `last`: the last event seen whole; None: it begins with the first of all.
+    `moved`: what was posted to each account between the two, in minor units. `checked`: how many events were hashed.
+    """
+
+    base: Attestation | None
+    last: EventRow | None
+    moved: dict[str, int] = field(default_factory=dict)
+    checked: int = 0
+
+    @property
+    def seq(self) -> int:
+        """The number of the last event that was seen whole."""
+        return self.last.seq if self.last else 0
+
+    def take(self, row: EventRow, keys: dict[int, str]) -> Broken | None:
+        """Go on to the next event, or say why it can't be that one; takes the row of its key out of `keys`."""
+        broken = check_link(self.last, row) or check_key(row, keys)
+        if broken is None:
+            self.last = row
+            self.checked += 1
+        return broken
+
+    def post(self, moved: Mapping[str, int]) -> None:
+        """Note what was posted by the events that were taken."""
+        for name, amount in moved.items():
+            self.moved[name] = self.moved.get(name, 0) + amount
+
+
 @dataclass(frozen=True, slots=True)
 class Tail:
     """What is read for the proof, at one moment.
 
-    `head_*` is what the store says of itself; `rows` are the events from `first_seq` to the last one stored,
-    in order; `before` is the event just before them; `balances` are the sums of all accounts per currency in
-    minor units; `keys` are the rows of keys whose event lies in the tail, by that event's number.
+    `head_*` is what the store says of itself; `walk` is as far as the chain has been seen, and `hashes` are those of
+    the events that it and the witnesses speak of, by number, as they stand now. `rows` are the events from there to
+    the last one stored, in order; `keys` the rows of keys whose event is among them, by its number; `moved` what is
+    listed as posted by them. `balances` are all accounts.
     """
 
     head_seq: int
     head_hash: bytes
     epoch: int
-    first_seq: int
-    before: EventRow | None
+    walk: Walk
+    hashes: Mapping[int, bytes]
     rows: Iterable[EventRow]
-    balances: Mapping[str, int]
     keys: Mapping[int, str]
+    moved: Mapping[str, int]
+    balances: Sequence[Balance]
 
 
 class ProofKind(StrEnum):
@@ -51,7 +89,7 @@ class ProofKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Proven:
-    """The tail is whole: what the proof rests on, how many events were hashed again, and the head."""
+    """The tail is whole: what the proof rests on, how many events were hashed for it in this life, and the head."""
 
     kind: ProofKind
     tail: int
@@ -59,31 +97,20 @@ class Proven:
     head_hash: bytes
 
 
-def tail_start(head_seq: int, witness: Witness | None, tail_events: int) -> int:
-    """Return the number of the first event of the tail: the witness's own, or that many before the head."""
-    if witness is not None and witness.seq > 0:
-        return witness.seq
-    return max(1, head_seq - tail_events + 1)
-
-
-def prove(tail: Tail, witness: Witness | None) -> Proven | Broken:
-    """Return the proof, or the exact place where it fails."""
-    if witness is not None and tail.head_seq < witness.seq:
-        sentence = f"the ledger ends at event {tail.head_seq}, but event {witness.seq} had been committed"
-        return Broken(tail.head_seq + 1, sentence)
-    if tail.before is None and tail.first_seq > 1:
-        return Broken(tail.first_seq - 1, f"event {tail.first_seq - 1} is missing")
-    checked = 0
-    last = tail.before
+def prove(tail: Tail, witnesses: Sequence[Witness]) -> Proven | Broken:
+    """Return the proof, or the exact place where it fails. The walk of the tail is at its end then."""
+    walk = tail.walk
+    broken = _check_witnesses(tail, witnesses) or _check_start(tail)
+    if broken is not None:
+        return broken
     keys = dict(tail.keys)
     for row in tail.rows:
-        broken = check_link(last, row) or _check_witness(row, witness) or check_key(row, keys)
+        broken = walk.take(row, keys)
         if broken is not None:
             return broken
-        checked += 1
-        last = row
-    return _check_end(tail, last, keys) or Proven(
-        ProofKind.WITNESS if witness else ProofKind.CHAIN, checked, tail.head_seq, tail.head_hash
+    walk.post(tail.moved)
+    return _check_end(tail, keys) or Proven(
+        ProofKind.WITNESS if witnesses else ProofKind.CHAIN, walk.checked, tail.head_seq, tail.head_hash
     )
 
 
@@ -103,25 +130,61 @@ def check_sums(balances: Mapping[str, int]) -> Broken | None:
     return None
 
 
-def _check_witness(row: EventRow, witness: Witness | None) -> Broken | None:
-    if witness is None or row.seq != witness.seq:
-        return None
-    # The hash covers the event's epoch. The witness's own may be a later core's, which proved this event and
-    # died without committing another: to compare it called a whole ledger damaged.
-    if row.hash == witness.hash:
-        return None
-    return Broken(row.seq, f"event {row.seq} is not the one that was committed under this number")
+def _check_witnesses(tail: Tail, witnesses: Sequence[Witness]) -> Broken | None:
+    for number, witness in enumerate(witnesses, 1):
+        who = f"witness {number} of {len(witnesses)}, of epoch {witness.epoch}, saw"
+        if tail.head_seq < witness.seq:
+            sentence = (
+                f"it ends at event {tail.head_seq}, but event {witness.seq} had been committed, as {who}"
+            )
+            return Broken(tail.head_seq + 1, sentence)
+        # The hash covers the event's epoch. The witness's own may be a later core's, which proved this event and
+        # died without committing another: to compare it called a whole ledger damaged.
+        if tail.hashes.get(witness.seq) != witness.hash:
+            sentence = f"event {witness.seq} is not the one that was committed under this number, which {who}"
+            return Broken(witness.seq, sentence)
+    return None
 
 
-def _check_end(tail: Tail, last: EventRow | None, keys: Mapping[int, str]) -> Broken | None:
-    seq = last.seq if last else 0
-    if seq != tail.head_seq:
+def _check_start(tail: Tail) -> Broken | None:
+    """Say whether the event from which the walk goes on is still the one that it met."""
+    last = tail.walk.last
+    if last is None or tail.hashes.get(last.seq) == last.hash:
+        return None
+    if last.seq not in tail.hashes:
+        return Broken(last.seq, f"event {last.seq} is missing")
+    return Broken(last.seq, f"event {last.seq} is not the one that was seen or attested under this number")
+
+
+def _check_end(tail: Tail, keys: Mapping[int, str]) -> Broken | None:
+    walk = tail.walk
+    if walk.seq != tail.head_seq:
         return Broken(
-            min(seq, tail.head_seq) + 1, f"the store's head is {tail.head_seq}, its last event {seq}"
+            min(walk.seq, tail.head_seq) + 1,
+            f"the store's head is {tail.head_seq}, its last event {walk.seq}",
         )
-    if last is not None and (last.hash != tail.head_hash or last.epoch > tail.epoch):
-        return Broken(seq, f"event {seq} is not the head that the store remembers")
+    if walk.last is not None and (walk.last.hash != tail.head_hash or walk.last.epoch > tail.epoch):
+        return Broken(walk.seq, f"event {walk.seq} is not the head that the store remembers")
     if keys:
         orphan = min(keys)
         return Broken(orphan, f"a key names event {orphan}, which does not carry it")
-    return check_sums(tail.balances)
+    return check_sums(sums_by_currency(tail.balances)) or _check_balances(tail)
+
+
+def _check_balances(tail: Tail) -> Broken | None:
+    base = tail.walk.base
+    if base is None:
+        return None
+    stood = attest(base.seq, base.hash, standing(tail.balances, tail.walk.moved))
+    if stood.balances == base.balances:
+        return None
+    since = f"attested after event {base.seq}" if base.seq else "nothing"
+    return Broken(None, f"the accounts do not stand where {since} and what was posted since have left them")
+
+
+def sums_by_currency(balances: Iterable[Balance]) -> dict[str, int]:
+    """Return the sum of the balances per currency. Added here: SQL's sum would overflow at 64 bits."""
+    sums: dict[str, int] = {}
+    for _, currency, amount in balances:
+        sums[currency] = sums.get(currency, 0) + amount
+    return sums

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from msgspec import Raw
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, func, select, text
 
 from core.journal import schema
+from core.journal.attestation import Attestation, Balance
 from core.journal.chain import EventRow
-from core.journal.proof import Tail, Witness, tail_start
+from core.journal.proof import Tail, Walk
 from core.journal.shelf import VARIABLES_MAX, account_of
 from core.ledger.accounts import Account, AccountType
 from core.ledger.events import AccountOpened, Booking, decode
@@ -154,14 +155,6 @@ def head(connection: Connection) -> Any:
     return connection.execute(select(schema.meta)).one()
 
 
-def balances_by_currency(accounts: Iterable[Account]) -> dict[str, int]:
-    """Return the sum of the balances per currency. Added here: SQL's sum would overflow at 64 bits."""
-    sums: dict[str, int] = {}
-    for account in accounts:
-        sums[account.currency] = sums.get(account.currency, 0) + account.posted
-    return sums
-
-
 def all_accounts(connection: Connection) -> Iterator[Account]:
     """Return every account, without a bound: for proofs."""
     return (account_of(row) for row in connection.execute(select(schema.account)))
@@ -186,19 +179,67 @@ def keys_between(connection: Connection, first_seq: int, last_seq: int | None = 
     return {row.seq: row.key for row in connection.execute(query)}
 
 
-def read_tail(connection: Connection, witness: Witness | None, tail_events: int) -> Tail:
-    """Return what proof A looks at. To be read and used inside one transaction."""
+def moved_between(connection: Connection, first_seq: int, last_seq: int | None = None) -> dict[str, int]:
+    """Return what is listed as posted by these events (both ends in the range), by account, in minor units."""
+    posting = schema.posting.c
+    # In two halves of 32 bits, because a sum in SQL would overflow at 64.
+    halves = func.sum(posting.amount.op(">>")(32)), func.sum(posting.amount.op("&")(0xFFFF_FFFF))
+    query = select(posting.account_id, *halves).where(posting.seq >= first_seq)
+    if last_seq is not None:
+        query = query.where(posting.seq <= last_seq)
+    # The plus keeps SQLite from walking a whole index because it is in the order of the accounts.
+    rows = connection.execute(query.group_by(text("+account_id")))
+    return {name: (high << 32) + low for name, high, low in rows}
+
+
+def balances(connection: Connection) -> list[Balance]:
+    """Return the balance of every account, without a bound: for proofs."""
+    account = schema.account.c
+    rows = connection.execute(select(account.id, account.currency, account.posted))
+    return [(row[0], row[1], row[2]) for row in rows]
+
+
+def newest_attestation(connection: Connection) -> Attestation | None:
+    """Return what was attested last; None in a book that has no attestation yet."""
+    if not _attests(connection):
+        return None
+    attested = schema.attestation
+    row = connection.execute(select(attested).order_by(attested.c.seq.desc()).limit(1)).one_or_none()
+    return Attestation(*row) if row else None
+
+
+def attestations_between(connection: Connection, first_seq: int, last_seq: int) -> dict[int, Attestation]:
+    """Return the attestations of the events of this range, both ends in it, by number."""
+    if not _attests(connection):
+        return {}
+    attested = schema.attestation
+    rows = connection.execute(select(attested).where(attested.c.seq.between(first_seq, last_seq)))
+    return {row.seq: Attestation(*row) for row in rows}
+
+
+def _attests(connection: Connection) -> bool:
+    """Whether this book has a place for attestations: one of an older version, read as it stands, has none."""
+    version: int = connection.execute(select(schema.meta.c.schema_version)).scalar_one()
+    return version >= schema.SCHEMA_VERSION_ATTESTED
+
+
+def read_tail(connection: Connection, walk: Walk, also: Iterable[int]) -> Tail:
+    """Return what proof A looks at, from where a walk has come. To be read and used inside one transaction.
+
+    `also`: the numbers of events whose hashes are asked for.
+    """
     meta = head(connection)
-    first_seq = tail_start(meta.head_seq, witness, tail_events)
+    asked = (event_row(connection, seq) for seq in sorted({walk.seq, *also}))
     return Tail(
         head_seq=meta.head_seq,
         head_hash=meta.head_hash,
         epoch=meta.epoch,
-        first_seq=first_seq,
-        before=event_row(connection, first_seq - 1),
-        rows=event_rows(connection, first_seq - 1),
-        balances=balances_by_currency(all_accounts(connection)),
-        keys=keys_between(connection, first_seq),
+        walk=walk,
+        hashes={row.seq: row.hash for row in asked if row is not None},
+        rows=event_rows(connection, walk.seq),
+        keys=keys_between(connection, walk.seq + 1),
+        moved=moved_between(connection, walk.seq + 1),
+        balances=balances(connection),
     )
 
 

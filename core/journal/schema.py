@@ -33,8 +33,10 @@ from sqlalchemy import (
 
 from core.ledger.fields import folded
 
-SCHEMA_VERSION: Final = 3
+SCHEMA_VERSION: Final = 4
 SCHEMA_VERSION_OLDEST: Final = 2  # the oldest one that is taken along
+SCHEMA_VERSION_READABLE: Final = 3  # the oldest one that is read as it stands
+SCHEMA_VERSION_ATTESTED: Final = 4  # the first one with attestations
 
 metadata: Final = MetaData()
 
@@ -161,6 +163,16 @@ origin: Final = Table(
     sqlite_strict=True,
 )
 
+attestation: Final = Table(
+    "attestation",  # in the order of `attestation.Attestation`
+    metadata,
+    Column("seq", ForeignKey("event.seq"), primary_key=True),
+    Column("hash", LargeBinary, CheckConstraint("length(hash) = 32"), nullable=False),
+    Column("balances", LargeBinary, CheckConstraint("length(balances) = 32"), nullable=False),
+    Column("sums", Text, nullable=False),
+    sqlite_strict=True,
+)
+
 _TABLES_OF_VERSION_3: Final = (account_name, entry, reversal, origin)
 _INDEXES_OF_VERSION_3: Final = frozenset({"posting_standing", "posting_by_day"})
 
@@ -197,18 +209,30 @@ _TRIGGERS_OF_VERSION_3: Final = (
        BEGIN SELECT RAISE(ABORT, 'a known row is never forgotten'); END""",
 )
 
+_TRIGGERS_OF_VERSION_4: Final = (
+    """CREATE TRIGGER attestation_is_never_changed BEFORE UPDATE ON attestation
+       BEGIN SELECT RAISE(ABORT, 'an attestation is never changed'); END""",
+    """CREATE TRIGGER attestation_is_never_deleted BEFORE DELETE ON attestation
+       BEGIN SELECT RAISE(ABORT, 'an attestation is never deleted'); END""",
+    """CREATE TRIGGER attestation_is_of_its_event BEFORE INSERT ON attestation
+       WHEN NEW.hash IS NOT (SELECT hash FROM event WHERE seq = NEW.seq)
+       BEGIN SELECT RAISE(ABORT, 'an attestation is of the event that is there'); END""",
+)
+
 
 def lay_out(connection: Connection) -> None:
     """Create tables and triggers in the transaction that is open on `connection`."""
     metadata.create_all(connection, checkfirst=False)
-    for trigger in (*_TRIGGERS, *_TRIGGERS_OF_VERSION_3):
+    for trigger in (*_TRIGGERS, *_TRIGGERS_OF_VERSION_3, *_TRIGGERS_OF_VERSION_4):
         connection.exec_driver_sql(trigger).close()
 
 
 def bring_up(connection: Connection, version: int) -> None:
     """Bring a ledger of an older version to this one, in the transaction that is open on `connection`."""
     assert SCHEMA_VERSION_OLDEST <= version < SCHEMA_VERSION
-    _from_2_to_3(connection)
+    if version < 3:
+        _from_2_to_3(connection)
+    _from_3_to_4(connection)
     connection.execute(update(meta).values(schema_version=SCHEMA_VERSION))
 
 
@@ -231,3 +255,10 @@ def _from_2_to_3(connection: Connection) -> None:
     ]
     if names:
         connection.execute(insert(account_name), names)
+
+
+def _from_3_to_4(connection: Connection) -> None:
+    # What was booked before is not attested now: nobody has looked at it. The whole replay does so.
+    attestation.create(connection)
+    for trigger in _TRIGGERS_OF_VERSION_4:
+        connection.exec_driver_sql(trigger).close()

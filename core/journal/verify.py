@@ -6,7 +6,7 @@ same moment. It stops at the first fault and names it: what follows a broken lin
 ever repaired here; a repair would be a guess about somebody's money.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -15,8 +15,9 @@ from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from core.journal import queries
+from core.journal.attestation import Attestation, Balance, attest, is_due, standing
 from core.journal.chain import GENESIS, Broken, EventRow, check_link
-from core.journal.proof import check_key, check_sums
+from core.journal.proof import check_key, check_sums, sums_by_currency
 from core.journal.readings import listed_after, read_between
 from core.journal.store import StoreError, snapshot, store_error
 from core.ledger.accounts import Account
@@ -57,6 +58,7 @@ class _Replay:
     last: EventRow | None = None
     book: dict[str, Account] = field(default_factory=dict)
     entries: int = 0
+    attested: int = 0
 
     @property
     def seq(self) -> int:
@@ -91,6 +93,7 @@ def _slice(connection: Connection, replay: _Replay) -> Broken | None:
         return None
     first, last = replay.seq + 1, rows[-1].seq
     keys = queries.keys_between(connection, first, last)
+    attested = queries.attestations_between(connection, first, last)
     readings = read_between(connection, first, last)
     for row in rows:
         event = decode(row.body)
@@ -103,6 +106,9 @@ def _slice(connection: Connection, replay: _Replay) -> Broken | None:
         replay.book.update(evolve(replay.book, event))
         replay.entries += isinstance(event, EntryPosted) and event.entry == event.id
         replay.last = row
+        broken = _check_attested(replay, row, attested.pop(row.seq, None))
+        if broken is not None:
+            return broken
     orphans = [*keys, *readings.left()]
     return Broken(min(orphans), f"event {min(orphans)} is listed and does not exist") if orphans else None
 
@@ -122,6 +128,19 @@ def _check_event(replay: _Replay, row: EventRow, event: Event | None) -> Broken 
     return None
 
 
+def _check_attested(replay: _Replay, row: EventRow, found: Attestation | None) -> Broken | None:
+    """Say whether what was attested after this event is what the events have led to."""
+    if found is None:
+        # A ledger that was brought up to attestations has its first one later; from then on it has them all.
+        if replay.attested and is_due(row.seq):
+            return Broken(row.seq, f"nothing is attested after event {row.seq}")
+        return None
+    replay.attested = row.seq
+    if found == attest(row.seq, row.hash, standing(_balances(replay.book), {})):
+        return None
+    return Broken(row.seq, f"what is attested after event {row.seq} is not what its events have led to")
+
+
 def _check_readings(connection: Connection, replay: _Replay) -> Broken | None:
     meta = queries.head(connection)
     seq, last_hash = meta.head_seq, replay.last.hash if replay.last else GENESIS
@@ -130,6 +149,9 @@ def _check_readings(connection: Connection, replay: _Replay) -> Broken | None:
     if last_hash != meta.head_hash:
         return Broken(seq, f"event {seq} is not the head that the store remembers")
     beyond = [*queries.keys_between(connection, seq + 1), *listed_after(connection, seq)]
+    newest = queries.newest_attestation(connection)
+    if newest is not None and newest.seq > seq:
+        beyond.append(newest.seq)
     if beyond:
         return Broken(min(beyond), f"event {min(beyond)} is listed and does not exist")
     accounts = {account.id: account for account in queries.all_accounts(connection)}
@@ -142,11 +164,11 @@ def _check_readings(connection: Connection, replay: _Replay) -> Broken | None:
         return Broken(None, "the accounts are not listed under their names")
     if queries.count_entries(connection) != replay.entries:
         return Broken(None, "the entries that are listed are not those that were booked")
-    return check_sums(queries.balances_by_currency(accounts.values()))
+    return check_sums(sums_by_currency(_balances(accounts)))
 
 
 def _verdict(replay: _Replay, broken: Broken | None) -> Verdict:
-    sums = queries.balances_by_currency(replay.book.values())
+    sums = sums_by_currency(_balances(replay.book))
     return Verdict(
         ok=broken is None,
         events=replay.seq,
@@ -155,3 +177,7 @@ def _verdict(replay: _Replay, broken: Broken | None) -> Verdict:
         first_bad_seq=broken.seq if broken else None,
         reason=broken.sentence if broken else None,
     )
+
+
+def _balances(accounts: Mapping[str, Account]) -> list[Balance]:
+    return [(account.id, account.currency, account.posted) for account in accounts.values()]
