@@ -19,8 +19,8 @@ from hardcore.model.recorder import LifeState, Page, Witness
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Wish
 from hardcore.recovery import plan, relief, succession
 from hardcore.recovery.budget import NS_PER_MS
-from hardcore.recovery.course import Course, Given, course
-from hardcore.recovery.moves import fire
+from hardcore.recovery.course import LATER_MAX, Course, Given, course
+from hardcore.recovery.moves import dismiss, fire
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.spare import SpareState
@@ -31,6 +31,8 @@ from hardcore.sentinel.deaths import Death, describe, judge_death, own_fault
 
 #: What kind of proof a core tells that serves reads only.
 UNPROVEN = "none"
+#: What a core says of its store in the middle of a drain counts if it serves again.
+_OF_ITS_STORE = (seen.StoreTold, seen.SafeSwitched, seen.LedgerAudited)
 #: What is given to a manager, and what it has said and nobody has taken yet.
 _NOT_REMEMBERED = frozenset({"given", "actions", "transitions"})
 
@@ -72,6 +74,8 @@ class FailoverManager:
                     fact.witness.epoch == c.store.epoch
                 ):  # of a ledger that was put back it would tell no truth
                     c.store.told(fact.witness)
+                elif c.store.lacks(fact.witness):
+                    relief.lacking(c, fact)
             case seen.FirstServed():
                 if fact.epoch == c.epoch:
                     mark(c, "serving", fact.at_ns)
@@ -180,6 +184,7 @@ class FailoverManager:
             spare=c.spare.life,
             spare_ready=c.spare.state is SpareState.READY,
             spare_fault=c.spare.why_not(),
+            spare_lack=c.spare.lack,
             spare_build=c.spare.build,
             switch_waits=c.switching is not None,
             switch_fault=c.switch_fault,
@@ -200,8 +205,10 @@ def _begin(c: Course, fact: seen.SentinelBegan) -> None:
     c.budget = c.budget.at(fact.at_ns)
     c.store.saw(fact.page)
     c.store.certain = False  # a core of the earlier guard may have raised it since
-    if fact.adoptable is not None and c.wanted is Wanted.UP:
+    if fact.adoptable is not None:
         _adopt(c, fact, fact.adoptable)
+        if c.wanted is Wanted.DOWN:
+            fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
     elif c.wanted is Wanted.DOWN and not fact.leftovers:
         fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
     elif fact.leftovers or (fact.page is not None and fact.page.beats.state is LifeState.READY):
@@ -230,6 +237,7 @@ def _obey(c: Course, fact: seen.OperatorAsked) -> None:
     match fact.verb:
         case seen.Verb.STOP:
             c.wanted = Wanted.DOWN
+            dismiss(c, fact.at_ns)
             fire(c, Trigger.STOP, fact.at_ns, why)
         case seen.Verb.RESUME:
             if fact.accept_ledger and _in_question(c):
@@ -285,6 +293,10 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
             fire(c, Trigger.REFUSED, fact.at_ns, fact.reason)
         case seen.Drained():
             succession.drained(c, fact)
+            if c.phase in phases.SERVING:
+                told, c.later = c.later, ()
+                for one in told:
+                    _receive_of_core(c, one)
         case seen.SpareReady():
             pass  # it was promoted meanwhile
         case seen.StoreLooked():
@@ -301,6 +313,8 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
         case _:
             if c.phase in phases.SERVING:
                 _receive_of_serving(c, fact)
+            elif c.phase is Phase.DRAINING and isinstance(fact, _OF_ITS_STORE):
+                c.later = (*c.later, fact)[-LATER_MAX:]
 
 
 def _receive_of_serving(
@@ -345,6 +359,8 @@ def _not_born(c: Course, fact: seen.SpawnFailed) -> None:
 
 def _raised(c: Course, epoch: int, now_ns: int) -> None:
     c.store.epoch, c.store.certain, c.epoch = epoch, True, epoch
+    if c.behind is not None:
+        c.behind.fenced = True
     mark(c, "fenced", now_ns)
 
 
@@ -353,6 +369,9 @@ def _ready(c: Course, fact: seen.CoreReady) -> None:
         c.epoch = fact.epoch  # as it stands in the store: nobody has raised it
     elif fact.proof.kind == UNPROVEN:
         return  # it was started to write, and must have proven what it writes to
+    elif c.phase in BOOTING and c.store.misses(fact.proof.seq):
+        _misses(c, fact)
+        return
     else:
         c.store.proven(Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns))
     if c.phase not in BOOTING:
@@ -366,6 +385,16 @@ def _ready(c: Course, fact: seen.CoreReady) -> None:
             c.story.proof, c.story.next_epoch = fact.proof, fact.epoch
             c.story.witness = c.challenge
     fire(c, Trigger.READY, fact.at_ns, f"proof: {fact.proof.kind}, {fact.proof.tail} events")
+
+
+def _misses(c: Course, fact: seen.CoreReady) -> None:
+    """A client was told of a commit that this core does not have; it was heard of after the core was told what to show."""
+    told = c.store.passed_on
+    assert told is not None, "held just now"
+    why = f"a client was told of event {told.seq}, and the ledger ends at {fact.proof.seq}"
+    death = Death(Diagnosis.STORE_CORRUPT, Grade.CERTAIN, (Testimony("gateway", Colour.RED, why),))
+    c.pending = Trouble(death, fact.at_ns)
+    fire(c, Trigger.UNPROVEN, fact.at_ns, why)
 
 
 def _last(c: Course, now_ns: int) -> None:
@@ -422,9 +451,9 @@ def _exited(c: Course, fact: seen.CoreExited) -> None:
     if c.reader is None:
         c.store.saw(fact.page)
     how = describe(fact.exit)
-    if c.phase in BOOTING | phases.SERVING:
+    if c.phase in BOOTING | phases.SERVING | {Phase.DRAINING}:
         words = fact.page.last_words if fact.page else None
-        ready = c.phase in phases.SERVING
+        ready = c.phase not in BOOTING
         death = judge_death(
             fact.exit,
             words,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from hardcore.model.observations import LedgerAudited
 from hardcore.model.phases import Face, HAState, Phase, Wanted
 from hardcore.model.verdicts import Diagnosis, Verdict
+from hardcore.recovery.spare import Lack
 from hardcore.recovery.transitions import Trigger
 
 
@@ -46,6 +47,7 @@ class Reading:
     spare: int = 0  # the life that waits, 0: none
     spare_ready: bool = False
     spare_fault: str = ""  # why there is none, where there never will be by itself
+    spare_lack: Lack | None = None  # the same as a word
     spare_build: str = ""  # the code that it runs
     switch_waits: bool = False  # a switch was asked for and has not been done
     switch_fault: str = ""  # why the last one was given up

@@ -9,7 +9,7 @@ one is to be had at all is answered in words, so that a person can be told why t
 from dataclasses import dataclass
 from enum import StrEnum
 
-from hardcore.model.observations import ProcessSample, SpareReady
+from hardcore.model.observations import ProcessSample, SpareReady, StartExtended
 from hardcore.model.recorder import Beats
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
 from hardcore.recovery.policy import Policy
@@ -25,6 +25,14 @@ SILENT_NS = 5 * NS_PER_S
 LOOK_HOLDS_NS = 2 * NS_PER_S
 
 
+class Lack(StrEnum):
+    """Why no spare is kept."""
+
+    OFF = "off"
+    MEMORY = "memory"
+    DIED = "died"
+
+
 class SpareState(StrEnum):
     """Where the spare is."""
 
@@ -38,7 +46,8 @@ class SpareState(StrEnum):
 class Spare:
     """The spare, or why there is none. Times are monotonic.
 
-    `wanted`: the policy's word. `build`: the code that it runs. `fault`: what became of the last one, in words.
+    `wanted`: the policy's word. `build`: the code that it runs; `known`: what the last that was ready ran. `fault`: what
+    became of the last one, in words.
     """
 
     wanted: bool
@@ -50,6 +59,7 @@ class Spare:
     life: int = 0
     since_ns: int = 0
     build: str = ""
+    known: str = ""
     migrates: bool = False
     free_bytes: int | None = None
     fault: str = ""
@@ -57,6 +67,7 @@ class Spare:
     pause_until_ns: int = 0
     _looked_ns: int = 0
     _heard_ns: int = 0
+    _borne_ns: int = 0  # silence from before this was ours: we had not looked
     _runs: bool = False
 
     @property
@@ -64,13 +75,26 @@ class Spare:
         """Whether spares have died too often to try another one for now."""
         return self.wanted and self.budget.limit < len(self.budget.deaths_ns)
 
-    def why_not(self) -> str:
-        """Return why no spare is kept on this machine, or an empty text if one is."""
+    @property
+    def lack(self) -> Lack | None:
+        """Why no spare is kept on this machine; None if one is."""
         if not self.wanted:
-            return "it is turned off"
+            return Lack.OFF
         if self.free_bytes is not None and self.free_bytes < self.floor_bytes and self.life == 0:
-            return f"less than {self.floor_bytes >> 20} MB of memory are free"
-        return self.fault if self.lost else ""
+            return Lack.MEMORY
+        return Lack.DIED if self.lost else None
+
+    def why_not(self) -> str:
+        """Return why no spare is kept, in words, or an empty text if one is."""
+        match self.lack:
+            case None:
+                return ""
+            case Lack.OFF:
+                return "it is turned off"
+            case Lack.MEMORY:
+                return f"less than {self.floor_bytes >> 20} MB of memory are free"
+            case Lack.DIED:
+                return self.fault
 
     @property
     def comes(self) -> bool:
@@ -88,18 +112,21 @@ class Spare:
         """One is being started as `life`."""
         self.state, self.life, self.since_ns = SpareState.STARTING, life, now_ns
         self.build, self.migrates, self.drilled = "", False, False
-        self._looked_ns = self._heard_ns = now_ns
+        self._looked_ns = self._heard_ns = self._borne_ns = now_ns
         self._runs = False
 
     def ready(self, fact: SpareReady) -> None:
         """It waits from now on."""
         if self.state is SpareState.STARTING:
             self.state, self.build, self.migrates = SpareState.READY, fact.build, fact.migrates
+            self.known = fact.build
             self._heard_ns = max(self._heard_ns, fact.at_ns)
             self._looked_ns, self._runs, self.fault = fact.at_ns, True, ""
 
     def looked(self, now_ns: int, beats: Beats | None, process: ProcessSample | None) -> None:
         """Take in one look at it: both of its beats count, and whether it runs at all."""
+        if now_ns - self._looked_ns > LOOK_HOLDS_NS:
+            self._borne_ns = now_ns  # we or the whole machine slept: it may not have had the time either
         self._looked_ns = now_ns
         self._runs = process is not None and process.state in {"R", "S"}
         if beats is not None:
@@ -117,14 +144,24 @@ class Spare:
         match self.state:
             case SpareState.STARTING if now_ns - self.since_ns > self.startup_ns:
                 return f"it was not ready within {self.startup_ns // NS_PER_MS} ms"
-            case SpareState.READY if self._looked_ns - self._heard_ns > SILENT_NS:
-                return f"it has been silent for {(self._looked_ns - self._heard_ns) // NS_PER_MS} ms"
+            case SpareState.READY if self._silent_ns > SILENT_NS:
+                return f"it has been silent for {self._silent_ns // NS_PER_MS} ms"
             case _:
                 return ""
 
+    @property
+    def _silent_ns(self) -> int:
+        return self._looked_ns - max(self._heard_ns, self._borne_ns)
+
+    def extend(self, fact: StartExtended) -> None:
+        """It makes progress and asks for more time: each asking is good for one more start at most."""
+        if self.state is SpareState.STARTING:
+            until_ns = fact.at_ns + min(fact.for_ns, self.startup_ns)
+            self.since_ns = max(self.since_ns, until_ns - self.startup_ns)
+
     def end(self, why: str, now_ns: int, *, unasked: bool) -> None:
         """It is being ended by us, because of this; `unasked`: it has only itself to thank for it."""
-        self.state = SpareState.ENDING
+        self.state, self.since_ns = SpareState.ENDING, now_ns
         if unasked:
             self.fault = why
             self._count(now_ns)
@@ -162,11 +199,14 @@ def spare(policy: Policy) -> Spare:
 
 @dataclass(slots=True)
 class Behind:
-    """A core that lives on behind the fence: it can commit nothing any more. Times are monotonic.
+    """A core that lives on behind the fence. Times are monotonic.
 
     `stuck`: it was killed and is still there, in the kernel; one that is not was drained and is only to leave.
+    `fenced`: another core has raised the epoch since, so it can commit nothing any more. `leave_by_ns`: when it is
+    killed, or killed again.
     """
 
     life: int
     stuck: bool
     leave_by_ns: int | None = None
+    fenced: bool = False
