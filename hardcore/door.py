@@ -8,6 +8,7 @@ What the operator wants is on disk before the first signal is sent. The room kno
 import asyncio
 import json
 import os
+import re
 import resource
 import time
 from collections.abc import Callable, Mapping
@@ -18,12 +19,13 @@ import psutil
 
 from hardcore import standing, status
 from hardcore.control.protocol import PEACE_S, PEACEFUL, Ask, Request, write_line
-from hardcore.host import clock, leftovers, processes
+from hardcore.host import build, clock, leftovers, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase, Wanted
+from hardcore.model.recorder import Witness
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.drill import DRILL_GRACE_NS
 from hardcore.recovery.policy import Policy, in_full
@@ -34,6 +36,10 @@ CORE_ANSWER_S = 2.0
 LOCK_HELD_S = 4
 LINE_BYTES_MAX = 4096
 REQUESTS_MAX = 2048
+#: What code lies on the disk is looked at again for a status after so long: it takes some milliseconds.
+ON_DISK_HOLDS_NS = 5 * NS_PER_S
+LOOKED_FOR_S = 0.2
+_HASH = re.compile(r"[0-9a-f]{64}")
 Answer = tuple[Mapping[str, object], list[int]]
 
 
@@ -55,6 +61,9 @@ class House(Protocol):
 
     def life(self) -> Life | None:
         """Return the present life of the core."""
+
+    def numbered(self, number: int) -> Life | None:
+        """Return a life by its number, if its process has been made."""
 
     def gateway(self) -> Handle | None:
         """Return the present gateway's process."""
@@ -90,6 +99,9 @@ class Door:
         self._stats: dict[str, int] = {}
         self._preparing = False
         self._peace_until_ns = 0
+        self._looking: asyncio.Future[str] | None = None
+        self._on_disk = ""
+        self._on_disk_ns = -ON_DISK_HOLDS_NS
         self._own_cpu = _CpuMeter()
         self._core_cpu = _CpuMeter()
 
@@ -97,7 +109,7 @@ class Door:
         """Return the answer to one request, and descriptors to send along."""
         match request.ask:
             case Ask.STATUS:
-                return self._status(), []
+                return await self._status(), []
             case Ask.ATTACH:
                 self._launcher = _identity(request.pid)  # who asks becomes it
                 return {"ok": True, "url": self._house.url}, [self._house.listen_fd]
@@ -108,7 +120,7 @@ class Door:
             case Ask.DOWN:
                 return await self._down(request)
             case Ask.RESTART:
-                return self._restart(request)
+                return await self._restart(request)
             case Ask.RESUME:
                 return await self._resume(request)
             case Ask.SUBSCRIBE:
@@ -116,15 +128,22 @@ class Door:
             case _:
                 assert_never(request.ask)
 
-    def _order(self, verb: seen.Verb, request: Request) -> Answer:
+    def _order(self, verb: seen.Verb, request: Request, on_disk: str = "") -> Answer:
         before = self._house.reading()
         asked = seen.OperatorAsked(
-            clock.now_ns(), verb, request.reason, accept_ledger=request.accept_ledger, image=request.image
+            clock.now_ns(),
+            verb,
+            request.reason,
+            accept_ledger=request.accept_ledger,
+            image=request.image,
+            build=on_disk,
         )
         self._house.feed(asked)
         after = self._house.reading()
         told = {"ok": True, "incident": after.incident or before.incident, "phase": str(after.phase)}
-        return {**told, "changed": after.phase is not before.phase}, []
+        updates = after.switch_waits and before.spare_build not in {"", on_disk}
+        waits = {"waits": after.switch_waits, "updates": updates}
+        return {**told, **waits, "changed": after.phase is not before.phase}, []
 
     async def _down(self, request: Request) -> Answer:
         try:
@@ -149,7 +168,7 @@ class Door:
             await self._house.in_hand(leftovers.overrule_pages, self._house.folders)
         return self._order(seen.Verb.RESUME, request)
 
-    def _restart(self, request: Request) -> Answer:
+    async def _restart(self, request: Request) -> Answer:
         reading = self._house.reading()
         if request.image and self._house.policy.memory_image == "never":
             return _refuse(
@@ -161,7 +180,23 @@ class Door:
             return _refuse(
                 "unkillable", "The old core does not die; a second one beside it could lose money."
             )
-        return self._order(seen.Verb.RESTART_HARD if request.hard else seen.Verb.RESTART, request)
+        if request.hard:
+            return self._order(seen.Verb.RESTART_HARD, request)
+        return self._order(seen.Verb.RESTART, request, await self._code_on_disk())
+
+    async def _code_on_disk(self) -> str:
+        """Return the name of the core's code that lies on the disk now."""
+        self._on_disk = str(await self._house.in_hand(build.build_id))
+        self._on_disk_ns = clock.now_ns()
+        return self._on_disk
+
+    async def _look_at_code(self) -> None:
+        """Know which code lies on the disk, if that can be had in a moment: a disk that hangs holds up no status."""
+        if clock.now_ns() - self._on_disk_ns <= ON_DISK_HOLDS_NS:
+            return
+        if self._looking is None or self._looking.done():
+            self._looking = asyncio.ensure_future(self._code_on_disk())
+        await asyncio.wait({self._looking}, timeout=LOOKED_FOR_S)
 
     async def _drill(self, request: Request) -> Answer:
         if self._preparing:
@@ -171,6 +206,8 @@ class Door:
             return life
         self._preparing = True  # until the manager knows of it: two drills would be told as one
         try:
+            if request.fault == "spare":
+                return await self._end_spare()
             return await self._break(request, life)
         finally:
             self._preparing = False
@@ -199,7 +236,7 @@ class Door:
                 incident=reading.incident,
             )
         others = self._stats.get("connections", 0)
-        if others and not request.yes:
+        if others and not request.yes and request.fault not in PEACEFUL:
             return _refuse(
                 "others",
                 f"Others are connected ({others}). Add --yes to break the core under them.",
@@ -225,6 +262,17 @@ class Door:
         if request.fault in PEACEFUL:
             self._peace_until_ns = clock.now_ns() + int(PEACE_S * NS_PER_S)
         return {"ok": True, "fault": request.fault, "since": clock.wall(clock.now_ns())}, []
+
+    async def _end_spare(self) -> Answer:
+        """Kill the core that waits: nobody but the guard may notice."""
+        reading = self._house.reading()
+        life = self._house.numbered(reading.spare)
+        if not reading.spare_ready or life is None or life.handle is None:
+            why = reading.spare_fault or "it is being started"
+            return _refuse("no-spare", f"There is no spare core that waits ({why}).", why=why)
+        self._house.feed(seen.DrillStarted(clock.now_ns(), "spare", life.number))
+        await self._house.in_hand(life.handle.kill_tree)
+        return {"ok": True, "fault": "spare", "since": clock.wall(clock.now_ns())}, []
 
     async def _prepare(self, fault: str, life: Life) -> str | None:
         """Do what a drill needs around the core; return why it can't be done on this machine."""
@@ -256,10 +304,21 @@ class Door:
             case "served", int():
                 if isinstance(epoch := line.get("epoch"), int):
                     self._house.feed(seen.FirstServed(at_ns, epoch))
+            case "witness", _:
+                self._witnessed(line)
             case "outcomes", _:
                 self._settled(line)
             case "stats", _:
                 self._stats = {k: v for k, v in line.items() if isinstance(v, int)}
+            case _:
+                return
+
+    def _witnessed(self, line: Mapping[str, object]) -> None:
+        match line:
+            case {"epoch": int(epoch), "seq": int(seq), "hash": str(digest)} if _HASH.fullmatch(digest):
+                at_ns = clock.now_ns()
+                witness = Witness(seq, epoch, digest, at_ns)
+                self._house.feed(seen.GatewayWitnessed(at_ns, witness))
             case _:
                 return
 
@@ -298,7 +357,8 @@ class Door:
         if life is not None and life.sample is not None:
             self._core_cpu.take(life.sample.cpu_ns / 1e9)
 
-    def _status(self) -> dict[str, object]:
+    async def _status(self) -> dict[str, object]:
+        await self._look_at_code()
         house, reading = self._house, self._house.reading()
         told = status.running(reading, house.policy)
         gateway = house.gateway()
@@ -322,7 +382,9 @@ class Door:
             reading,
             proved_seq=proved.proof.seq if proved and proved.life == reading.life else None,
             cpu_percent=self._core_cpu.percent,
+            behind=house.numbered(reading.behind) if reading.behind is not None else None,
         )
+        told["spare"] = status.spare(house.numbered(reading.spare), reading, self._on_disk)
         told["last_incident"] = self.last_incident
         told["ledger_verified_at"] = clock.wall(self._verified_ns) if self._verified_ns else None
         return told

@@ -12,7 +12,7 @@ from hardcore.recovery.reading import Reading
 
 _MS = 1_000_000
 #: Phases in which the present life is a successor that does not serve yet.
-_BEGINNING = frozenset({Phase.STARTING, Phase.PROVING})
+_BEGINNING = frozenset({Phase.STARTING, Phase.SWITCHING, Phase.PROVING})
 
 
 def _shape() -> dict[str, Any]:
@@ -50,6 +50,9 @@ def _shape() -> dict[str, Any]:
             "fds": None,
         },
         "spare": None,
+        "spare_off": "",  # why none is kept
+        "switch_waits": False,
+        "switch_fault": "",
         "budget": {"used": 0, "limit": None, "window_s": None},
         "incident": None,
         "last_incident": None,
@@ -68,6 +71,9 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "mode": policy.mode,
         "wanted": str(reading.wanted),
         "safe": str(reading.safe) if reading.safe else None,
+        "spare_off": reading.spare_fault,
+        "switch_waits": reading.switch_waits,
+        "switch_fault": reading.switch_fault,
         "incident": reading.incident,
         "stage": reading.stage,
         "waits_for": reading.waits_for,
@@ -96,20 +102,36 @@ def _unsound(reading: Reading) -> list[str]:
     return [reading.audit.fault] if reading.audit and not reading.audit.ok else []
 
 
+def spare(life: Life | None, reading: Reading, on_disk: str) -> dict[str, Any] | None:
+    """Return the `spare` object. `build_fits`: it runs the code that lies on the disk; None: not known yet."""
+    if life is None or life.handle is None or not life.handle.signal(0):
+        return None
+    fits = reading.spare_build == on_disk if reading.spare_build and on_disk else None
+    return {"pid": life.handle.pid, "ready": reading.spare_ready, "build_fits": fits}
+
+
 def core(
-    life: Life | None, reading: Reading, *, proved_seq: int | None, cpu_percent: float | None
+    life: Life | None,
+    reading: Reading,
+    *,
+    proved_seq: int | None,
+    cpu_percent: float | None,
+    behind: Life | None = None,
 ) -> dict[str, Any]:
-    """Return the `core` object. A core that is being ended and still lives is `old_pid`.
+    """Return the `core` object. A core that is being ended, or lives on `behind` the fence, is `old_pid`.
 
     One that is being started is neither. `proved_seq`: the head that it told when it was ready; what it
     commits since stands on its page.
     """
     told = dict(_shape()["core"])
+    if behind is not None and behind.handle is not None and behind.handle.signal(0):
+        told["old_pid"] = behind.handle.pid
     if life is None or life.handle is None:
         return told
     serving = reading.phase in SERVING
     old = not serving and reading.phase not in _BEGINNING and life.handle.signal(0)
-    told |= {"pid": life.handle.pid if serving else None, "old_pid": life.handle.pid if old else None}
+    told["pid"] = life.handle.pid if serving else None
+    told["old_pid"] = life.handle.pid if old else told["old_pid"]
     told |= {"epoch": reading.epoch, "ready": serving}
     beats = life.reader.beats() if life.reader else None
     if beats is not None:

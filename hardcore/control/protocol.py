@@ -29,11 +29,11 @@ class Ask(StrEnum):
 #: Faults that this version can break the core with.
 DRILLS = (
     *("crash", "segv", "exit", "freeze", "block", "spin", "gil", "deadlock", "slow-tx"),
-    *("oom", "dblock", "diskfull", "gc"),
+    *("oom", "dblock", "diskfull", "gc", "spare"),
 )
 
-#: Drills that make a healthy core look ill: nothing may come of them.
-PEACEFUL = frozenset({"gc"})
+#: Drills of which nothing may come to the core that serves: it is made to look ill, or another is hit.
+PEACEFUL = frozenset({"gc", "spare"})
 #: So long nothing may come of one: some collections over millions of objects, and the calm after them.
 PEACE_S = 12.0
 
