@@ -10,7 +10,7 @@ ARGS ?=
 export PORT DATA PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help run demo test check lint fast bench simulate screenshots lock venv venv-dev
+.PHONY: help run demo test check lint fast bench peers simulate screenshots lock venv venv-dev
 MAKEFLAGS += --no-print-directory
 
 help:
@@ -21,6 +21,7 @@ help:
 	@echo '  make test       all tests, in at most 15 minutes on two cores (ARGS="-k restart" for some)'
 	@echo '  make check      format, lint, types, import laws, fast tests; under a minute'
 	@echo '  make bench      the numbers, measured on this machine beside their baselines (BENCH=deaths for one part)'
+	@echo '  make peers      put the supervisors that BENCH=peers compares with under ./var/peers'
 	@echo '  make simulate   many simulated crises (SEEDS=5000), or one again (SEED=1234)'
 	@echo '  make screenshots   pictures of every state into ./var/screenshots (needs a Chromium)'
 	@echo '  make lock       write the two locks anew from pyproject.toml (needs uv)'
@@ -62,6 +63,9 @@ fast: venv-dev
 
 bench: venv-dev
 	@exec .venv/bin/python -m bench $(BENCH) $(ARGS)
+
+peers: venv-dev
+	@sh scripts/peers
 
 simulate: venv-dev
 	@exec .venv/bin/python -m tests.simulation $(if $(SEED),--seed $(SEED)) $(if $(SEEDS),--seeds $(SEEDS)) $(ARGS)

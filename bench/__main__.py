@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench import bench_page, crowd, deaths, faults, peace, rates, restarts, weight
+from bench import bench_page, crowd, deaths, faults, losses, peace, rates, restarts, switches, weight
 from bench.figures import Figure
 from bench.machine import described, machine
 from examples.guarded import GuardError, stop_cleanly
@@ -37,6 +37,7 @@ class Script:
 
     about: str
     quick: tuple[str, ...]
+    long: bool = False
 
 
 def note(words: str) -> None:
@@ -54,6 +55,11 @@ PARTS: dict[str, Part] = {
         "a death, from the blow to the next good answer",
         lambda folder: deaths.measure(folder, kills=9, freezes=5),
         lambda folder: deaths.measure(folder, kills=1, freezes=1),
+    ),
+    "switch": Part(
+        "what a client sees while the core is changed for the spare",
+        lambda folder: switches.measure(folder, kills=20, hangs=5, switches=10),
+        lambda folder: switches.measure(folder, kills=1, hangs=1, switches=1),
     ),
     "crowd": Part(
         "clients that wait while the core is killed",
@@ -78,6 +84,11 @@ LONG: dict[str, Part] = {
         lambda folder: faults.measure(folder, rounds=20, say=note),
         lambda folder: faults.measure(folder, rounds=1, say=note),
     ),
+    "losses": Part(
+        "200 kills and freezes at random instants: nothing lost, nothing doubled (8 minutes)",
+        lambda folder: losses.measure(folder, blows=200, say=note),
+        lambda folder: losses.measure(folder, blows=3, say=note),
+    ),
     "peace": Part(
         "load of every kind for 30 minutes, and not one kill",
         lambda folder: peace.measure(folder, seconds=1800, say=note),
@@ -92,6 +103,11 @@ LONG: dict[str, Part] = {
 SCRIPTS: dict[str, Script] = {
     "gateway": Script("what the gateway costs by itself", ("--rounds", "1", "--seconds", "0.5")),
     "recorder": Script("what the flight recorder costs", ()),
+    "peers": Script(
+        "crash and hang beside the peers (`make peers` first; 15 minutes)",
+        ("--rounds", "1", "--hangs", "1"),
+        long=True,
+    ),
 }
 ABOUT = {
     **{name: part.about for name, part in (PARTS | LONG).items()},
@@ -128,8 +144,9 @@ def run_part(name: str, *, quick: bool) -> list[Figure]:
 
 def run_script(name: str, *, quick: bool) -> None:
     """Let a script measure and print. Raises CalledProcessError."""
-    script = Path(__file__).with_name(f"bench_{name}.py")
-    subprocess.run([sys.executable, script, *(SCRIPTS[name].quick if quick else ())], check=True)
+    subprocess.run(
+        [sys.executable, "-m", f"bench.bench_{name}", *(SCRIPTS[name].quick if quick else ())], check=True
+    )
 
 
 def run(asked: argparse.Namespace) -> None:
@@ -138,7 +155,7 @@ def run(asked: argparse.Namespace) -> None:
     before, began = machine(), time.monotonic()
     if not asked.json:
         print(described(), "medians [min - max]", sep="\n")
-    for name in asked.parts or [*PARTS, *SCRIPTS]:
+    for name in asked.parts or [*PARTS, *(name for name, script in SCRIPTS.items() if not script.long)]:
         if asked.json and name in SCRIPTS:
             continue
         if not asked.json:

@@ -17,12 +17,11 @@ from starlette.types import ASGIApp
 
 from core.departure import Departure
 from core.guarded.beacon import Beacon
-from core.guarded.environment import GuardedEnvironment
 from core.guarded.recorder import NoRecorder
 from core.imports.desk import Desk
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.writer import Writer
-from core.opening import Telling, open_book
+from core.opening import Telling, Terms, open_book
 from core.service import Service
 from core.settings import Settings
 from core.web.app import make_app
@@ -33,7 +32,7 @@ ANSWER_S = 30.0
 def app() -> ASGIApp:
     """Open the book as the core does and return the application in front of it."""
     data, settings, recorder = Path(os.environ["HARDCORE_DATA"]), Settings(), NoRecorder()
-    book = open_book(data, GuardedEnvironment(), settings, Telling(recorder, Beacon(None)))
+    book = open_book(data, Terms(None, (), None, shared=False), settings, Telling(recorder, Beacon(None)))
     assert not isinstance(book, Departure), book
     loop = asyncio.get_running_loop()
     writer = Writer(
