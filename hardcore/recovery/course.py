@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from hardcore.model.actions import Action
+from hardcore.model.observations import CoreObservation
 from hardcore.model.phases import Phase, StartCause, Wanted
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import GREEN, Diagnosis, Testimony, Verdict
@@ -32,6 +33,8 @@ from hardcore.sentinel.verdict import Bench
 from hardcore.sentinel.witnesses.own_stall import LATE_INTERVALS
 
 TRANSITIONS_MAX = 1024
+#: So much of what a core says while it is drained is kept: the newest.
+LATER_MAX = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +50,7 @@ class Given:
 class Switching:
     """A switch that a person asked for and that has not been done. Times are monotonic.
 
-    `build`: the code that lay on the disk then; `updates`: the spare of that moment ran other code and was let go.
+    `build`: the code that lay on the disk then; `updates`: no spare was ever seen to run it.
     `give_up_ns`: until when a spare is waited for; `again_ns`: when a core that could not be drained is asked again.
     """
 
@@ -83,6 +86,7 @@ class Course:
     life: int = 0
     reader: Diagnosis | None = None  # it was started to serve reads only, because of this
     epoch: int | None = None  # what it serves under
+    promoted: bool = False  # it was a spare
     challenge: Witness | None = None  # what it has to prove its ledger against
     blame: Diagnosis = Diagnosis.OPERATOR  # what its end is called
     heard_ns: int = 0  # its loop's last beat that was seen
@@ -95,6 +99,7 @@ class Course:
     # What outlives it.
     behind: Behind | None = None  # a core that lives on behind the fence
     switching: Switching | None = None
+    later: tuple[CoreObservation, ...] = ()  # what a core that is drained said, for when it serves again
     switch_fault: str = ""  # why the last one that was asked for was given up
     store: StoreKnowledge = field(default_factory=StoreKnowledge)
     audit: Audit = field(default_factory=Audit)

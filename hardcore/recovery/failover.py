@@ -422,6 +422,7 @@ def _watch(c: Course, tick: seen.Sampled) -> None:
     c.heard_ns = max(c.heard_ns, beat_ns) if beat_ns <= now_ns else c.heard_ns
     c.looked_ns = now_ns
     c.budget = c.budget.at(now_ns)
+    c.store.shown(tick.witness)
     if tick.process is not None:
         c.growth.look(now_ns, tick.process.rss_bytes)
     verdict = c.bench.judge(tick)

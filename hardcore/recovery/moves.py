@@ -31,7 +31,7 @@ from hardcore.recovery.curiosity import Curiosity
 from hardcore.recovery.policy import Word
 from hardcore.recovery.reading import Transition
 from hardcore.recovery.safety import Deed
-from hardcore.recovery.spare import Behind
+from hardcore.recovery.spare import Behind, SpareState
 from hardcore.recovery.suspicion import Growth
 from hardcore.recovery.telling import BOOTING, order
 from hardcore.recovery.transitions import ON_ENTRY, Step, Trigger, step
@@ -60,7 +60,7 @@ def fire(c: Course, trigger: Trigger, now_ns: int, reason: str) -> None:
         c.skip_evidence = False
         fire(c, Trigger.EVIDENCE_TAKEN, now_ns, "the policy asks for none")
         return
-    if after is before:
+    if after is before and trigger is not Trigger.DEADLINE:
         return
     for question in ON_ENTRY.get(after, ()):
         if _holds(c, question, now_ns):
@@ -96,6 +96,8 @@ def _holds(c: Course, question: Trigger, now_ns: int) -> bool:
     match question:
         case Trigger.UNWANTED:
             return c.wanted is Wanted.DOWN
+        case Trigger.STUCK:
+            return c.behind is not None and c.behind.stuck and not c.behind.fenced
         case Trigger.READS_ONLY:
             return plan.may_read(c.policy, _reads_for(c), tried=c.reader_tried)
         case Trigger.HOPELESS:
@@ -116,6 +118,8 @@ def _why(c: Course, question: Trigger) -> str:
         return f"{c.hopeless}: another try would not help"
     if question is Trigger.SPARE_READY:
         return "a spare is ready"
+    if question is Trigger.STUCK:
+        return "the core that was killed is still there, and nothing has fenced it off"
     return "the operator wants no core" if question is Trigger.UNWANTED else "nothing to wait for"
 
 
@@ -132,7 +136,7 @@ def _enter(c: Course, phase: Phase, now_ns: int) -> None:
     c.stage_max = max(c.stage_max, phases.stage(phase) or 0) if c.story else 0
     if phase in phases.SERVING:
         c.stage_max = 0
-    else:
+    elif phase is not Phase.DRAINING:  # a core that can't be drained goes on as it was
         c.verdict = GREEN
         c.worry.forget()
         c.safety.leave()
@@ -159,9 +163,14 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
         case Step.PROMOTE | Step.PROMOTE_BRIEFLY:
             _promote(c, BRIEFLY_MS if name is Step.PROMOTE_BRIEFLY else None)
         case Step.LEAVE_BEHIND:
-            c.behind = Behind(c.life, stuck=c.phase is Phase.UNKILLABLE)
+            _leave_behind(c, now_ns)
+        case Step.REJOIN:
+            assert c.behind is not None, "somebody was left behind"
+            c.life, c.behind, c.hopeless = c.behind.life, None, None
         case Step.RETIRE:
             _retire(c, now_ns)
+        case Step.DISMISS:
+            dismiss(c, now_ns)
         case Step.TERMINATE:
             order(c, Terminate(c.life))
         case Step.KILL:
@@ -182,6 +191,8 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             _read_only(c, now_ns)
         case Step.RELEASE:
             _release(c, now_ns)
+        case Step.RELEASE_AGAIN:
+            _release_again(c, now_ns)
         case Step.SETTLED:
             c.tries = 0
         case Step.CLOSE:
@@ -192,6 +203,9 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             c.tries, c.hopeless, c.safety.locked = 0, None, False
             telling.keep(c, Budget(c.budget.limit, c.budget.window_ns))
         case Step.HALT:
+            dismiss(c, now_ns)
+            if c.behind is not None:
+                order(c, Kill(c.behind.life))
             order(c, Halt())
         case _:
             assert_never(name)
@@ -200,6 +214,7 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
 def _spawn(c: Course, reader: Diagnosis | None) -> None:
     """Start a core. A reader raises no epoch and proves nothing: what is known of the store stays as it is."""
     _born(c, next_life(c), reader)
+    c.switching = None  # it runs the code that lies on the disk
     if reader is not None:
         c.challenge = None
         order(c, Spawn(c.life, None, (), safe=reader))
@@ -208,8 +223,24 @@ def _spawn(c: Course, reader: Diagnosis | None) -> None:
 
 
 def _promote(c: Course, busy_ms: int | None) -> None:
+    if c.switching is not None and c.switching.build in {"", c.spare.build}:
+        c.switching = None  # what was asked for is being done
     _born(c, c.spare.leave(), None)
+    c.promoted = True
     order(c, Promote(c.life, *_challenge(c), busy_ms=busy_ms))
+
+
+def _leave_behind(c: Course, now_ns: int) -> None:
+    assert c.behind is None, "one core at most is left behind: there is no spare while one is"
+    stuck = c.phase is Phase.UNKILLABLE
+    c.behind = Behind(c.life, stuck, now_ns + plan.KILL_AGAIN_MS * NS_PER_MS if stuck else None)
+
+
+def dismiss(c: Course, now_ns: int) -> None:
+    """End the spare, if there is one: it is not its fault."""
+    if c.spare.life != 0 and c.spare.state is not SpareState.ENDING:
+        c.spare.end("it is not wanted any more", now_ns, unasked=False)
+        order(c, Kill(c.spare.life))
 
 
 def _retire(c: Course, now_ns: int) -> None:
@@ -221,7 +252,7 @@ def _retire(c: Course, now_ns: int) -> None:
 
 def _born(c: Course, life: int, reader: Diagnosis | None) -> None:
     """Let `life` be the core from now on: what was known of the one before is over."""
-    c.life = life
+    c.life, c.promoted, c.later = life, False, ()
     c.drill.cancel()  # a drill is one life's
     c.blame = Diagnosis.OPERATOR
     if plan.passes(c.policy, c.hopeless):
@@ -242,19 +273,24 @@ def _challenge(c: Course) -> tuple[int | None, tuple[Witness, ...]]:
 
 
 def _release(c: Course, now_ns: int) -> None:
-    c.bench = Bench(plan.patience(c.policy))
-    c.held_ns = c.trying = c.outlasted_ns = None
-    c.heard_ns = c.looked_ns = now_ns
-    assert c.epoch is not None, "a core that is ready has said its epoch"
-    suspects = c.story.suspects if c.story else ()
-    incident = c.story.id if c.story else None
-    c.audit.begin(incident)
+    c.trying = c.outlasted_ns = None
+    c.audit.begin(c.story.id if c.story else None)
     c.safety.begin(c.reader, now_ns)
     c.holder = c.holder if c.reader else None
     if c.story and c.reader:
         c.story.safe = True
     c.troubles.look(now_ns, quiet=not c.safety.on)
-    order(c, Release(c.life, c.epoch, suspects, incident))
+    _release_again(c, now_ns)
+
+
+def _release_again(c: Course, now_ns: int) -> None:
+    """Have requests go to the core, which is watched from now on; what is known of it stays known."""
+    assert c.epoch is not None, "a core that is ready has said its epoch"
+    c.bench = Bench(plan.patience(c.policy))
+    c.held_ns = None
+    c.heard_ns = c.looked_ns = now_ns
+    suspects = c.story.suspects if c.story else ()
+    order(c, Release(c.life, c.epoch, suspects, c.story.id if c.story else None))
 
 
 def _read_only(c: Course, now_ns: int) -> None:

@@ -83,7 +83,7 @@ DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
     Diagnosis.GATEWAY_LOST: _RESTART,
     Diagnosis.SPARE_LOST: _TELL,
     Diagnosis.OPERATOR: frozenset({Word.REBOOT_PROCESS}),
-    Diagnosis.PLANNED_SWITCH: frozenset({Word.REBOOT_PROCESS}),
+    Diagnosis.PLANNED_SWITCH: frozenset({Word.SEND_ALERT, Word.REBOOT_PROCESS}),
 }
 
 #: A store that may be damaged is never put back to work by a policy.

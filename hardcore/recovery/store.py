@@ -21,18 +21,31 @@ class StoreKnowledge:
     certain: bool = False
     witness: Witness | None = None
     passed_on: Witness | None = None
+    proven_seq: int | None = None  # where the ledger ended when the last core proved it
 
     def forget(self) -> None:
         """Take the ledger as it stands: the operator has put another copy in its place and says so."""
-        self.epoch, self.certain, self.witness, self.passed_on = None, False, None, None
+        self.epoch, self.certain = None, False
+        self.witness = self.passed_on = self.proven_seq = None
 
     def witnesses(self) -> tuple[Witness, ...]:
         """Return the commits that the next core has to show: what a page proves, and what a client was told."""
         return tuple(seen for seen in (self.witness, self.passed_on) if seen is not None)
 
     def proven(self, witness: Witness) -> None:
-        """A core has proven its ledger up to there: what was known before is part of that."""
-        self.witness, self.passed_on = witness, None
+        """A core has proven its ledger up to there: what was known before is part of that, if it is no later."""
+        self.witness, self.proven_seq = witness, witness.seq
+        if not self.misses(witness.seq):
+            self.passed_on = None
+
+    def misses(self, seq: int) -> bool:
+        """Return whether a ledger that ends there lacks what a client was told of: it was heard of too late to ask."""
+        return self.passed_on is not None and self.passed_on.seq > seq
+
+    def lacks(self, witness: Witness) -> bool:
+        """Return whether a commit of an earlier epoch was passed on that the ledger did not have when it was proven."""
+        earlier = self.epoch is not None and witness.epoch < self.epoch
+        return earlier and self.proven_seq is not None and witness.seq > self.proven_seq
 
     def told(self, witness: Witness) -> None:
         """The gateway has passed this commit on to a client."""
@@ -45,8 +58,15 @@ class StoreKnowledge:
             return
         if page.beats.epoch and page.beats.epoch >= (self.epoch or 0):
             self.epoch, self.certain = page.beats.epoch, True
-        if page.witness is not None and (
-            self.witness is None
-            or (page.witness.seq, page.witness.epoch) >= (self.witness.seq, self.witness.epoch)
+        self.shown(page.witness)
+
+    def shown(self, witness: Witness | None) -> None:
+        """Take over what a page shows of the last commit; an earlier one proves nothing new.
+
+        A living core's counts as well: one that is killed and does not die leaves no other.
+        """
+        known = self.witness
+        if witness is not None and (
+            known is None or (witness.seq, witness.epoch) >= (known.seq, known.epoch)
         ):
-            self.witness = page.witness
+            self.witness = witness

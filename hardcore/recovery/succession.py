@@ -13,14 +13,14 @@ from hardcore.model import observations as seen
 from hardcore.model.actions import Kill, SpawnSpare
 from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery import telling
-from hardcore.recovery.budget import NS_PER_S
+from hardcore.recovery import plan, telling
+from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.course import Course, Switching
-from hardcore.recovery.moves import fire, next_life
+from hardcore.recovery.moves import dismiss, fire, next_life
 from hardcore.recovery.spare import SpareState
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.telling import order
-from hardcore.recovery.transitions import Trigger, step
+from hardcore.recovery.transitions import Trigger
 
 #: So often a core is asked to let go of the store for a switch, so far apart.
 DRAINS_MAX = 3
@@ -40,7 +40,10 @@ def tend(c: Course, now_ns: int) -> None:
         spare.end(why, now_ns, unasked=True)
         order(c, Kill(spare.life))
         _lost(c, now_ns)
-    if c.phase in _KEEPING and c.wanted is Wanted.UP and c.behind is None and spare.due(now_ns):
+    elif spare.state is SpareState.ENDING and now_ns - spare.since_ns > plan.KILL_AGAIN_MS * NS_PER_MS:
+        spare.since_ns = now_ns
+        order(c, Kill(spare.life))
+    if _keeps(c) and spare.due(now_ns):
         spare.begin(next_life(c), now_ns)
         order(c, SpawnSpare(spare.life))
     _switch_if_ready(c, now_ns)
@@ -63,7 +66,11 @@ def heard(c: Course, fact: seen.Observation) -> bool:
             said = f"{words.code}: {words.text}" if words else "it ended without a word"
             _ended(c, said, fact.at_ns)
         case seen.StartExtended():
-            c.spare.since_ns += min(fact.for_ns, c.spare.startup_ns)
+            c.spare.extend(fact)
+        case seen.CoreSpawned() if c.spare.state is SpareState.ENDING:
+            order(
+                c, Kill(c.spare.life)
+            )  # it was told to end before it was there, and an order to nobody is lost
         case _:
             pass  # its process exists; a TERM came: nothing to be decided
     return True
@@ -74,18 +81,22 @@ def behind(c: Course, fact: seen.Observation) -> bool:
     if c.behind is None or getattr(fact, "life", 0) != c.behind.life:
         return False
     if isinstance(fact, seen.CoreExited):
-        telling.mark(c, "killed", fact.at_ns)
+        if c.story is not None and c.story.life == c.behind.life:
+            telling.mark(c, "killed", fact.at_ns)
         c.behind = None
     return True
 
 
 def asked(c: Course, fact: seen.OperatorAsked, trouble: Trouble) -> bool:
     """Take in the wish for another core if a spare is to fulfil it; return whether one is."""
-    if step(c.phase, Trigger.SWITCH) is None or c.reader is not None or not c.spare.comes:
+    ill = c.reader is not None or c.safety.on or (c.behind is not None and c.behind.stuck)
+    if c.phase not in SERVING or ill or not c.spare.comes:
         return False
     give_up_ns = fact.at_ns + WAITED_STARTS_MAX * c.spare.startup_ns
     c.switch_fault = ""
-    c.switching = Switching(trouble, fact.reason or "the operator asked for it", fact.build, give_up_ns)
+    updates = fact.build not in {"", c.spare.known}
+    why = fact.reason or "the operator asked for it"
+    c.switching = Switching(trouble, why, fact.build, give_up_ns, updates=updates)
     tend(c, fact.at_ns)
     return True
 
@@ -109,7 +120,6 @@ def drained(c: Course, fact: seen.Drained) -> None:
     if wish is None or wish.drains >= DRAINS_MAX:
         c.switching, c.switch_fault = None, fact.reason
         telling.alert(c, Diagnosis.PLANNED_SWITCH, f"The switch was given up: {fact.reason}")
-        fire(c, Trigger.EASED, fact.at_ns, "the core could not be drained")
         return
     wish.again_ns = fact.at_ns + DRAIN_AGAIN_NS
 
@@ -117,7 +127,7 @@ def drained(c: Course, fact: seen.Drained) -> None:
 def ring(c: Course, now_ns: int) -> None:
     """Do what the time has come for: a drain again, an end for whom was told to leave and has not."""
     if c.behind is not None and c.behind.leave_by_ns is not None and now_ns >= c.behind.leave_by_ns:
-        c.behind.leave_by_ns, c.behind.stuck = None, True
+        c.behind.leave_by_ns, c.behind.stuck = now_ns + plan.KILL_AGAIN_MS * NS_PER_MS, True
         order(c, Kill(c.behind.life))
     _switch_if_ready(c, now_ns)
 
@@ -125,30 +135,30 @@ def ring(c: Course, now_ns: int) -> None:
 def next_ns(c: Course) -> int | None:
     """Return when `ring` wants to be called, or None while nothing waits for its time."""
     due = [c.behind.leave_by_ns] if c.behind is not None else []
-    if c.switching is not None and c.phase in SERVING:
+    if c.switching is not None and c.phase in _KEEPING:
         due += [c.switching.again_ns or c.switching.give_up_ns]
     return min((at_ns for at_ns in due if at_ns is not None), default=None)
 
 
 def _switch_if_ready(c: Course, now_ns: int) -> None:
     wish = c.switching
-    if wish is None or (wish.again_ns is not None and now_ns < wish.again_ns):
+    if wish is None or c.phase not in _KEEPING or (wish.again_ns is not None and now_ns < wish.again_ns):
         return
-    if step(c.phase, Trigger.SWITCH) is None:
-        if c.phase not in SERVING | {Phase.DRAINING}:
-            c.switching = None  # the core that was to be replaced is gone: what was asked for is being done
-        return
-    if c.spare.state is SpareState.READY and wish.build not in {"", c.spare.build} and not wish.updates:
-        c.spare.end("other code lies on the disk now", now_ns, unasked=False)
-        wish.updates = True
-        order(c, Kill(c.spare.life))
-    elif c.spare.fit(now_ns):
-        wish.again_ns = None
+    wish.again_ns = None
+    if c.spare.state is SpareState.READY and wish.build not in {"", c.spare.build}:
+        dismiss(c, now_ns)  # other code lies on the disk now
+    if c.spare.fit(now_ns):
         wish.drains += 1
         c.pending = wish.trouble
         fire(c, Trigger.SWITCH, now_ns, wish.reason)
     elif not c.spare.comes or now_ns >= wish.give_up_ns:
         _give_up(c, wish, now_ns)
+
+
+def _keeps(c: Course) -> bool:
+    """Whether this is a time to have a spare: none beside a core that only reads, none while an old one is there."""
+    proven = c.phase in _KEEPING and c.reader is None and not c.safety.locked
+    return proven and c.wanted is Wanted.UP and c.behind is None
 
 
 def _give_up(c: Course, wish: Switching, now_ns: int) -> None:

@@ -196,11 +196,8 @@ def _begin(c: Course, trouble: Trouble, now_ns: int, *, planned: bool = False, d
 
 def _count(c: Course, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
     """Put an unplanned death on the budget and judge whether another try makes sense."""
-    if c.phase in {
-        Phase.STARTING,
-        Phase.PROVING,
-        Phase.PROBATION,
-    }:  # a spare that fails has a core to fall back on
+    unproven = c.phase in {Phase.STARTING, Phase.PROVING, Phase.PROBATION}
+    if unproven and not (c.promoted and c.phase in BOOTING):  # a spare that fails has a core to fall back on
         c.tries += 1
     if not free:
         keep(c, c.budget.after_death(now_ns))

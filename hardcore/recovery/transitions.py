@@ -5,11 +5,12 @@ clocks. It is total: a cell that is not listed means STAY, so no fact can surpri
 in the manual are drawn from it.
 
 How to read a death. A core that ends, however, leads to BACKOFF: the one phase without a process in which
-the next step is decided. On entering it four questions are asked, in this order, and the first that holds
+the next step is decided. On entering it these questions are asked, in this order, and the first that holds
 is taken at once (*state-triggered*, `ON_ENTRY`): does the operator want no core (UNWANTED)? is there no sense
 in another try, but a core may still serve reads (READS_ONLY)? is there no sense in it at all (HOPELESS)? is there
 nothing to wait for (NO_DELAY)? Only if none holds does BACKOFF last, until its deadline. UNKILLABLE asks the first
-of them. So a STOP given at any moment before is never forgotten: it is kept as `wanted` and asked for here.
+of them. So a STOP given at any moment before is never forgotten: it is kept as `wanted` and asked for here. Between
+them stand two questions about a switch (below).
 
 How to read a trouble. A verdict that a restart would not help (TROUBLED) leaves the core where it is: an incident
 is opened without a death, the evidence is taken beside the running core, and it is told to serve reads only where the
@@ -21,7 +22,8 @@ How to read a switch. A spare that is ready takes over wherever a core would be 
 (SPARE_READY is asked in BACKOFF before NO_DELAY), after a kill that has not been seen to work (asked in UNKILLABLE, with
 a short patience for the store's lock: the fence is what makes that safe), and after a core that was told to drain.
 Who lives on behind the fence then is no phase but a value beside it (`succession.py`), told to leave as soon as its
-successor serves, or none will. A spare that fails is ended first, and then the way is the cold one: it was the only one.
+successor serves, or none will. A spare that fails is ended first, and then the way is the cold one: it was the only one. Unless who was left behind
+was never fenced off (STUCK): that one is the core again, and only its end lets another begin.
 
 Why a dead core has no phase for its evidence: its recorder page is never reused, so it can be read at the
 wake-up (1 ms) and copied beside the restart; a phase in which to wait would only make the outage longer.
@@ -61,6 +63,7 @@ class Trigger(StrEnum):
     REFUSED = "REFUSED"  # the spare does not take over
     EPOCH_RAISED = "EPOCH_RAISED"
     READY = "READY"
+    UNPROVEN = "UNPROVEN"  # it is ready, and its ledger lacks what a client was told of
     LASTED = "LASTED"  # its probation is over, and it is well
     EXITED = "EXITED"  # the core is gone
     LATE = "LATE"  # the verdict is yellow
@@ -71,6 +74,7 @@ class Trigger(StrEnum):
     EVIDENCE_TAKEN = "EVIDENCE_TAKEN"
     DEADLINE = "DEADLINE"
     UNWANTED = "UNWANTED"  # state-triggered, see above
+    STUCK = "STUCK"  # who was left behind was killed, is still there, and nothing has fenced it off
     READS_ONLY = "READS_ONLY"
     HOPELESS = "HOPELESS"
     SPARE_READY = "SPARE_READY"
@@ -87,7 +91,9 @@ class Step(StrEnum):
     LEAVE_BEHIND = "LEAVE_BEHIND"  # the present core lives on, behind the fence
     PROMOTE = "PROMOTE"
     PROMOTE_BRIEFLY = "PROMOTE_BRIEFLY"  # the same, with little patience for the store's lock
+    REJOIN = "REJOIN"  # who was left behind is the core again
     RETIRE = "RETIRE"  # who lives on behind the fence is told to leave
+    DISMISS = "DISMISS"  # the spare is ended: somebody may put another ledger in place of the one it knows
     TERMINATE = "TERMINATE"
     KILL = "KILL"
     KILL_LEFTOVERS = "KILL_LEFTOVERS"
@@ -100,6 +106,7 @@ class Step(StrEnum):
     EVIDENCE_DEAD = "EVIDENCE_DEAD"
     READ_ONLY = "READ_ONLY"  # tell the serving core, if the policy says so
     RELEASE = "RELEASE"
+    RELEASE_AGAIN = "RELEASE_AGAIN"  # the same core goes on serving
     SETTLED = "SETTLED"  # the core has proven itself: the tries before it are forgotten
     CLOSE = "CLOSE"  # the incident, if one is open
     ALERT = "ALERT"
@@ -111,9 +118,10 @@ Row = tuple[Phase, tuple[Step, ...]]
 
 P, T, S = Phase, Trigger, Step
 
-#: Asked on entering a phase, in this order; the first that holds is taken at once.
+#: Asked on entering a phase and when its deadline leads back to it, in this order; the first that holds is taken at
+#: once.
 ON_ENTRY: Mapping[Phase, tuple[Trigger, ...]] = {
-    P.BACKOFF: (T.UNWANTED, T.READS_ONLY, T.HOPELESS, T.SPARE_READY, T.NO_DELAY),
+    P.BACKOFF: (T.UNWANTED, T.STUCK, T.READS_ONLY, T.HOPELESS, T.SPARE_READY, T.NO_DELAY),
     P.UNKILLABLE: (T.UNWANTED, T.SPARE_READY),
 }
 
@@ -145,6 +153,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     P.STARTING: {
         T.EPOCH_RAISED: (P.PROVING, ()),
         T.READY: _SERVES,
+        T.UNPROVEN: _JUDGED,
         T.SPAWN_FAILED: (P.BACKOFF, (S.OPEN,)),
         T.EXITED: _DIED,
         T.DEADLINE: _JUDGED,
@@ -154,6 +163,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     P.SWITCHING: {
         T.EPOCH_RAISED: (P.PROVING, ()),
         T.READY: _SERVES,
+        T.UNPROVEN: _JUDGED,
         T.EXITED: _DIED,
         T.REFUSED: (P.KILLING, (S.KILL,)),
         T.DEADLINE: (P.KILLING, (S.KILL,)),
@@ -162,6 +172,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     },
     P.PROVING: {
         T.READY: _SERVES,
+        T.UNPROVEN: _JUDGED,
         T.EXITED: _DIED,
         T.DEADLINE: _JUDGED,
         T.STOP: _LEAVE,
@@ -172,7 +183,6 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.EXITED: _DIED,
         T.LOST: _JUDGED,
         T.STOP: _LEAVE,
-        T.SWITCH: _SWITCH,
         T.RESTART: _RENEWED,
         T.RESTART_HARD: _RENEWED_HARD,
         T.RESTART_IMAGED: _RENEWED_IMAGED,
@@ -207,7 +217,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     },
     P.DRAINING: {
         T.DRAINED: (P.SWITCHING, (S.LEAVE_BEHIND, S.PROMOTE)),
-        T.NOT_DRAINED: (P.RUNNING, (S.RELEASE, S.CLOSE)),
+        T.NOT_DRAINED: (P.RUNNING, (S.RELEASE_AGAIN, S.CLOSE)),
         T.UNSPARED: _LEAVE,
         T.DEADLINE: _LEAVE,
         T.EXITED: _DIED,
@@ -246,8 +256,9 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     },
     P.BACKOFF: {
         T.UNWANTED: (P.STOPPED, (S.CLOSE, S.HALT)),
-        T.READS_ONLY: (P.STARTING, (S.RETIRE, S.SPAWN_READER)),
-        T.HOPELESS: (P.FATAL, (S.RETIRE, S.ALERT, S.CLOSE)),
+        T.STUCK: (P.UNKILLABLE, (S.REJOIN, S.KILL)),
+        T.READS_ONLY: (P.STARTING, (S.RETIRE, S.DISMISS, S.SPAWN_READER)),
+        T.HOPELESS: (P.FATAL, (S.RETIRE, S.DISMISS, S.ALERT, S.CLOSE)),
         T.SPARE_READY: (P.SWITCHING, (S.PROMOTE,)),
         T.NO_DELAY: (P.STARTING, (S.RETIRE, S.SPAWN)),
         T.DEADLINE: (P.STARTING, (S.RETIRE, S.SPAWN)),

@@ -20,6 +20,7 @@ from hardcore.model.phases import (
     ha_state,
     stage,
 )
+from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.plan import limit_ns
@@ -76,6 +77,61 @@ def test_a_core_is_started_only_from_a_phase_without_a_process() -> None:
     assert starts.isdisjoint(LIVING)
 
 
+def test_a_spare_takes_over_only_where_nobody_else_can_be_the_core_or_is_left_behind() -> None:
+    for phase, rows in TABLE.items():
+        for trigger, (after, steps) in rows.items():
+            promotes = {Step.PROMOTE, Step.PROMOTE_BRIEFLY} & set(steps)
+            assert bool(promotes) == (after is Phase.SWITCHING), f"{phase} x {trigger}"
+            if promotes:
+                alone = phase not in LIVING
+                assert alone or steps.index(Step.LEAVE_BEHIND) == 0, f"{phase} x {trigger}"
+                assert alone or trigger in {Trigger.DRAINED, Trigger.SPARE_READY}
+
+
+def test_a_core_is_left_behind_only_drained_or_killed() -> None:
+    left = {
+        (phase, trigger)
+        for phase, rows in TABLE.items()
+        for trigger, (_, steps) in rows.items()
+        if Step.LEAVE_BEHIND in steps
+    }
+    assert left == {(Phase.DRAINING, Trigger.DRAINED), (Phase.UNKILLABLE, Trigger.SPARE_READY)}
+
+
+def test_who_was_left_behind_is_told_to_leave_before_the_way_goes_on_without_a_spare() -> None:
+    for trigger, (after, steps) in TABLE[Phase.BACKOFF].items():
+        if after in {Phase.STARTING, Phase.FATAL}:
+            assert Step.RETIRE in steps, trigger
+
+
+def test_whether_a_core_is_stuck_is_asked_before_any_other_is_started() -> None:
+    asked = ON_ENTRY[Phase.BACKOFF]
+    starts = {t for t, (_, steps) in TABLE[Phase.BACKOFF].items() if _begins(steps)} & set(asked)
+    assert all(asked.index(Trigger.STUCK) < asked.index(trigger) for trigger in starts)
+
+
+def _begins(steps: tuple[Step, ...]) -> bool:
+    """Whether a core begins on the way."""
+    return bool({Step.SPAWN, Step.SPAWN_READER, Step.PROMOTE} & set(steps))
+
+
+def test_a_drained_core_is_ended_before_another_is_started_the_cold_way() -> None:
+    cold = {after for after, steps in TABLE[Phase.DRAINING].values() if Step.PROMOTE not in steps}
+    assert cold == {Phase.RUNNING, Phase.STOPPING, Phase.KILLING, Phase.BACKOFF}
+    assert TABLE[Phase.DRAINING][Trigger.EXITED][0] is Phase.BACKOFF
+
+
+def test_a_switch_begins_only_with_a_core_that_is_proven() -> None:
+    assert {phase for phase in Phase if Trigger.SWITCH in TABLE[phase]} == {Phase.RUNNING, Phase.SUSPECT}
+
+
+def test_no_spare_waits_where_somebody_may_put_another_ledger_in_place() -> None:
+    for phase, rows in TABLE.items():
+        for trigger, (after, steps) in rows.items():
+            if phase is not after and (after is Phase.FATAL or Step.SPAWN_READER in steps):
+                assert Step.DISMISS in steps, f"{phase} x {trigger}"
+
+
 def test_a_phase_with_a_process_hears_of_its_end() -> None:
     assert all(Trigger.EXITED in TABLE[phase] for phase in LIVING)
 
@@ -85,9 +141,18 @@ def test_a_phase_in_which_a_process_may_be_in_the_making_hears_of_its_failure() 
     assert all(Trigger.SPAWN_FAILED in TABLE[phase] for phase in possible)
 
 
-def test_only_a_core_that_is_ready_is_released() -> None:
+def test_only_a_core_that_is_ready_is_released_or_one_that_serves_again() -> None:
     releases = {t for rows in TABLE.values() for t, (_, steps) in rows.items() if Step.RELEASE in steps}
-    assert releases == {Trigger.READY}
+    assert releases == {Trigger.READY, Trigger.FOUND_SERVING}
+    again = {(p, t) for p, rows in TABLE.items() for t, (_, s) in rows.items() if Step.RELEASE_AGAIN in s}
+    assert again == {(Phase.DRAINING, Trigger.NOT_DRAINED)}
+
+
+def test_every_way_into_serving_releases_a_core() -> None:
+    for phase in set(Phase) - SERVING:
+        for trigger, (after, steps) in TABLE[phase].items():
+            if after in SERVING:
+                assert {Step.RELEASE, Step.RELEASE_AGAIN} & set(steps), f"{phase} x {trigger}"
 
 
 def test_a_living_core_is_killed_only_after_evidence_or_by_the_operators_word() -> None:
@@ -95,7 +160,9 @@ def test_a_living_core_is_killed_only_after_evidence_or_by_the_operators_word() 
     for phase, trigger in kills:
         asked = trigger is Trigger.RESTART_HARD or phase is Phase.STOPPING
         told_before = phase in {Phase.SNAPSHOT_LIVE, Phase.KILLING, Phase.UNKILLABLE}
-        assert asked or told_before, f"{phase} x {trigger}"
+        killed_before = trigger is Trigger.STUCK
+        served_nobody = phase is Phase.SWITCHING  # a spare that does not take over: the cold way is there
+        assert asked or told_before or killed_before or served_nobody, f"{phase} x {trigger}"
 
 
 def test_a_stop_is_obeyed_at_once_or_asked_about_before_the_next_start() -> None:
@@ -160,6 +227,10 @@ _FACTS: tuple[seen.Observation, ...] = (
     seen.Surveyed(_NS, 1, seen.DiskFacts(0, read_only=True, write_ns=None)),
     seen.StacksSampled(_NS, 1, ()),
     seen.OperatorAsked(_NS, seen.Verb.RESTART_HARD, image=True),
+    seen.SpareReady(_NS, 1, "b", 4),
+    seen.PromoteRefused(_NS, 1, "no"),
+    *(seen.Drained(_NS, 1, done) for done in (True, False)),
+    seen.GatewayWitnessed(_NS, Witness(1, 1, "h")),
 )
 
 

@@ -21,13 +21,13 @@ from tests.unit.recovery.play import MS, PROOF, Play, S, a_page, deciding, kinds
 
 
 def test_a_first_start_raises_whatever_stands_in_the_store() -> None:
-    assert Play().begin().spawned() == orders.Spawn(1, None, None)
+    assert Play().begin().spawned() == orders.Spawn(1, None, ())
 
 
 def test_the_successor_of_a_core_that_said_its_epoch_expects_it_and_its_witness() -> None:
     play = Play().begin().running(epoch=4)
     play.die(page=a_page(4, seq=9))
-    assert play.spawned() == orders.Spawn(2, 4, Witness(9, 4, "h9"))
+    assert play.spawned() == orders.Spawn(2, 4, (Witness(9, 4, "h9"),))
 
 
 def test_a_core_that_may_have_raised_the_epoch_unseen_makes_it_uncertain() -> None:
@@ -42,7 +42,7 @@ def test_a_page_that_a_new_guard_found_is_a_witness_and_no_certainty_of_the_epoc
     play = Play()
     play.tell(seen.SentinelBegan(play.now_ns, page=a_page(6, seq=9)))
     play.die()
-    assert play.spawned() == orders.Spawn(1, None, Witness(9, 6, "h9"))
+    assert play.spawned() == orders.Spawn(1, None, (Witness(9, 6, "h9"),))
 
 
 def test_a_guard_that_finds_its_predecessor_and_the_core_gone_tells_it_as_an_incident() -> None:

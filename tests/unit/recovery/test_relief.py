@@ -242,7 +242,7 @@ def test_a_core_that_can_not_write_is_followed_by_one_that_reads(code: int, reas
     play = _running()
     play.die()
     play.die(seen.Exit(code=code), a_page(0, words=reason))
-    assert play.spawned() == orders.Spawn(3, None, None, safe=reason)
+    assert play.spawned() == orders.Spawn(3, None, (), safe=reason)
     _reader(play)
     assert play.ordered[-1] == orders.Release(3, 4, (), "i1")
     state = HAState.MANUAL_INTERVENTION if reason is CORRUPT else HAState.SAFE_MODE
@@ -308,7 +308,7 @@ def test_what_a_reader_says_changes_nothing_that_is_known_of_the_store() -> None
     play = _reading()
     play.ring()
     play.die(seen.Exit(code=0), a_page(9, seq=99))
-    assert play.spawned() == orders.Spawn(4, None, Witness(9, 4, "h9"))
+    assert play.spawned() == orders.Spawn(4, None, (Witness(9, 4, "h9"),))
 
 
 def test_the_next_core_still_expects_the_epoch_that_was_known_before_the_reader() -> None:
@@ -442,7 +442,7 @@ def test_a_person_may_accept_the_ledger_while_reads_are_served() -> None:
     _reader(play).ring()
     play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESUME, accept_ledger=True))
     play.die(seen.Exit(code=0))
-    assert play.spawned() == orders.Spawn(4, None, None)
+    assert play.spawned() == orders.Spawn(4, None, ())
 
 
 def test_a_ledger_is_accepted_only_where_one_is_in_question() -> None:
@@ -451,7 +451,7 @@ def test_a_ledger_is_accepted_only_where_one_is_in_question() -> None:
     play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESUME, accept_ledger=True))
     play.die(seen.Exit(signal=11))
     known = play.spawned()
-    assert known.witness is not None, "what was last seen still counts"
+    assert known.witnesses, "what was last seen still counts"
     play.die(seen.Exit(code=65), a_page(0, words="STORE_CORRUPT"))
     assert play.manager.reading().in_question
 
