@@ -72,12 +72,21 @@ Work = Order | LookUp | Exercise | Touch
 
 
 @dataclass(frozen=True, slots=True)
+class Commit:
+    """Where an event stands in the book: its number and its hash (32 bytes)."""
+
+    seq: int
+    hash: bytes
+
+
+@dataclass(frozen=True, slots=True)
 class Done:
-    """The command was carried out: the JSON of its answer."""
+    """The command was carried out: the JSON of its answer. `commit`: what was booked for it in this life."""
 
     status: int
     body: bytes
     replayed: bool = False
+    commit: Commit | None = None
 
 
 @dataclass(frozen=True, slots=True)

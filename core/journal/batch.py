@@ -18,6 +18,7 @@ from core.journal.answers import (
     CREATED,
     OK,
     Answer,
+    Commit,
     Done,
     KeyRow,
     KeyTaken,
@@ -103,7 +104,7 @@ class Batch:
         for event in events[:-1]:
             self._happen(order, event, None, wall_ns)
         place = self._happen(order, events[-1], order.key, wall_ns)
-        answer = self._tell(order, events[-1], place)
+        answer = replace(self._tell(order, events[-1], place), commit=Commit(place.seq, place.hash))
         self._keep(order, answer, place.seq)
         return answer
 

@@ -49,13 +49,15 @@ class Broken:
 
 def hash_of(before: bytes, row: EventRow) -> bytes:
     """Return the hash of this event when the one before it has the hash `before`."""
-    digest = sha256(before)
-    digest.update(_NUMBERS.pack(row.seq, row.epoch, row.booked_ns))
-    digest.update(_sized(row.kind))
-    digest.update(_sized(row.command_id))
-    digest.update(_NO_KEY if row.key is None else _sized(row.key))
-    digest.update(row.body)
-    return digest.digest()
+    parts = (
+        before,
+        _NUMBERS.pack(row.seq, row.epoch, row.booked_ns),
+        _sized(row.kind),
+        _sized(row.command_id),
+        _NO_KEY if row.key is None else _sized(row.key),
+        row.body,
+    )
+    return sha256(b"".join(parts)).digest()
 
 
 def check_link(before: EventRow | None, row: EventRow) -> Broken | None:

@@ -140,9 +140,7 @@ def event_rows(connection: Connection, after_seq: int, limit: int | None = None)
     """Return the events after a sequence, in order."""
     query = select(schema.event).where(schema.event.c.seq > after_seq).order_by(schema.event.c.seq)
     for row in connection.execute(query.limit(limit)):
-        yield EventRow(
-            row.seq, row.epoch, row.booked_ns, row.kind, row.command_id, row.key, row.body, row.hash
-        )
+        yield EventRow(*row)  # its columns in their order: by name it costs a proof half as much again
 
 
 def event_row(connection: Connection, seq: int) -> EventRow | None:
@@ -176,7 +174,7 @@ def keys_between(connection: Connection, first_seq: int, last_seq: int | None = 
     query = select(kept.seq, kept.key).where(kept.seq >= first_seq)
     if last_seq is not None:
         query = query.where(kept.seq <= last_seq)
-    return {row.seq: row.key for row in connection.execute(query)}
+    return {row[0]: row[1] for row in connection.execute(query)}
 
 
 def moved_between(connection: Connection, first_seq: int, last_seq: int | None = None) -> dict[str, int]:

@@ -31,7 +31,7 @@ from core.journal.store import StoreError
 from core.ledger.commands import Command, accounts_of, transaction_of
 from core.ledger.reasons import Rejection
 from core.service import Draining, Held, NoSlot, ReadTooLong, Service, holding_slot
-from core.web.door import take_slot
+from core.web.door import note_commit, take_slot
 from core.web.intake import digest_of, idempotency_key
 from core.web.problems import PROBLEM_KINDS, Outcome, Problem, ProblemError, refusal, safe_mode
 
@@ -67,7 +67,8 @@ async def carry_out(request: Request, kind: str, command: Command, body: bytes) 
         transaction_id=transaction_id,
         account_ids=account_ids,
     )
-    return respond_with(await service.carry_out(command, key, digest_of(request, body), command_id, slot))
+    answer = await service.carry_out(command, key, digest_of(request, body), command_id, slot)
+    return respond_with(request, answer)
 
 
 async def read(
@@ -120,10 +121,12 @@ def granted(found: T | NoSlot | Draining) -> T:
     return found
 
 
-def respond_with(answer: Answer) -> Response:
+def respond_with(request: Request, answer: Answer) -> Response:
     """Return the response for what the writer answered."""
     match answer:
-        case Done(status, body, replayed):
+        case Done(status, body, replayed, commit):
+            if commit is not None:
+                note_commit(request.scope, commit)
             headers = {"Idempotent-Replayed": "true"} if replayed else None
             return Response(body, status, headers, media_type="application/json")
         case Refused(rejection, replayed):

@@ -9,9 +9,12 @@ from typing import Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from core.journal.answers import Commit
 from core.service import UNANSWERED, Service
 
 _SLOT: Final = "core.slot"
+_COMMIT: Final = "core.commit"
+_FAILED: Final = 400
 _SWITCHING: Final = 101
 _HEADS: Final = frozenset({"http.response.start", "websocket.accept", "websocket.http.response.start"})
 
@@ -20,6 +23,11 @@ def take_slot(scope: Scope, slot: int) -> None:
     """Bind a slot to this request: it is finished when the request is."""
     assert _SLOT not in scope, "a request takes one slot"
     scope[_SLOT] = slot
+
+
+def note_commit(scope: Scope, commit: Commit) -> None:
+    """Have the answer to this request say what it has booked; the last of several."""
+    scope[_COMMIT] = commit
 
 
 class Door:
@@ -39,6 +47,9 @@ class Door:
             if message["type"] in _HEADS:
                 status = message.get("status", _SWITCHING)
                 message["headers"] = [*message.get("headers", ()), (b"x-core-epoch", self._epoch)]
+                if _COMMIT in scope and status < _FAILED:
+                    said = f"{scope[_COMMIT].seq}:{scope[_COMMIT].hash.hex()}".encode()
+                    message["headers"].append((b"x-core-commit", said))
                 if _SLOT in scope:
                     self._service.answering(scope[_SLOT])
             await send(message)

@@ -166,7 +166,7 @@ async def look_up(request: Request) -> Response:
             lang = language(request.headers.get("accept-language"))
             told = problem_json(refusal(rejection), lang, service.settings)
         case _:
-            return respond_with(answer)
+            return respond_with(request, answer)
     return as_json({"key": key, "outcome": "done", "status": status, "answer": told})
 
 

@@ -93,7 +93,7 @@ async def carry_out(
         account_ids=accounts_of(command),
     ) as held:
         answer = await service.carry_out(command, key, digest_of(request, form.body), command_id, held.slot)
-        response = respond_with(answer)
+        response = respond_with(request, answer)
         held.status = response.status_code
     told: dict[str, Any] = msgspec.json.decode(response.body)
     return told
