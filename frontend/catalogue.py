@@ -21,6 +21,10 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "이 가계부는 이미 돌고 있어요. `hardcore down`으로 끈 뒤에 --demo로 다시 시작하세요.",
         "This ledger is already running. Stop it with `hardcore down`, then start it with --demo.",
     ),
+    "no_spare_later": (
+        "이 가계부는 이미 돌고 있어요. `hardcore down`으로 끈 뒤에 --no-spare로 다시 시작하세요.",
+        "This ledger is already running. Stop it with `hardcore down`, then start it with --no-spare.",
+    ),
     "attached": (
         "이미 돌고 있던 감시자에 다시 붙었어요: {url}",
         "Attached to the sentinel that was still running: {url}",
@@ -110,9 +114,29 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "Still stopping after {seconds} seconds. See `hardcore status`.",
     ),
     "restarting": ("핵심 서버를 다시 켜는 중이에요.", "Restarting the core."),
+    "switching": (
+        "기다리던 예비 서버로 바꾸는 중이에요.",
+        "Switching to the spare core.",
+    ),
+    "awaits_spare": (
+        "예비 서버가 준비되면 바꿀게요. 그때까지 지금 서버가 계속 일해요.",
+        "Waiting for a spare core. The one that serves goes on until then.",
+    ),
+    "awaits_update": (
+        "새 코드로 예비 서버를 준비하는 중이에요. 그때까지 지금 서버가 계속 일해요.",
+        "Waiting for a spare core with the new code. The one that serves goes on until then.",
+    ),
+    "switch_left": (
+        "여기까지만 볼게요. 부탁은 그대로 남아서 예비 서버가 준비되면 바꿔요: `hardcore status`",
+        "The wish stands: the switch is done as soon as a spare is ready. See `hardcore status`.",
+    ),
+    "switch_refused": (
+        "바꾸지 못했어요. 지금 서버가 그대로 일하고 있고 잃은 것은 없어요.\n  까닭: {why}\n{log} 파일을 보고 고친 뒤 `hardcore restart`를 다시 하세요.",
+        "Not switched. The core that served goes on, and nothing is lost.\n  Why: {why}\nLook at {log}, mend it, then `hardcore restart` again.",
+    ),
     "restarted": (
-        "다시 켰어요. {seconds}초 만에 다시 응답했어요. 사건 번호: {incident}",
-        "Restarted: it served again after {seconds} seconds. Incident: {incident}",
+        "새 서버로 바꿨어요. 응답을 기다리게 한 시간: {ms} ms. 사건 번호: {incident}",
+        "A new core serves. Nobody was served for {ms} ms. Incident: {incident}",
     ),
     "restarted_to_read": (
         "다시 켰지만 지금은 읽기만 돼요. {next} 사건 번호: {incident}",
@@ -147,6 +171,14 @@ CLI: Final[dict[str, tuple[str, str]]] = {
     "drill_untold": (
         "약속과 달라요. 훈련이 끝나지 않았고 사람의 확인이 필요해요. {next}",
         "Not as promised: the drill has not come to an end, and it waits for you. {next}",
+    ),
+    "drill_spared": (
+        "약속대로예요. 새 예비 서버가 준비됐고 장부 서버는 그대로예요. 걸린 시간: {seconds}초",
+        "As promised: another spare waits after {seconds} s, and the core that serves was not touched.",
+    ),
+    "drill_spareless": (
+        "약속과 달라요. 새 예비 서버가 오지 않았어요. {why}",
+        "Not as promised: no other spare came. {why}",
     ),
     "drill_calm": ("약속대로예요. 아무도 건드리지 않았어요.", "As promised: nobody touched it."),
     "drill_disturbed": (
@@ -216,6 +248,10 @@ REFUSALS: Final[dict[str, tuple[str, str]]] = {
         "아직 끝나지 않은 사건이 있어요 ({incident}). 끝난 뒤에 다시 하세요.",
         "An incident is still open ({incident}). Wait until it is closed.",
     ),
+    "no-spare": (
+        "지금은 기다리는 예비 서버가 없어요. `hardcore status`에 까닭이 있어요.",
+        "No spare core waits at present. `hardcore status` says why.",
+    ),
     "others": (
         "다른 연결이 열려 있어요 ({count}개). 그래도 하려면 --yes를 붙이세요.",
         "Others are connected ({count}). Add --yes to break the core under them.",
@@ -253,6 +289,17 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "state": ("상태", "State"),
     "address": ("주소", "Address"),
     "core": ("핵심 서버", "Core"),
+    "spare": ("예비 서버", "Spare"),
+    "behind": ("물러난 서버", "Old core"),
+    "switch": ("바꾸기", "Switch"),
+    "switch_waits": ("예비 서버가 준비되면 바꿔요", "waits for a spare"),
+    "spare_ready": ("준비됨", "ready"),
+    "spare_starting": ("준비하는 중", "being started"),
+    "spare_outdated": (
+        "디스크의 코드와 달라요 (`hardcore restart`로 바꿔요)",
+        "not the code that is on the disk (`hardcore restart` takes it)",
+    ),
+    "behind_fence": ("더는 쓰지 못해요", "can write no more"),
     "gateway": ("관문", "Gateway"),
     "sentinel": ("감시자", "Sentinel"),
     "budget": ("재시작", "Restarts"),
@@ -270,6 +317,28 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "next": ("다음 할 일", "Next step"),
     "stopped": ("꺼져 있음 (`hardcore up`으로 다시 켜요)", "stopped, as asked (`hardcore up` starts it)"),
 }
+
+
+#: Why no spare is kept -> (ko, en)
+SPARE_LACKS: Final[dict[str, tuple[str, str]]] = {
+    "off": (
+        "없음: 꺼 두었어요 (정책의 `spare` 또는 `up --no-spare`)",
+        "none: it is turned off (`spare` in the policy, or `up --no-spare`)",
+    ),
+    "memory": (
+        "없음: 빈 메모리가 모자라요 (정책의 `spare_memory_mb`). 멈추면 새로 켜는 동안 기다려요",
+        "none: too little memory is free (`spare_memory_mb` in the policy). A restart takes longer",
+    ),
+    "died": (
+        "없음: 거듭 실패했어요. 멈추면 새로 켜는 동안 기다려요. 까닭: {why}",
+        "none: it failed again and again. A restart takes longer. Why: {why}",
+    ),
+}
+
+
+def spare_lack(lack: str, lang: str, why: str = "") -> str:
+    """Return why no spare is kept, in words. `why`: what became of the last one."""
+    return SPARE_LACKS[lack][LANGUAGES.index(lang)].format(why=why)
 
 
 #: What to do when the guard waits for a person: why -> (ko, en)

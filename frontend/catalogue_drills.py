@@ -113,6 +113,13 @@ TOLD: Final[Mapping[str, Told]] = {
         ),
         ("아무도 건드리지 않아요. 12초쯤 지켜볼게요.", "Nobody touches it. This is watched for some 12 s."),
     ),
+    "spare": Told(
+        ("기다리고 있는 예비 서버를 죽여요.", "The spare server that waits is killed."),
+        (
+            "새 예비 서버가 와요. 장부 서버는 아무것도 모르고 사건도 남지 않아요.",
+            "Another spare comes. The ledger's server does not notice, and there is no incident.",
+        ),
+    ),
 }
 
 

@@ -167,9 +167,12 @@ def until(holds: Callable[[], bool], within_s: float = WAIT_S) -> bool:
 
 
 def come_back(
-    asked: Asked, back: Callable[[dict[str, Any]], bool], within_s: float = WAIT_S
+    asked: Asked, back: Callable[[dict[str, Any]], bool], within_s: float = WAIT_S, left: str = "goes_on"
 ) -> dict[str, Any]:
-    """Wait until the status says what is meant; end with a sentence if it does not in time."""
+    """Wait until the status says what is meant; end with a sentence if it does not in time.
+
+    `left`: the text for somebody who does not wait for it.
+    """
     told: dict[str, Any] = {}
 
     def look() -> bool:
@@ -180,7 +183,7 @@ def come_back(
     try:
         back_in_time = until(look, within_s)
     except KeyboardInterrupt:
-        asked.fail(text("goes_on", asked.lang), 130)
+        asked.fail(text(left, asked.lang), 130)
     if not back_in_time:
         asked.fail(text("no_comeback", asked.lang, seconds=int(within_s)))
     return told

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +30,12 @@ from hardcore.host.folders import Folders
 from hardcore.looking_back import incidents, replay
 from hardcore.model.phases import Wanted
 from hardcore.policy_words import policy
+from hardcore.restarting import PROVEN, restart
 from hardcore.status_page import printed_status
 from hardcore.up import held
 
 STATE_CODES = {"OPERATIONAL": 0, "STARTING": 3, "DEGRADED": 3, "RECOVERY": 3, "SAFE_MODE": 3}
 NEEDS_A_PERSON = 4
-#: A core serves and has proven itself; a worry is no reason to wait.
-SERVING = {"RUNNING", "SUSPECT"}
 VERIFY_TIMEOUT_S = 600.0
 
 
@@ -54,7 +52,7 @@ def main(context: click.Context, /, **given: object) -> None:
     hardcore incidents           what has happened
     hardcore drill crash         break it on purpose and watch it come back
     hardcore doctor              what this machine lets the guard see and do
-    hardcore restart             a new core, without losing a request
+    hardcore restart             a new core with the code on the disk, without losing a request
     hardcore down                stop it and keep it stopped
     """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
     context.obj = given
@@ -71,10 +69,12 @@ def main(context: click.Context, /, **given: object) -> None:
 @click.option(
     "--demo", is_flag=True, help="Add a page with buttons that break the core, to watch it come back."
 )
+@click.option("--no-spare", is_flag=True, help="Keep no second core ready: less memory, a slower way back.")
 @operator
-def up(asked: Asked, host: str, port: int, policy: Path | None, *, demo: bool) -> None:
+def up(asked: Asked, host: str, port: int, policy: Path | None, *, demo: bool, no_spare: bool) -> None:
     """Start the ledger and its guard, here in the foreground. Ctrl-C stops everything cleanly."""
-    ready = starting.prepare_start(asked.data, host, port, policy, asked.lang, demo=demo)
+    wishes = starting.Wishes(demo=demo, no_spare=no_spare)
+    ready = starting.prepare_start(asked.data, host, port, policy, asked.lang, wishes)
     if isinstance(ready, starting.Refused):
         asked.fail(ready.words, ready.code)
     if ready.warning:
@@ -84,7 +84,7 @@ def up(asked: Asked, host: str, port: int, policy: Path | None, *, demo: bool) -
         asked.say("demo", url=ready.url, data=asked.data.absolute())
     asked.tell({"ok": True, "url": ready.url, "attached": ready.attached})
     sys.stdout.flush()
-    starting.become_launcher(ready, demo=demo)
+    starting.become_launcher(ready, wishes)
 
 
 @main.command()
@@ -130,7 +130,9 @@ def _down_without_a_sentinel(folders: Folders) -> int | None:
     try:
         if not until(lambda: not held(folders.guard_lock)):
             return None
-        return leftovers.end_leftovers(folders, standing.policy_in_force(folders).policy.stop_timeout_ms / 1000)
+        return leftovers.end_leftovers(
+            folders, standing.policy_in_force(folders).policy.stop_timeout_ms / 1000
+        )
     finally:
         os.close(lock)
 
@@ -159,41 +161,6 @@ def _show_once(asked: Asked, *, clear: bool) -> int:
 
 
 @main.command()
-@click.option("--reason", default="", help="Why; it stands in the report.")
-@click.option("--hard", is_flag=True, help="Kill the core instead of letting it finish.")
-@click.option(
-    "--image", is_flag=True, help="Keep the old core's whole memory (policy: memory_image on_request)."
-)
-@operator
-def restart(asked: Asked, reason: str, *, hard: bool, image: bool) -> None:
-    """Start a new core. Requests wait meanwhile; none is lost."""
-    before = _core_of(status_of(asked))
-    answer = asked.ask(verb="restart", reason=reason, hard=hard or image, image=image)
-    asked.say("restarting" if answer.get("changed") else "starting_already")
-    began = time.monotonic()
-    incident = answer.get("incident")
-    come_back(asked, lambda told: _serves_anew(told, before))
-    served_s = time.monotonic() - began
-    told = come_back(asked, lambda told: _serves_anew(told, before) and told["phase"] in SERVING)
-    step = next_words(told, asked.lang)
-    if not _serves_anew(told, before):
-        asked.fail(asked.words("not_back", next=step))
-    said = "restarted_to_read" if told["safe"] else "restarted"
-    asked.say(said, seconds=f"{served_s:.1f}", incident=incident or "-", next=step)
-    asked.tell({"ok": True, "incident": incident, "safe": told["safe"]})
-
-
-def _core_of(told: Mapping[str, Any]) -> tuple[object, object]:
-    """Return which core it is; the number of a process alone may be given again."""
-    return told["core"]["pid"], told["core"]["epoch"]
-
-
-def _serves_anew(told: Mapping[str, Any], before: tuple[object, object]) -> bool:
-    """Tell whether another core serves than the one before, whatever other trouble may be open."""
-    return bool(told["core"]["ready"]) and _core_of(told) != before
-
-
-@main.command()
 @click.option(
     "--accept-ledger",
     is_flag=True,
@@ -208,8 +175,8 @@ def resume(asked: Asked, *, accept_ledger: bool) -> None:
         asked.tell(answer)
         return
     asked.say("resumed")
-    told = come_back(asked, lambda told: told["phase"] in SERVING | {"FATAL"})
-    if told["phase"] not in SERVING:
+    told = come_back(asked, lambda told: told["phase"] in PROVEN | {"FATAL"})
+    if told["phase"] not in PROVEN:
         asked.fail(asked.words("not_back", next=next_words(told, asked.lang)))
     asked.tell({"ok": True, "phase": told["phase"]})
 
@@ -254,7 +221,7 @@ def _verify_alone(asked: Asked) -> dict[str, Any]:
     return found
 
 
-for command in (incidents, replay, drill, doctor, policy):
+for command in (incidents, replay, drill, doctor, policy, restart):
     main.add_command(command)
 
 

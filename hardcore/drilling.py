@@ -2,16 +2,19 @@
 
 Each fault is a real one, and each has one outcome that its table below promises. A drill that turns out
 otherwise is a finding: exit code 1, and the incident to look at. `gc` is the other kind of drill: it makes a
-healthy core look ill, and passes if nobody does anything about it.
+healthy core look ill, and passes if nobody does anything about it. `spare` kills the core that waits: another one has
+to come, and the one that serves must not notice.
 """
 
 import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import click
 
+from frontend.catalogue import spare_lack
 from frontend.catalogue_drills import done_words, promised_words
 from hardcore.asked import LOOK_EVERY_S, Asked, come_back, next_words, operator, status_of
 from hardcore.control.protocol import DRILLS, PEACE_S
@@ -19,6 +22,8 @@ from hardcore.looking_back import told_incident
 
 #: The longest way back: a transaction's whole time, a full disk's first tries, a restart and its probation.
 BACK_S = 120.0
+#: A spare starts at low priority and may take as long as any start.
+SPARE_S = 90.0
 #: Noticed sooner than this is noticed by no watch: the core has said so itself.
 AT_ONCE_MS = 0.05
 
@@ -63,11 +68,16 @@ def drill(asked: Asked, fault: str, *, yes: bool) -> None:
     dblock              another process holds the ledger's lock: told, nothing is killed
     diskfull            the disk takes no write: reads go on, writes wait for room
     gc                  a long garbage collection: nothing may happen
+    spare               the core that waits is killed: another comes, nobody notices
     """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
-    before = status_of(asked).get("last_incident")
+    first = status_of(asked)
+    before = first.get("last_incident")
     asked.ask(verb="drill", fault=fault, yes=yes)
     promised = promised_words(fault, asked.lang)
     asked.say("drill_begins", fault=fault, done=done_words(fault, asked.lang), promised=promised)
+    if fault == "spare":
+        _another_waits(asked, first)
+        return
     if fault not in PROMISES:
         _stays_calm(asked, before)
         return
@@ -107,3 +117,24 @@ def _stays_calm(asked: Asked, before: object) -> None:
         time.sleep(LOOK_EVERY_S)
     asked.say("drill_calm")
     asked.tell({"ok": True, "incident": None, "story": None})
+
+
+def _another_waits(asked: Asked, first: Mapping[str, Any]) -> None:
+    """Watch until another spare is ready; the drill has failed if none comes, or anything was done to the core."""
+    began = time.monotonic()
+
+    def waits(told: Mapping[str, Any]) -> bool:
+        if told["core"]["pid"] != first["core"]["pid"] or told["last_incident"] != first["last_incident"]:
+            asked.fail(asked.words("drill_disturbed"))
+        if told["spare_lack"] is not None:
+            asked.fail(
+                asked.words(
+                    "drill_spareless", why=spare_lack(told["spare_lack"], asked.lang, told["spare_off"])
+                )
+            )
+        spare = told["spare"]
+        return bool(spare and spare["ready"] and spare["pid"] != first["spare"]["pid"])
+
+    told = come_back(asked, waits, SPARE_S)
+    asked.say("drill_spared", seconds=f"{time.monotonic() - began:.1f}")
+    asked.tell({"ok": True, "incident": None, "story": None, "spare": told["spare"]["pid"]})

@@ -1,6 +1,8 @@
 """What the guard keeps on disk between its lives: policy, what is wanted, generation, whose the run folder is."""
 
 import contextlib
+import dataclasses
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +20,9 @@ from hardcore.recovery.policy import (
     shipped_text,
 )
 from hardcore.snapshot.image import ImageLimits
+
+#: Passed from `hardcore up --no-spare` to each sentinel of that launcher: none keeps a spare, whatever the policy says.
+NO_SPARE_SWITCH = "HARDCORE_NO_SPARE"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +50,16 @@ def load_policy_file(path: Path) -> Policy | list[PolicyFault]:
 
 
 def policy_in_force(folders: Folders) -> PolicyInForce:
-    """Return the policy of the data folder and keep it as the last good one, if it is one."""
+    """Return the policy of the data folder and keep it as the last good one, if it is one.
+
+    What the command line has taken away is no part of what is kept.
+    """
     found = policy_at_next_start(folders)
     if not found.fault:
         with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
             files.write_whole(folders.good_policy, folders.policy.read_bytes())
+    if os.environ.get(NO_SPARE_SWITCH) == "1":
+        return PolicyInForce(dataclasses.replace(found.policy, spare=False), found.fault)
     return found
 
 

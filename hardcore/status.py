@@ -51,6 +51,7 @@ def _shape() -> dict[str, Any]:
         },
         "spare": None,
         "spare_off": "",  # why none is kept
+        "spare_lack": None,  # the same as a word
         "switch_waits": False,
         "switch_fault": "",
         "budget": {"used": 0, "limit": None, "window_s": None},
@@ -72,6 +73,7 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "wanted": str(reading.wanted),
         "safe": str(reading.safe) if reading.safe else None,
         "spare_off": reading.spare_fault,
+        "spare_lack": str(reading.spare_lack) if reading.spare_lack else None,
         "switch_waits": reading.switch_waits,
         "switch_fault": reading.switch_fault,
         "incident": reading.incident,

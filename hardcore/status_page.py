@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from frontend.catalogue import label, next_step, state_words
+from frontend.catalogue import label, next_step, spare_lack, state_words
 from frontend.catalogue_policy import diagnosis_words
 from hardcore.lines import cells, wrapped
 
@@ -16,8 +16,15 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
         rows.append(("next", next_step(told.get("waits_for") or told["safe"], lang)))
     none = label("none", lang)
     rows.append(("address", told["url"] or none))
-    rows += [("core", _core(told["core"], lang)), ("gateway", _gateway(told["gateway"], lang))]
+    rows.append(("core", _core(told["core"], lang)))
     sentinel = told["sentinel"]
+    if told["core"]["pid"] and told["core"]["old_pid"]:
+        rows.append(("behind", f"pid {told['core']['old_pid']}, {label('behind_fence', lang)}"))
+    if sentinel["pid"]:
+        rows.append(("spare", _spare(told, lang)))
+    if told["switch_waits"]:
+        rows.append(("switch", label("switch_waits", lang)))
+    rows.append(("gateway", _gateway(told["gateway"], lang)))
     if sentinel["pid"]:
         cpu = "-" if sentinel["cpu_percent"] is None else f"{sentinel['cpu_percent']} %"
         rows.append(("sentinel", f"pid {sentinel['pid']}, {cpu}, {sentinel['rss_bytes'] // (1 << 20)} MB"))
@@ -48,6 +55,16 @@ def _core(core: dict[str, Any], lang: str) -> str:
     beat = "" if age is None else f", {label('beat', lang)} {age} ms"
     epoch = f"{label('epoch', lang)} {core['epoch']}"
     return f"pid {core['pid']}, {epoch}{beat}, {label('in_flight', lang)} {core['in_flight']}"
+
+
+def _spare(told: dict[str, Any], lang: str) -> str:
+    spare = told["spare"]
+    if spare is None:
+        lack = told["spare_lack"]
+        return spare_lack(lack, lang, told["spare_off"]) if lack else label("none", lang)
+    ready = label("spare_ready" if spare["ready"] else "spare_starting", lang)
+    outdated = f", {label('spare_outdated', lang)}" if spare["build_fits"] is False else ""
+    return f"pid {spare['pid']}, {ready}{outdated}"
 
 
 def _gateway(gateway: dict[str, Any], lang: str) -> str:

@@ -32,6 +32,14 @@ class Refused:
 
 
 @dataclass(frozen=True, slots=True)
+class Wishes:
+    """What `up` leaves in the launcher's environment, for each sentinel that it starts."""
+
+    demo: bool = False  # add a page with buttons that break the core
+    no_spare: bool = False  # keep no spare core, whatever the policy says
+
+
+@dataclass(frozen=True, slots=True)
 class Ready:
     """All that the launcher needs; both descriptors are kept over the exec."""
 
@@ -43,7 +51,7 @@ class Ready:
 
 
 def prepare_start(
-    data: Path, host: str, port: int, policy: Path | None, lang: str, *, demo: bool = False
+    data: Path, host: str, port: int, policy: Path | None, lang: str, wishes: Wishes
 ) -> Ready | Refused:
     """Settle everything that can go wrong before the launcher takes over."""
     address = _loopback(host)
@@ -56,8 +64,10 @@ def prepare_start(
         folders = _claim(made, lang)
         if isinstance(folders, Refused):
             return folders
-        if demo and held(folders.run / "sentinel.lock"):
-            return Refused(text("demo_later", lang))  # what runs was begun to be relied on
+        # A sentinel that runs was told when it began.
+        later = "demo_later" if wishes.demo else "no_spare_later" if wishes.no_spare else None
+        if later is not None and held(folders.run / "sentinel.lock"):
+            return Refused(text(later, lang))
         return _settle(folders, address, port, policy, lang)
     except OSError as error:  # a full disk lets folders be made, but no files be written
         return Refused(text("data_not_written", lang, path=made.data, why=error.strerror))
@@ -109,11 +119,15 @@ def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: s
     return Ready(folders, listener.detach(), f"http://{shown}:{port}", attached=False, warning=warning)
 
 
-def become_launcher(ready: Ready, *, demo: bool = False) -> None:
+def become_launcher(ready: Ready, wishes: Wishes) -> None:
     """Become the launcher. Does not return."""
-    os.environ.pop(lives.DEMO_SWITCH, None)  # the command line decides, not what a shell has left over
-    if demo:
-        os.environ[lives.DEMO_SWITCH] = "1"
+    for name, wished in (
+        (lives.DEMO_SWITCH, wishes.demo),
+        (standing.NO_SPARE_SWITCH, wishes.no_spare),
+    ):
+        os.environ.pop(name, None)  # the command line decides, not what a shell has left over
+        if wished:
+            os.environ[name] = "1"
     os.set_inheritable(ready.listen_fd, True)
     # Kept back over the exec: a Ctrl-C that meets a starting interpreter is answered with a traceback.
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
