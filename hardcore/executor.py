@@ -6,20 +6,21 @@ a collector that hangs in the kernel can't keep the next core from being started
 """
 
 import asyncio
-import os
 import shutil
 import signal
 import sys
-import threading
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, assert_never
 
-from hardcore.host import clock, deaths, files, lives, logs, processes
+from hardcore.clearing import Clearing
+from hardcore.handover import Handover
+from hardcore.host import clock, deaths, lives, logs, memory, processes
 from hardcore.host.folders import Folders
-from hardcore.host.lives import CoreLimits, Life
+from hardcore.host.lives import CoreLimits, Life, Terms
+from hardcore.host.steps import Steps
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.senses import Senses
@@ -37,6 +38,8 @@ SUSPECTS_A_LINE = 512
 REPORT_S = 20.0
 #: What is under way when all is stopped gets this long: a last report, and evidence that a slow disk takes.
 FINISH_S = 30.0
+#: Whoever still lives when all is stopped gets this long to be gone, once killed.
+HALT_S = 1.0
 LOG_S = 1.0
 #: A core says WATCHDOG=1 at least twice in this time; its silence is judged by the recorder, not by this.
 WATCHDOG_USEC = 2_000_000
@@ -68,16 +71,13 @@ class Executor:
         bounds: Bounds | None = None,
     ) -> None:
         self.lives: dict[int, Life] = {}
-        self.leftovers: tuple[Life, ...] = ()
+        self.adoptable: Life | None = None
         self.halted = asyncio.Event()
-        self.switch: dict[str, object] = {"generation": generation, "step": "begin"}
-        self._switch_lock = threading.Lock()
+        self._steps = Steps(folders, generation, still_ours, self._unwritten)
         self._keeping = asyncio.Lock()
-        self._adopting = False
-        self._living_leftovers = 0
+        self._clearing = Clearing(tell, self.in_hand)
         self.pool = ThreadPoolExecutor(THREADS_MAX, thread_name_prefix="hand")
         self._folders = folders
-        self._generation = generation
         self._tell = tell
         self._publish = publish
         self._still_ours = still_ours
@@ -85,6 +85,7 @@ class Executor:
         self._bounds = bounds
         self.tools = find_tools()
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
+        self._handover = Handover(folders, generation, self._steps, tell)
         self._tasks: set[asyncio.Task[None]] = set()
         self._evidence: dict[str, list[asyncio.Event]] = {}
         self.filing = Filing(folders.incidents, self, self._report, shelter=folders.shelter)
@@ -94,7 +95,16 @@ class Executor:
         """Begin to carry out one order."""
         match action:
             case orders.Spawn():
-                self.begin(self._spawn(action))
+                safe = None if action.safe is None else str(action.safe)
+                self.begin(self._spawn(action.life, Terms(action.expected_epoch, action.witnesses, safe)))
+            case orders.SpawnSpare():
+                self.begin(self._spawn(action.life, Terms(spare=True)))
+            case orders.Promote():
+                self._promote(action)
+            case orders.Drain():
+                self.begin(self._drain(action))
+            case orders.Adopt():
+                self._adopt(action)
             case orders.Terminate():
                 self.begin(self._terminate(action))
             case orders.Kill():
@@ -118,7 +128,7 @@ class Executor:
             case orders.KeepBudget():
                 self.begin(self._keep(action))
             case orders.Halt():
-                self.halted.set()
+                self.begin(self._halt())
             case _:
                 assert_never(action)
 
@@ -148,20 +158,14 @@ class Executor:
 
         A guard whose lock is gone has lost the right to act, and ends here. The writing is a hint.
         """
-        self._still_ours()
-        self.hint(step, **particulars)
+        self._steps.mark(step, **particulars)
 
     def hint(self, step: str | None, **particulars: object) -> None:
-        """Write down where we are, for whoever looks; without a step, the one before stays.
+        """Write down where we are, for whoever looks; without a step, the one before stays."""
+        self._steps.hint(step, **particulars)
 
-        No deed depends on it: a hint that can't be written is told in the log, and the deed is done.
-        """
-        try:
-            with self._switch_lock:
-                self.switch |= particulars if step is None else {"step": step, **particulars}
-                files.write_json(self._folders.switch, self.switch, durable=False)
-        except Exception as error:  # noqa: BLE001  # whatever it is: a process may just have been made
-            self.note("hint", step=step, failed=_said(error))
+    def _unwritten(self, step: str | None, error: BaseException) -> None:
+        self.note("hint", step=step, failed=_said(error))
 
     # ---- orders ----
 
@@ -178,38 +182,40 @@ class Executor:
         except Exception as error:  # noqa: BLE001  # a fault of a hand must not end the watch; it is told
             self.note("fault", where=getattr(work, "__qualname__", "?"), error=_said(error))
 
-    async def _spawn(self, order: orders.Spawn) -> None:
+    async def _spawn(self, number: int, terms: Terms) -> None:
         try:
             living = {life.nonce for life in self.lives.values()}  # here: the loop changes them meanwhile
-            life = await self.in_hand(self._make, order, living)
+            life = await self.in_hand(self._make, number, terms, living)
         except Exception as error:  # noqa: BLE001  # a core that could not be made, for whatever reason, is a fact
-            self._tell(seen.SpawnFailed(clock.now_ns(), order.life, _said(error)))
+            self._tell(seen.SpawnFailed(clock.now_ns(), number, _said(error)))
             return
-        self.lives[order.life] = life
+        assert life.handle is not None, "it was made with its process"
+        self._keep_watch(life)
+        self._tell(seen.CoreSpawned(clock.now_ns(), number, life.handle.pid))
+
+    def _keep_watch(self, life: Life) -> None:
+        """From now on this life is ours: its end will be seen."""
+        assert life.handle is not None, "only a process ends"
+        self.lives[life.number] = life
         try:
             asyncio.get_running_loop().add_reader(life.handle.pidfd, self._ended, life)
         except OSError as error:
-            logs.end_with(f"a new core's end can't be watched: {error}")  # the next guard finds and ends it
-        self._tell(seen.CoreSpawned(clock.now_ns(), order.life, life.handle.pid))
+            logs.end_with(f"a core's end can't be watched: {error}")  # the next guard finds and ends it
 
-    def _make(self, order: orders.Spawn, living: set[str]) -> Life:
-        self.mark("spawn", life=order.life, expected_epoch=order.expected_epoch)
+    def _make(self, number: int, terms: Terms, living: set[str]) -> Life:
+        if terms.spare:
+            self._still_ours()  # a spare is no step of a switch
+        else:
+            self.mark("spawn", life=number, expected_epoch=terms.expected_epoch)
         lives.sweep(self._folders, living)
-        life = lives.conceive(self._folders, order.life)
+        life = lives.conceive(self._folders, number)
+        life.spare = terms.spare
         try:
-            handle = lives.start(
-                life,
-                order.expected_epoch,
-                order.witnesses,
-                WATCHDOG_USEC,
-                limits=self._bounds.core if self._bounds else None,
-                safe=None if order.safe is None else str(order.safe),
-            )
+            lives.start(life, terms, WATCHDOG_USEC, self._bounds.core if self._bounds else None)
         except BaseException:
             life.discard()  # no process has come of it
             raise
-        core = {"pid": handle.pid, "start": handle.identity.start, "nonce": life.nonce}
-        self.hint("spawned", core=core)
+        self.hint(None if terms.spare else "spawned", **life.named())
         return life
 
     def _ended(self, life: Life) -> None:
@@ -219,6 +225,8 @@ class Executor:
         how = life.handle.reap()
         if how is None:
             return
+        life.ended = True
+        self._steps.absolve(life.nonce)
         try:
             self._tell(seen.CoreExited(at_ns, life.number, how, life.page(), life.oom_kills()))
         except Exception as error:  # noqa: BLE001  # a death that nobody was told of would never be answered
@@ -227,11 +235,69 @@ class Executor:
         self.begin(self._bury(life))
 
     async def _bury(self, ended: Life) -> None:
-        """Give back what a life that has just ended had to itself, and let go of those that are long over."""
+        """Give back what a life that has just ended had to itself, and let go of those that are long over.
+
+        Of a spare nothing is kept: it has done nothing that its page could bear witness to.
+        """
         await self.in_hand(ended.dissolve)
-        for number in sorted(self.lives)[:-LIVES_KEPT_MAX]:
+        over = [number for number, life in sorted(self.lives.items()) if life.ended]
+        spares = [number for number in over if self.lives[number].spare]
+        for number in {*spares, *over[:-LIVES_KEPT_MAX]}:
             life = self.lives.pop(number)
             await self.in_hand(life.discard)
+
+    # ---- a switch ----
+
+    def _promote(self, order: orders.Promote) -> None:
+        """Tell the spare to take over, at once: on this path each turn of the loop is one that somebody waits."""
+        life = self._living(order.life)
+        if life is None:
+            self._tell(seen.PromoteRefused(clock.now_ns(), order.life, "it is gone"))
+            return
+        self.begin(self._handover.promote(life, order))
+
+    async def _drain(self, order: orders.Drain) -> None:
+        life = self._living(order.life)
+        if life is not None:
+            await self._handover.drain(life, order)
+
+    def _adopt(self, order: orders.Adopt) -> None:
+        """Take over the core that an earlier guard left: it is no child of ours, but its end is seen all the same."""
+        life = self.adoptable
+        assert life is not None, "it was found before the watch began"
+        assert life.handle is not None, "as above"
+        self.adoptable = None
+        life.number = order.life
+        life.oom = memory.oom_counter(life.handle.pid)
+        self._keep_watch(life)
+        self.mark("adopted", life=life.number, **life.named())
+
+    def reject(self, life: Life, why: str) -> None:
+        """Take back a spare that can't be one: it is told as one that could not be made, and ended."""
+        self._tell(seen.SpawnFailed(clock.now_ns(), life.number, why))
+        self.begin(self._kill(orders.Kill(life.number)))
+
+    async def _halt(self) -> None:
+        """End whoever still lives (a spare, who was left behind), and only then let the guard end."""
+        left = [life for life in self.lives.values() if not life.ended and life.handle is not None]
+        self._steps.condemn(*(life.nonce for life in left))
+        for life in left:
+            assert life.handle is not None, "as chosen above"
+            await self.in_hand(life.handle.kill_tree)
+        give_up_at = asyncio.get_running_loop().time() + HALT_S
+        for life in left:
+            assert life.handle is not None, "as above"
+            await processes.gone(life.handle, give_up_at - asyncio.get_running_loop().time())
+        self.halted.set()
+
+    def _living(self, number: int) -> Life | None:
+        life = self.lives.get(number)
+        return life if life is not None and life.handle is not None and not life.ended else None
+
+    def speaker(self, pid: int) -> Life | None:
+        """Return the life of the core that has this number; of two, the one that lives."""
+        found = [life for life in self.lives.values() if life.handle is not None and life.handle.pid == pid]
+        return min(found, key=lambda life: life.ended, default=None)
 
     # A life whose process is still being made gets no order here: the manager repeats it when it is told of
     # the process (SPAWNED), so that an order to nobody is not lost.
@@ -261,6 +327,7 @@ class Executor:
         life = self.lives.get(order.life)
         if life is None or life.handle is None:
             return
+        self._steps.condemn(life.nonce)
         await self.in_hand(self.mark, "terminate")
         life.handle.signal(signal.SIGTERM)
         life.handle.signal(signal.SIGCONT)  # a stopped core could not obey
@@ -269,43 +336,19 @@ class Executor:
         life = self.lives.get(order.life)
         if life is None or life.handle is None:
             return
+        self._steps.condemn(life.nonce)
         await self.in_hand(self.mark, "kill")
         await self.in_hand(life.handle.kill_tree)
 
     async def _kill_leftovers(self) -> None:
         await self.in_hand(self.mark, "adopt")
-        handles = [life.handle for life in self.leftovers if life.handle is not None]
-        for handle in handles:
-            await self.in_hand(handle.kill_tree)
-        if self._adopting:
-            return  # it is asked again while one does not die: that kills again, and one waiting is enough
-        self._adopting = True
-        self._living_leftovers = len(handles)
-        loop = asyncio.get_running_loop()
-        for (
-            handle
-        ) in handles:  # no time limit: what hangs in the kernel may end in hours, and then a core may begin
-            loop.add_reader(handle.pidfd, self._leftover_ended, handle)
-        if not handles:
-            self._adopt()
+        await self._clearing.kill()
 
-    def _leftover_ended(self, handle: processes.Handle) -> None:
-        asyncio.get_running_loop().remove_reader(handle.pidfd)
-        self._living_leftovers -= 1
-        if not self._living_leftovers:
-            self._adopt()
-
-    def _adopt(self) -> None:
-        """Nothing of the earlier guard's lives any more: take over what its cores left."""
-        handles = [life.handle for life in self.leftovers if life.handle is not None]
-        pages = [page for life in self.leftovers if (page := life.page()) is not None]
-        last = max(pages, key=lambda page: page.beats.epoch, default=None)
-        for life in self.leftovers:
-            life.let_go()
-        self.leftovers = ()
-        # Without a process there was nothing to kill: how that core ended, nobody saw.
-        how = seen.Exit(signal=signal.SIGKILL) if handles else seen.Exit()
-        self._tell(seen.CoreExited(clock.now_ns(), 0, how, last))
+    def inherit(self, leftovers: tuple[Life, ...], adoptable: Life | None) -> None:
+        """Take what an earlier guard left: what is to be ended, and a core that may be gone on with."""
+        self._clearing.leftovers = leftovers
+        self.adoptable = adoptable
+        self._steps.condemn(*(life.nonce for life in leftovers))
 
     async def _take_evidence(self, order: orders.TakeEvidence, done: asyncio.Event) -> None:
         try:
@@ -336,6 +379,7 @@ class Executor:
         )
         if order.living:
             if order.stop:
+                self._steps.condemn(life.nonce)
                 await self.in_hand(self.mark, "stop")
             image = self._bounds.image if self._bounds is not None and order.image else None
             taken = await writer.take_live(
@@ -404,12 +448,12 @@ class Executor:
         )
         ended = False
         try:
-            ended = await gone(handle, REPORT_S)
+            ended = await processes.gone(handle, REPORT_S)
         finally:
             if not ended:  # it hangs, or the guard ends and can't wait for it
                 self.note("report", incident=folder.name, failed="it did not end by itself")
                 handle.kill_tree()
-                await gone(handle, lives.KILL_S)
+                await processes.gone(handle, lives.KILL_S)
             handle.reap()
             handle.close()
 
@@ -423,23 +467,6 @@ def _said(error: BaseException) -> str:
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     return f"{type(error).__name__}: {error}"
-
-
-async def gone(handle: processes.Handle, within_s: float) -> bool:
-    """Wait until the process is gone; return whether it is."""
-    loop = asyncio.get_running_loop()
-    ended = asyncio.Event()
-    fd = os.dup(handle.pidfd)
-    loop.add_reader(fd, ended.set)
-    try:
-        await asyncio.wait_for(ended.wait(), max(0.0, within_s))
-    except TimeoutError:
-        return False
-    else:
-        return True
-    finally:
-        loop.remove_reader(fd)
-        os.close(fd)
 
 
 def _suspect_lines(keys: tuple[str, ...]) -> list[dict[str, object]]:

@@ -19,10 +19,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from hardcore.executor import Executor, gone
+from hardcore.executor import Executor
 from hardcore.host import build, clock, leftovers, lives, logs, processes
 from hardcore.host.folders import Folders
-from hardcore.host.processes import Handle
+from hardcore.host.processes import Handle, gone
 from hardcore.recovery.budget import NS_PER_S, Budget, backoff_ns
 from hardcore.recovery.policy import Policy
 

@@ -8,9 +8,10 @@ and seen off.
 import asyncio
 import sys
 
-from hardcore.executor import Executor, gone
+from hardcore.executor import Executor
 from hardcore.host import lives, locks, logs, processes
 from hardcore.host.folders import Folders
+from hardcore.host.processes import gone
 
 BEGIN_S = 5.0
 LOOK_EVERY_S = 0.05

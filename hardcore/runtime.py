@@ -34,15 +34,24 @@ from hardcore.host.notify import NotifySocket, Tally
 from hardcore.host.processes import Handle, start_of
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
-from hardcore.model.phases import LIVING, SERVING
+from hardcore.model.phases import LIVING, SERVING, Wanted
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import Tape
 from hardcore.recovery.reading import Reading
-from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, MalformedNotice, Notice, read_notice
+from hardcore.sentinel.heartbeat import (
+    CONTROL_VERSION,
+    NOTICE_BYTES_MAX,
+    MalformedNotice,
+    Notice,
+    SpareNotice,
+    read_notice,
+)
 from hardcore.snapshot import writer
 
 FEED_EVERY_S = 1.0
+#: A spare that waits has nothing to do but to beat; what was seen of it holds for some seconds.
+SPARE_EVERY_TICKS = 3
 EXIT_ANOTHER_WATCHES = 3
 EXIT_UNREACHABLE = 4
 EXIT_UNUSABLE = 78
@@ -70,7 +79,7 @@ class Runtime:
         self.policy = setup.in_force.policy
         self.folders = folders = setup.folders
         self.listen_fd, self.url, self.generation = setup.listen_fd, setup.url, setup.generation
-        self.adopted = False  # this version ends what it finds and starts anew
+        self.adopted = setup.leftovers.adoptable is not None
         window_ns = self.policy.restart_window_sec * NS_PER_S
         self.tape = Tape(new_id, random.random)
         self.manager = FailoverManager(
@@ -91,7 +100,9 @@ class Runtime:
         self.senses = self.executor.senses
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
         self.door = Door(self)
-        self.control = ControlServer(folders.control, self.door.answer, self.door.listen, self._greet)
+        self.control = ControlServer(
+            folders.control, self.door.answer, self.door.listen, self._greet, self.gatekeeper.dialled
+        )
         self.notify = NotifySocket(folders.notify, NOTICE_BYTES_MAX)
         self._strange_notices = Tally()
         self._timer: asyncio.TimerHandle | None = None
@@ -110,7 +121,7 @@ class Runtime:
         loop.add_reader(self.notify.fileno(), self._on_notice)
         await self.control.start()
         self._begin()
-        self.executor.begin(self.gatekeeper.start())
+        self.executor.begin(self.gatekeeper.begin(self.setup.leftovers.gateways))
         self.executor.begin(self.senses.examine())
         self.senses.begin_survey(self.policy.survey_interval_ms / 1000)
         probing = self.senses.probe_on(self._serving, self.policy.probe_interval_ms / 1000)
@@ -134,13 +145,15 @@ class Runtime:
         setup = self.setup
         if setup.in_force.fault:
             self.executor.note("policy", fault=setup.in_force.fault)
-        for gateway in setup.leftovers.gateways:
-            self.executor.begin(self.gatekeeper.see_off(gateway))  # ours takes over at once
-        self.executor.leftovers = setup.leftovers.cores
+        found = setup.leftovers
+        self.executor.inherit(found.cores, found.adoptable)
         self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned))
         self.feed(
             seen.SentinelBegan(
-                clock.now_ns(), leftovers=bool(setup.leftovers.cores), page=setup.leftovers.last_page
+                clock.now_ns(),
+                leftovers=bool(found.cores),
+                page=found.last_page,
+                adoptable=found.adoptable_page,
             )
         )
 
@@ -219,10 +232,10 @@ class Runtime:
         self._obey()
 
     async def _watch(self) -> None:
-        """Look at the core once in an interval; a look that came late is not made up for."""
+        """Look at the core once in an interval, and at the spare now and then; a late look is not made up for."""
         loop = asyncio.get_running_loop()
         interval_s = self.policy.health_check_interval_ms / 1000
-        due = loop.time()
+        due, ticks = loop.time(), 0
         while True:
             due = max(due + interval_s, loop.time())
             await asyncio.sleep(due - loop.time())
@@ -230,6 +243,10 @@ class Runtime:
             self.senses.watch(life)
             if life is not None and self.manager.reading().phase in LIVING:
                 self.feed(life.look())
+            ticks += 1
+            spare = self.executor.lives.get(self.manager.reading().spare)
+            if spare is not None and ticks % SPARE_EVERY_TICKS == 0:
+                self.feed(spare.glance())
 
     def reading(self) -> Reading:
         """Return what the present moment means."""
@@ -255,6 +272,10 @@ class Runtime:
         """Return the present life of the core, if its process has been made."""
         return self.executor.lives.get(self.manager.reading().life)
 
+    def numbered(self, number: int) -> Life | None:
+        """Return a life by its number, if its process has been made."""
+        return self.executor.lives.get(number)
+
     def _serving(self) -> Life | None:
         """Return the life that serves, if one does."""
         return self.life() if self.manager.reading().phase in SERVING else None
@@ -266,14 +287,16 @@ class Runtime:
 
     def _on_notice(self) -> None:
         at_ns = clock.now_ns()
-        life = self.life()
         for pid, data in self.notify.waiting():
-            if life is None or life.handle is None or life.handle.pid != pid:
-                self._passed_over(f"from process {pid}, which is not the core", at_ns)
+            life = self.executor.speaker(pid)
+            if life is None:
+                self._passed_over(f"from process {pid}, which is no core of ours", at_ns)
                 continue
             notice = read_notice(data)
             if isinstance(notice, MalformedNotice):
                 self._passed_over(f"malformed: {notice.reason}", at_ns)
+            elif notice.spare is not None:
+                self._heard_spare(notice.spare, life, at_ns)
             else:
                 self._heard(notice, life.number, at_ns)
 
@@ -281,6 +304,13 @@ class Runtime:
         count = self._strange_notices.count(at_ns)
         if count:
             self.executor.note("notice", passed_over=count, last=why)
+
+    def _heard_spare(self, told: SpareNotice, life: Life, at_ns: int) -> None:
+        if told.control != CONTROL_VERSION:
+            why = f"it speaks version {told.control} of the control socket, this guard version {CONTROL_VERSION}"
+            self.executor.reject(life, why)
+            return
+        self.feed(seen.SpareReady(at_ns, life.number, told.build, told.schema, told.migrates))
 
     def _heard(self, notice: Notice, life: int, at_ns: int) -> None:
         if notice.term_pid is not None and notice.term_pid != os.getpid():
@@ -419,7 +449,7 @@ def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         url,
         generation,
         in_force,
-        leftovers.find_leftovers(folders),
+        leftovers.find_leftovers(folders, adopt=standing.wanted(folders) is Wanted.UP),
         writer.find_abandoned(folders.incidents, folders.shelter),
     )
 

@@ -7,6 +7,7 @@ earlier guard left behind is one too (`leftovers.py` finds it).
 import os
 import secrets
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -61,6 +62,8 @@ class Life:
     oom: memory.OomCounter | None = None
     confined: memory.Confined | None = None
     log: Path | None = None  # what it says goes there
+    spare: bool = False  # it was started as one and has not been promoted
+    ended: bool = False  # its end was seen
     _ticks: int = 0
     _threads: Threads = field(default_factory=Threads)
     _one_is_slow: bool = False
@@ -83,6 +86,15 @@ class Life:
             at_ns, self.number, beats, self._threads, self.sample, in_flight, witness, others,
             page_fault, process_fault,
         )  # fmt: skip
+
+    def glance(self) -> Sampled:
+        """Return what tells whether a core that only waits is well: its beats, and what the kernel calls it."""
+        seen = self.reader.look() if self.reader else None
+        if self.handle is not None:
+            self.sample = self.handle.sample(vitals.Wanted())
+        at_ns, others = clock.together()
+        beats, witness = (None, None) if seen is None else seen
+        return Sampled(at_ns, self.number, beats, self._threads, self.sample, None, witness, others)
 
     def _in_flight(self, beats: Beats | None, now_ns: int) -> tuple[CommandNote, ...] | None:
         """Return the commands in flight if they are worth their reading: some wait, and not for the first time.
@@ -123,6 +135,12 @@ class Life:
         """Return the whole recorder page, or None if it is no evidence."""
         page = self.reader.read() if self.reader else None
         return page if isinstance(page, Page) else None
+
+    def named(self) -> dict[str, object]:
+        """Return who this is, under what it is, for the file of the guard's steps."""
+        assert self.handle is not None, "only a process is named"
+        who = {"pid": self.handle.pid, "start": self.handle.identity.start, "nonce": self.nonce}
+        return {"spare": who} if self.spare else {"core": who}
 
     def oom_kills(self) -> int | None:
         """Return how often the kernel has killed for want of memory since this life began; None: nobody can tell."""
@@ -186,19 +204,26 @@ class CoreLimits:
     memory_bytes: int
 
 
-def start(
-    life: Life,
-    expected_epoch: int | None,
-    witness: Witness | None,
-    watchdog_usec: int,
-    *,
-    limits: CoreLimits | None = None,
-    safe: str | None = None,
-) -> Handle:
-    """Start the core of this life, serving reads only if there is a `safe` reason to.
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What a core is started for: on which epoch and which commits, to read only (`safe`: why), or as a spare.
 
-    Raises OSError when no process can be made.
+    A spare is told the epoch and the commits when it is promoted, and not before.
     """
+
+    expected_epoch: int | None = None
+    witnesses: tuple[Witness, ...] = ()
+    safe: str | None = None
+    spare: bool = False
+
+
+def as_words(witnesses: Iterable[Witness]) -> list[str]:
+    """Return commits as a core reads them."""
+    return [f"{each.seq}:{each.epoch}:{each.hash}" for each in witnesses]
+
+
+def start(life: Life, terms: Terms, watchdog_usec: int, limits: CoreLimits | None = None) -> Handle:
+    """Start the core of this life. Raises OSError when no process can be made."""
     folders = life.folders
     environment = {
         **clean_environment(),
@@ -206,22 +231,29 @@ def start(
         "HARDCORE_SOCKET": str(folders.core_socket(life.nonce)),
         "HARDCORE_RECORDER": str(folders.recorder(life.nonce)),
         "HARDCORE_CONTROL": str(folders.core_control(life.nonce)),
-        "HARDCORE_EPOCH": "" if expected_epoch is None else str(expected_epoch),
         "NOTIFY_SOCKET": str(folders.notify),
         "WATCHDOG_USEC": str(watchdog_usec),
     }
-    if witness is not None:
-        environment["HARDCORE_WITNESS"] = f"{witness.seq}:{witness.epoch}:{witness.hash}"
+    environment |= _told(terms)
     if limits is not None:
         environment["HARDCORE_LIMIT_MS"] = str(limits.command_ms)
         environment["HARDCORE_MEMORY_BYTES"] = str(limits.memory_bytes)
-    if safe is not None:
-        environment["HARDCORE_SAFE"] = safe
     argv = [sys.executable, "-I", "-m", "core", "serve", "--data", str(folders.data)]
     life.log = logs.place(folders.logs / "core.log", folders.run)
     life.handle = processes.spawn(argv, environment, life.log, folders.data)
     life.oom = memory.oom_counter(life.handle.pid)
     return life.handle
+
+
+def _told(terms: Terms) -> dict[str, str]:
+    if terms.spare:
+        return {"HARDCORE_SPARE": "1"}
+    told = {"HARDCORE_EPOCH": "" if terms.expected_epoch is None else str(terms.expected_epoch)}
+    if terms.witnesses:
+        told["HARDCORE_WITNESS"] = ",".join(as_words(terms.witnesses))
+    if terms.safe is not None:
+        told["HARDCORE_SAFE"] = terms.safe
+    return told
 
 
 def _why_unseen(handle: Handle) -> str:
@@ -236,9 +268,13 @@ def _why_unseen(handle: Handle) -> str:
 
 
 def sweep(folders: Folders, living: set[str], keep: int = DEAD_LIVES_KEPT) -> None:
-    """Remove the files of dead lives that nobody needs any more, but for the `keep` youngest."""
-    pages = sorted(folders.run.glob("recorder-*"), key=_written_ns, reverse=True)
-    nonces = [p.name.removeprefix("recorder-") for p in pages if not p.suffix]
+    """Remove the files of dead lives that nobody needs any more, but for the `keep` youngest.
+
+    A life that never had an epoch (a spare, mostly) is older than all others: its page is nobody's witness.
+    """
+    pages = [page for page in folders.run.glob("recorder-*") if not page.suffix]
+    pages.sort(key=lambda page: (_had_epoch(page), _written_ns(page)), reverse=True)
+    nonces = [page.name.removeprefix("recorder-") for page in pages]
     for nonce in [n for n in nonces if n not in living][keep:]:
         for path in _files(folders, nonce):
             path.unlink(missing_ok=True)
@@ -250,3 +286,11 @@ def _written_ns(path: Path) -> int:
         return path.stat().st_mtime_ns
     except FileNotFoundError:
         return 0
+
+
+def _had_epoch(path: Path) -> bool:
+    """Return whether the core of this page ever began to write."""
+    reader = PageReader(path)
+    beats = reader.beats()
+    reader.close()
+    return beats is not None and beats.epoch > 0

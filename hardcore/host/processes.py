@@ -5,6 +5,7 @@ stranger. So an identity is pid + start time, the pidfd is opened *first* and th
 and every signal goes through the descriptor.
 """
 
+import asyncio
 import errno
 import os
 import signal
@@ -94,6 +95,23 @@ class Handle:
     def close(self) -> None:
         """Give the descriptor back."""
         os.close(self.pidfd)
+
+
+async def gone(handle: Handle, within_s: float) -> bool:
+    """Wait until the process is gone; return whether it is."""
+    loop = asyncio.get_running_loop()
+    ended = asyncio.Event()
+    fd = os.dup(handle.pidfd)
+    loop.add_reader(fd, ended.set)
+    try:
+        await asyncio.wait_for(ended.wait(), max(0.0, within_s))
+    except TimeoutError:
+        return False
+    else:
+        return True
+    finally:
+        loop.remove_reader(fd)
+        os.close(fd)
 
 
 def _session_members(session: int) -> list[int]:

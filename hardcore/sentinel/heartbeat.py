@@ -16,9 +16,12 @@ NOTICE_BYTES_MAX = 4096
 LINES_MAX = 64
 STATUS_CHARACTERS_MAX = 200
 SENTENCE_CHARACTERS_MAX = 400
+#: The version of a core's control socket that this guard speaks.
+CONTROL_VERSION = 2
 _NUMBER_MAX = 2**63 - 1
 _NUMBER = re.compile(r"[0-9]{1,19}")
 _HASH = re.compile(r"[0-9a-f]{64}")
+_BUILD = re.compile(r"[0-9a-f]{16}")
 _PROOFS = ("witness", "chain", "none")
 _NUMBERS = {
     "X_EPOCH": "epoch",
@@ -27,14 +30,33 @@ _NUMBERS = {
     "EXTEND_TIMEOUT_USEC": "extend_usec",
     "X_TERM": "term_pid",
     "X_VERIFIED": "verified_seq",
+    "X_CONTROL": "control",
+    "X_SCHEMA": "schema",
 }
 _FLAGS = {
     "READY": ("1", "ready"),
     "WATCHDOG": ("1", "watchdog"),
     "STOPPING": ("1", "stopping"),
     "X_FENCE": ("BLOCKED", "fence_blocked"),
+    "X_SPARE": ("1", "spare"),
+    "X_MIGRATES": ("1", "migrates"),
 }
-_OURS = frozenset({*_NUMBERS, *_FLAGS, "X_HASH", "X_PROOF", "X_STORE", "X_UNSOUND", "STATUS"})
+#: What a spare says of itself, and nobody else may.
+_OF_A_SPARE = ("X_BUILD", "X_CONTROL", "X_SCHEMA")
+_OURS = frozenset({*_NUMBERS, *_FLAGS, "X_BUILD", "X_HASH", "X_PROOF", "X_STORE", "X_UNSOUND", "STATUS"})
+
+
+@dataclass(frozen=True, slots=True)
+class SpareNotice:
+    """A spare waits: the code that it runs, the version of its control socket, the store's schema as it read it.
+
+    `migrates`: taking over would bring the store up to a newer schema.
+    """
+
+    build: str
+    control: int
+    schema: int
+    migrates: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +67,7 @@ class Notice:
     `none` of one that serves reads only) and `tail` (events checked) all set for a ledger, or none of `seq`,
     `hash`, `proof`, `tail` for another kind of guest. `extend_usec`: microseconds. `term_pid`: sender of a TERM,
     0 when unknown. `store`: what it says of its store. `verified_seq`: the whole ledger is proven up to there;
-    `unsound`: a sentence that says why it is not.
+    `unsound`: a sentence that says why it is not. One with `spare` has no epoch and is not `ready`.
     """
 
     ready: bool = False
@@ -63,6 +85,7 @@ class Notice:
     verified_seq: int | None = None
     unsound: str | None = None
     status: str | None = None
+    spare: SpareNotice | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +135,9 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
     given = sum(part is not None for part in (digest, proof, numbers["seq"], numbers["tail"]))
     if given not in {0, 4} or (given and (numbers["epoch"] is None or not flags["ready"])):
         return MalformedNotice("a part of a proof")
+    spare = _spare(said, flags, numbers)
+    if isinstance(spare, MalformedNotice):
+        return spare
     store = said.get("X_STORE")
     if store is not None and store not in set(StoreFault):
         return MalformedNotice("X_STORE is not a state of a store")
@@ -134,7 +160,22 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
         verified_seq=numbers["verified_seq"],
         unsound=unsound,
         status=_words(said.get("STATUS"), STATUS_CHARACTERS_MAX),
+        spare=spare,
     )
+
+
+def _spare(
+    said: dict[str, str], flags: dict[str, bool], numbers: dict[str, int | None]
+) -> SpareNotice | MalformedNotice | None:
+    if not flags["spare"]:
+        stray = flags["migrates"] or any(key in said for key in _OF_A_SPARE)
+        return MalformedNotice("a part of a spare's word") if stray else None
+    build, control, schema = said.get("X_BUILD", ""), numbers["control"], numbers["schema"]
+    if not _BUILD.fullmatch(build) or control is None or schema is None:
+        return MalformedNotice("a spare that does not say what it is")
+    if flags["ready"] or numbers["epoch"] is not None:
+        return MalformedNotice("a spare has no epoch")
+    return SpareNotice(build, control, schema, flags["migrates"])
 
 
 def _number(text: str) -> int | None:

@@ -54,7 +54,7 @@ class House:
 
     async def spawn(self, number: int = 1) -> Life:
         self.ready.clear()
-        self.executor.carry_out(orders.Spawn(number, None, None))
+        self.executor.carry_out(orders.Spawn(number, None, ()))
         await self.told(seen.CoreSpawned, number)
         return self.executor.lives[number]
 
@@ -240,7 +240,7 @@ def test_a_core_serves_reads_only_and_everything_again_as_it_is_told(lived: Live
 
 def test_a_core_is_told_the_limits_of_the_policy_and_why_it_only_reads(lived: Lived) -> None:
     async def scenario(house: House) -> None:
-        house.executor.carry_out(orders.Spawn(1, None, None, safe=Diagnosis.DISK_FULL))
+        house.executor.carry_out(orders.Spawn(1, None, (), safe=Diagnosis.DISK_FULL))
         told = await house.told(seen.CoreSpawned)
         environment = Path(f"/proc/{told.pid}/environ").read_bytes().split(b"\0")
         assert b"HARDCORE_LIMIT_MS=4321" in environment

@@ -58,7 +58,7 @@ def test_a_core_that_could_not_be_made_is_a_fact_whatever_the_reason(
         raise error
 
     monkeypatch.setattr(lives, "start", fail)
-    (told,) = at_work(house, lambda e: e.carry_out(orders.Spawn(1, None, None)))
+    (told,) = at_work(house, lambda e: e.carry_out(orders.Spawn(1, None, ())))
     assert isinstance(told, seen.SpawnFailed)
     assert told.life == 1
     assert not list(house.run.glob("recorder-*")), "the page of a life that never began is removed"
@@ -72,6 +72,7 @@ def test_a_hint_about_a_process_keeps_the_step_that_stands(house: Folders) -> No
             "generation": 1,
             "step": "terminate",
             "gateway": {"pid": 7},
+            "condemned": [],
         }
 
     assert at_work(house, work) == []
@@ -124,7 +125,7 @@ def test_a_leftover_that_does_not_die_is_no_exit_until_it_does_and_then_is_one(
 
     async def run() -> None:
         executor = Executor(house, 1, facts.append, lambda _line: None, lambda: None)
-        executor.leftovers = (lives.Life(0, "0" * 16, house, None, handle),)
+        executor.inherit((lives.Life(0, "0" * 16, house, None, handle),), None)
         for times in (1, 2, 3):
             executor.carry_out(orders.KillLeftovers())
             await condition(partial(killed, times))

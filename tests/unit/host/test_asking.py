@@ -3,6 +3,7 @@
 import asyncio
 import json
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -29,9 +30,23 @@ async def silent(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> 
 
 
 async def asked_of(place: Path, answer: Answer, ask: Callable[[], Awaitable[object]]) -> object:
-    server = await asyncio.start_unix_server(answer, str(place))
+    done = asyncio.Semaphore(0)
+    asked = 0
+
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        nonlocal asked
+        asked += 1
+        await answer(reader, writer)
+        with suppress(OSError):  # who asked may be gone before all was said
+            await writer.wait_closed()
+        done.release()
+
+    server = await asyncio.start_unix_server(serve, str(place))
     async with server:
-        return await ask()
+        came = await ask()
+        for _ in range(asked):
+            await done.acquire()
+        return came
 
 
 @pytest.mark.parametrize(
