@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Final
 
 from frontend.catalogue_pages import SCRIPT_WORDS, TEXTS
+from frontend.catalogue_receipts import RECEIPTS
 from frontend.render import Language
 
 _FOLDER: Final = Path(__file__).parent / "static"
@@ -73,4 +74,5 @@ def _asset(name: str, body: bytes) -> Asset:
 
 def _words(lang: Language) -> bytes:
     words = {name: TEXTS[name][lang] for name in SCRIPT_WORDS}
+    words |= {f"receipt.{code}": texts[_LANGUAGES.index(lang)] for code, texts in RECEIPTS.items()}
     return f"export default {json.dumps(words, ensure_ascii=False)};\n".encode()

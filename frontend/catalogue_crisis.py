@@ -213,7 +213,7 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
 FACTS: Final[dict[str, str]] = {
     "R0": "a request of this page waits while the last state says that the ledger is served",
     "R1b": "the gateway counts held requests of this browser",
-    "R1c": "this browser's storage names a receipt: written there when the gateway had given it, taken out when it was settled",
+    "R1c": "the state frame counts a receipt that waits, and a receipt frame named it",
     "R1p": "the page counts requests that wait in it",
     "R2": "the state frame's text is R2: the guard was asked for this restart",
     "draft.stored": "every field typed into was written to the storage and read back the same",

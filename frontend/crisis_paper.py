@@ -43,8 +43,8 @@ NUMBER_MARK: Final = "<!--id-->"
 WHY_MARK: Final = "<!--why-->"
 
 #: The modules of the recovery page and of a living page, each after those it imports from.
-PAGE_MODULES: Final = ("channel.js", "outage.js", "promised.js", "wording.js", "card.js", "recovery.js")
-RECEIPT_MODULES: Final = ("promised.js", "promises.js", "receipt.js")
+PAGE_MODULES: Final = ("channel.js", "outage.js", "wording.js", "card.js", "recovery.js")
+RECEIPT_MODULES: Final = ("receipt.js",)
 CLIENT_MODULES: Final = (
     *PAGE_MODULES[:-1],
     "place.js",

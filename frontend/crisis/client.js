@@ -10,12 +10,12 @@ import { face } from "./wording.js";
 import { makeScreen } from "./screen.js";
 import { makeBar } from "./bar.js";
 import { keepDrafts } from "./drafts.js";
-import { promised } from "./promised.js";
 import { watchRequests } from "./slowness.js";
 import { watchTyping } from "./typing.js";
 
 const TICK_MS = 1000;
 const PENDING_MAX = 999;
+const RECEIPTS_MAX = 200;  // open or not yet seen, of one browser
 const HEEDED = "hc:heeded";
 
 let lang = document.documentElement.lang.startsWith("ko") ? "ko" : "en";
@@ -30,6 +30,8 @@ let backWasTold = false;  // by a state frame, before its back frame
 let plainTitle = document.title;
 let shownTitle = null;
 let restored = null;
+
+const receipts = new Map();  // key -> the last frame about it
 
 const screen = makeScreen({ close: () => hear({ type: "dismiss" }), keep, other, undo, leave });
 const sayBar = makeBar();
@@ -73,8 +75,11 @@ function announce(said) {
     tell("hc:state", said);
     if (said.text !== null) goneAway(said);
     else if (isAway) cameBack({ v: 1, type: "back", outage_ms: view.back?.outage_ms ?? null, verified: null, planned: said.planned }, true);
-  } else if (said.type === "receipt") tell("hc:receipt", said);
-  else if (said.type === "lost") isAway = true;
+  } else if (said.type === "receipt") {
+    receipts.delete(said.key);
+    if (receipts.size < RECEIPTS_MAX) receipts.set(said.key, said);
+    tell("hc:receipt", said);
+  } else if (said.type === "lost") isAway = true;
   else if (said.type === "back") {
     if (backWasTold) backWasTold = false;
     else cameBack(said, false);
@@ -97,7 +102,8 @@ function cameBack(frame, byState) {
 
 function paint() {
   const facts = {
-    pending, promised: promised(), draft: drafts.standing(), slow: requests.isSlow(), alive: true, unheard: false, request: null,
+    pending, receipt: [...receipts.values()].findLast(({ outcome }) => outcome === "waiting")?.key ?? null,
+    draft: drafts.standing(), slow: requests.isSlow(), alive: true, unheard: false, request: null,
   };
   const shown = face(view, facts, performance.now(), words);
   const isOut = (view.mode === "sign" || view.mode === "card") && !isQuiet(view);
@@ -174,6 +180,8 @@ document.addEventListener("hc:pending", (event) => {
   pending = Math.min(PENDING_MAX, Math.max(0, Number(event.detail?.count) || 0));
   paint();
 });
+// A page's own script may be there later than what it wants to hear.
+document.addEventListener("hc:receipts", () => receipts.forEach((said) => tell("hc:receipt", said)));
 document.addEventListener("hc:sent", leave);
 // Whoever types on has taken the draft; undoing it now would take the new words along.
 document.addEventListener("input", (event) => { if (event.isTrusted) leave(); });

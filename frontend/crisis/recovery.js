@@ -8,7 +8,6 @@ import { openChannel } from "./channel.js";
 import { CALM, next } from "./outage.js";
 import { face } from "./wording.js";
 import { makeCard } from "./card.js";
-import { promised } from "./promised.js";
 
 const SPREAD_MS = 150;  // many browsers wait for the same moment
 const REOPEN_PAUSE_MS = 2000;  // after a return that led here again
@@ -23,7 +22,7 @@ const OPENING = {
   off: { text: "OFF", planned: false, phase: "STOPPED" },
 };
 const first = { v: 1, type: "state", stage: null, stages: 4, elapsed_ms: 0, eta: null, samples: 0, incident: null, held: 0, ...OPENING[kind] };
-const facts = { pending: 0, draft: null, slow: false, alive: false, unheard: true, promised: [], request: outcome === "get" ? null : outcome };
+const facts = { pending: 0, draft: null, slow: false, alive: false, unheard: true, receipt: null, request: outcome === "get" ? null : outcome };
 
 let lang = document.documentElement.lang === "ko" ? "ko" : "en";
 let isBack = false;
@@ -51,7 +50,6 @@ function other() {
 
 function paint() {
   const words = WORDS[lang];
-  facts.promised = promised();
   const shown = face(view, facts, performance.now(), words);
   link.hidden = !isBack || outcome === "get";
   card.show({ ...shown.card, closes: false }, words, false);
@@ -91,6 +89,7 @@ function reopen() {
 
 openChannel((said) => {
   if (said.type === "state") facts.unheard = false;
+  if (said.type === "receipt" && said.outcome === "waiting") facts.receipt = said.key;
   view = next(view, said, performance.now());
   if (said.type === "back" || (said.type === "state" && said.text === null)) reopen();
   if (view.mode === "calm" || view.mode === "sign") view = { ...view, mode: "card" };

@@ -4,7 +4,6 @@
 // (FACTS in catalogue_crisis.py names each): without the fact the neutral sentence stands, or none.
 
 import { isFinal, isQuiet } from "./outage.js";
-import { numberOf } from "./promised.js";
 
 const TITLES = { R8: "title.stopped", OFF: "title.off" };
 const HEADS = { R1: "R1", R2: "R2", R7b: "R7", R8: "R8", OFF: "OFF" };
@@ -79,10 +78,10 @@ function stages(view, words) {
 // What the gateway holds, and what waits in this page alone: two places, so two sentences. The window is needed for
 // what was not promised to outlive it.
 function waiting(view, facts, words) {
-  const { held } = view.frame;
+  const { held, promised = 0 } = view.frame;
   if (isFinal(view.frame)) return [];
-  const more = facts.promised.length < held ? [words["R1b.open"]] : [];
-  if (facts.promised.length) more.push(fill(words.R1c, { id: numberOf(facts.promised.at(-1)) }));
+  const more = promised < held ? [words["R1b.open"]] : [];
+  if (promised && facts.receipt) more.push(fill(words.R1c, { id: facts.receipt.slice(-8) }));
   return [[held, "R1b", more], [facts.pending, "R1p", []]].filter(([n]) => n > 0)
     .map(([n, code, more]) => ({ head: fill(words[code], { n }), line: [words[`${code}.line`], ...more].join(" ") }));
 }
@@ -182,7 +181,7 @@ function cardOf(view, facts, strip, now_ms, words) {
 }
 
 /** What is on the screen for a view.
-    `facts`: {pending: count, promised: keys of receipts, draft: null | "stored" | "page", slow, alive: the page itself is still there,
+    `facts`: {pending: count, receipt: key of the last one that waits | null, draft: null | "stored" | "page", slow, alive: the page itself is still there,
     unheard: no frame has come yet, request: null | "not_done" | "unknown" | "keepable"}. */
 export function face(view, facts, now_ms, words) {
   const strip = stripOf(view, facts, words);

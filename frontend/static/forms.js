@@ -3,6 +3,7 @@
 // that the wish waits out a restart, that faults appear at their fields, and that the typed text is never lost.
 
 import { redraw } from "./redraw.js";
+import { numberOf, settled } from "./receipts.js";
 import { newKey, send } from "./send.js";
 import { say } from "./words.js";
 
@@ -18,6 +19,7 @@ export function watchForms() {
     event.preventDefault();
     void submit(form);
   });
+  document.addEventListener("hc:receipt", ({ detail }) => heard(detail));
   document.addEventListener("ledger:drawn", showChange);
   document.addEventListener("hc:state", ({ detail }) => { if (detail.text === null && !detail.safe) openAgain(); });
 }
@@ -30,9 +32,9 @@ export function tell(form, sentence, kind = "") {
 }
 
 async function submit(form) {
-  if (form.dataset.busy) return;
   const field = form.elements._idempotency_key;
   const sent = fieldsOf(form);
+  if (form.dataset.busy) return pressedTwice(form, sent);
   field.value = keyFor(form, sent, field.value);
   busy(form, true);
   refusedSafe.delete(form);
@@ -43,11 +45,50 @@ async function submit(form) {
     type: "application/x-www-form-urlencoded",
     key: field.value,
     onWaiting: () => tell(form, say("waiting")),
+    onPromise: () => promised(form, field.value),
   });
+  ended(form, field, sent, answer);
+}
+
+function ended(form, field, sent, answer) {
   busy(form, false);
   if (answer.status < 500) forget(form);
-  if (answer.status >= 200 && answer.status < 300) return saved(form, field, sent, answer.body);
-  refused(form, field, answer);
+  if (answer.status >= 200 && answer.status < 300) saved(form, field, sent, answer.body);
+  else refused(form, field, answer);
+}
+
+function promised(form, key) {
+  form.dataset.promised = key;
+  tell(form, sayKept(key));
+}
+
+/** What is said of a wish that was promised: the window may be closed. */
+export function sayKept(key) {
+  return `${say("receipt.R1b.line")} ${say("receipt.R1c", { id: numberOf(key) })}`;
+}
+
+function pressedTwice(form, sent) {
+  const key = form.dataset.promised;
+  if (key && wishOf(form)?.sent === sent) tell(form, say("receipt.R14", { id: numberOf(key) }));
+}
+
+// A page that was loaded again while its wish was on its way: if it was promised, its end is told here as ever. If not,
+// nothing is sent; whoever sends the same once more means the same wish.
+async function goOn(form, wish, outcome) {
+  const field = form.elements._idempotency_key;
+  field.value = wish.key;
+  busy(form, true);
+  if (outcome === "waiting") promised(form, wish.key);
+  const answer = await settled(wish.key);
+  if (answer) ended(form, field, wish.sent, answer);
+  else busy(form, false);
+}
+
+function heard({ key, outcome }) {
+  for (const form of document.querySelectorAll("form[data-send]:not([data-busy])")) {
+    const wish = wishOf(form);
+    if (wish?.key === key) void goOn(form, wish, outcome);
+  }
 }
 
 function saved(form, field, sent, body) {
@@ -55,13 +96,13 @@ function saved(form, field, sent, body) {
   field.value = newKey();
   form.dispatchEvent(new CustomEvent("hc:sent", { bubbles: true }));
   if (form.dataset.send === "go") {
-    location.assign(body.location);
+    location.assign(body.location ?? "/register"); // what was looked up is the ledger's own answer, which leads nowhere
     return;
   }
   // What was typed while the wish was on its way is the next one, and stays.
   if (unchanged) empty(form);
   form.closest("details")?.removeAttribute("open");
-  tell(form, body.said, "good");
+  tell(form, body.said ?? say("receipt.done"), "good");
   void redraw();
 }
 
@@ -109,12 +150,20 @@ function showChange() {
 // the same once more means the same wish: it keeps the key that nobody has answered yet.
 function keyFor(form, sent, fresh) {
   try {
-    const open = JSON.parse(sessionStorage.getItem(nameOf(form)) ?? "null");
+    const open = wishOf(form);
     const key = open?.sent === sent ? open.key : fresh;
     sessionStorage.setItem(nameOf(form), JSON.stringify({ key, sent }));
     return key;
   } catch {
     return fresh; // no storage in this browser: a reload in an outage is then a new wish
+  }
+}
+
+function wishOf(form) {
+  try {
+    return JSON.parse(sessionStorage.getItem(nameOf(form)));
+  } catch {
+    return null; // no storage, or not ours
   }
 }
 
@@ -154,6 +203,9 @@ function clearFaults(form) {
 
 function busy(form, is) {
   if (is) form.dataset.busy = "1";
-  else delete form.dataset.busy;
+  else {
+    delete form.dataset.busy;
+    delete form.dataset.promised;
+  }
   form.querySelector("button:not([type=button])")?.setAttribute("aria-disabled", String(is));
 }

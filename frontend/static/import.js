@@ -2,7 +2,7 @@
 // server draw the page again. A file that could not be sent is still in its field and is sent again with the same
 // key; a booking that has begun goes on in the server, whatever happens to this page.
 
-import { tell } from "./forms.js";
+import { sayKept, tell } from "./forms.js";
 import { redraw } from "./redraw.js";
 import { newKey, send } from "./send.js";
 import { say } from "./words.js";
@@ -209,7 +209,9 @@ async function held(form, sentence, sending) {
   tell(form, sentence);
   const key = form.elements._idempotency_key?.value ?? newKey();
   // A file takes its time to be read: what is said of it stays until the server is known to be away.
-  const answer = await sending({ key, onWaiting: () => tell(form, say("waiting")), onLate: () => {} });
+  const answer = await sending({
+    key, onWaiting: () => tell(form, say("waiting")), onLate: () => {}, onPromise: () => tell(form, sayKept(key)),
+  });
   delete form.dataset.busy;
   tell(form, "");
   return answer;

@@ -3,11 +3,13 @@
 import { watchAmounts } from "./amounts.js";
 import { watchForms } from "./forms.js";
 import { listen } from "./live.js";
+import { watchReceipts } from "./receipts.js";
 
 watchForms();
 watchAmounts(document);
 ownDay();
 listen();
+watchReceipts();
 
 // The server's day may not be the reader's: a fresh entry is of the day it is where it is typed.
 function ownDay() {

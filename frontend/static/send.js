@@ -2,9 +2,13 @@
 // meets a restart is booked once, however often it is sent. Nothing is called saved before an answer came: a 503
 // that says `not_done`, a 5xx that says nobody knows, and a lost connection are all "not yet".
 //
-// The wish lives in this page alone, so there is no last try: it is asked for as long as the page is open, and a page
-// that is left meanwhile lets the browser ask first. Keeping it in localStorage for another tab was not chosen: two
-// tabs would send it, and whose money it is nobody could say any more on a shared computer.
+// Until somebody has promised anything, the wish lives in this page alone, so there is no last try: it is asked for as
+// long as the page is open, and a page that is left meanwhile lets the browser ask first. A gateway that has held it
+// for long enough promises it (`Prefer: respond-async`, answered by 202): from then on the window may be closed, and
+// nothing is sent again, only asked. Keeping the wish in localStorage for another tab was not chosen: two tabs would
+// send it, and whose money it is nobody could say any more on a shared computer.
+
+import { settled } from "./receipts.js";
 
 const PAUSE_FIRST_MS = 1000;
 const PAUSE_MAX_MS = 10000;
@@ -21,10 +25,13 @@ export function newKey() {
 
 /**
  * Send and return {status, body} once there is an answer. `onWaiting` is called each time the wish has to wait,
- * `onLate` when its answer takes long: a gateway that holds it would forget it together with this page.
+ * `onLate` when its answer takes long: a gateway that holds it would forget it together with this page. `onPromise`
+ * when it was promised, and needs this page no longer.
  */
-export async function send(url, { method = "POST", body, key, type, onWaiting = () => {}, onLate = onWaiting }) {
-  const headers = { Accept: "application/json", "Accept-Language": document.documentElement.lang, "Idempotency-Key": key };
+export async function send(url, { method = "POST", body, key, type, onWaiting = () => {}, onLate = onWaiting, onPromise = () => {} }) {
+  const headers = {
+    Accept: "application/json", "Accept-Language": document.documentElement.lang, "Idempotency-Key": key, Prefer: "respond-async",
+  };
   if (type) headers["Content-Type"] = type;
   const wish = {};
   let counted = false;
@@ -35,7 +42,15 @@ export async function send(url, { method = "POST", body, key, type, onWaiting = 
   try {
     for (let attempt = 0; ; attempt += 1) {
       const answer = await ask(url, { method, headers, body, cache: "no-store" });
-      if (answer && !isOpen(answer)) return answer;
+      if (answer?.promised) {
+        clearTimeout(timer);
+        letGo(wish);
+        if (counted) count(-1);
+        counted = false;
+        onPromise();
+        const end = await settled(key);
+        if (end) return end;
+      } else if (answer && !isOpen(answer)) return answer;
       if (!counted) {
         counted = true;
         count(1);
@@ -71,7 +86,8 @@ async function ask(url, options) {
     const text = await response.text();
     const kind = response.headers.get("content-type") ?? "";
     const retryAfterS = Number(response.headers.get("retry-after")) || 0;
-    return { status: response.status, body: kind.includes("json") ? JSON.parse(text) : {}, retryAfterS };
+    const promised = response.status === 202 && (response.headers.get("preference-applied") ?? "").includes("respond-async");
+    return { status: response.status, body: kind.includes("json") ? JSON.parse(text) : {}, retryAfterS, promised };
   } catch {
     return null; // the connection was lost, or the answer was cut off: the same wish is asked again
   }

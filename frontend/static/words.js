@@ -7,5 +7,8 @@ const { default: words } = await import(`./words.${document.documentElement.lang
 
 /** Return a text with its values put in. */
 export function say(name, values = {}) {
-  return words[name].replace(/\{(\w+)\}/g, (_, value) => groupAmount(String(values[value])));
+  return words[name].replace(/\{(\w+)\}/g, (_, value) => {
+    const said = values[value];
+    return typeof said === "number" ? groupAmount(String(said)) : String(said);
+  });
 }

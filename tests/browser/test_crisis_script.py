@@ -298,18 +298,19 @@ def test_a_claim_is_made_exactly_where_its_fact_is(open_ledger: OpenLedger) -> N
       const { words } = await import("/__hc/words.en.js");
       return JSON.stringify(face(view, facts, 9000, words));
     }"""
-    facts = {"pending": 0, "draft": None, "slow": False, "alive": True, "unheard": False, "request": None}
+    facts = {"pending": 0, "receipt": "a-key-f0f1f2f3", "draft": None}
+    facts |= {"slow": False, "alive": True, "unheard": False, "request": None}
     base = {"frame": down(), "back": None, "begun_ms": 0, "reached": {}}
-    for mode, verified, draft, held, slow in itertools.product(
+    for mode, verified, draft, (held, promised), slow in itertools.product(
         ("calm", "sign", "card", "result", "short", "lost", "again", "unsound"),
         (True, None),
         (None, "page", "stored"),
-        (0, 2),
+        ((0, 0), (2, 0), (2, 1), (2, 2)),
         (True, False),
     ):
         view = base | {
             "mode": mode,
-            "frame": down(held=held),
+            "frame": down(held=held, promised=promised),
             "back": {"outage_ms": 900, "verified": verified},
         }
         text = page.evaluate(said, [view, facts | {"draft": draft, "slow": slow}])
@@ -320,7 +321,11 @@ def test_a_claim_is_made_exactly_where_its_fact_is(open_ledger: OpenLedger) -> N
         assert ("does not match" in text) == (mode == "unsound")
         assert ("stored in this browser" in text) == (card and draft == "stored")
         assert ("still on this page" in text) == (card and draft == "page")
-        assert ("2 waiting at the server" in text) == (card and held == 2)
+        assert ('"2 waiting"' in text) == (card and held == 2)
+        assert (
+            ("You can close this window" in text) == ("Receipt: f0f1f2f3" in text) == (card and promised > 0)
+        )
+        assert ("keep the window open" in text) == (card and promised < held)
         assert ("slow to answer" in text) == (mode == "calm" and slow)
         assert ("Check this device" in text) == (mode == "lost")
         assert ("No alert could be sent" in text) is False
@@ -332,7 +337,7 @@ def test_waiting_requests_of_the_page_are_counted(open_ledger: OpenLedger, gatew
     page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 2}}))")
     shows(page, "2 waiting in this window")
     shows(page, "Keep this window open")
-    assert page.get_by_text("waiting at the server").count() == 0
+    assert page.get_by_text("2 waiting", exact=True).count() == 0
     page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 0}}))")
     expect(page.get_by_text("2 waiting in this window", exact=True)).to_be_hidden()
 
@@ -344,7 +349,7 @@ def test_what_the_gateway_holds_and_what_waits_in_the_page_are_two_sentences(
     page.evaluate("document.dispatchEvent(new CustomEvent('hc:pending', {detail: {count: 2}}))")
     gateway.say(down("R7b", held=1))
     shows(page, "2 waiting in this window")
-    shows(page, "1 waiting at the server")
+    expect(overlay(page).get_by_text("1 waiting", exact=True)).to_be_visible()
 
 
 def test_a_request_that_may_carry_a_file_is_never_called_slow(open_ledger: OpenLedger) -> None:

@@ -94,7 +94,7 @@ def test_a_request_sent_into_the_outage_is_answered_once(house: House, open_tab:
     with outage(house):
         form.locator("button.primary").click(no_wait_after=True)
         is_down(page)
-        expect(overlay(page).get_by_text("1 waiting")).to_be_visible()
+        expect(overlay(page).get_by_text("1 waiting", exact=True)).to_be_visible()
     is_serving(page)
     expect(page.locator("[data-live]").get_by_text("Into the outage").first).to_be_visible()
     expect(form.locator("[name=description]")).to_have_value("")
