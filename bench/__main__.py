@@ -15,7 +15,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench import bench_page, crowd, deaths, faults, losses, peace, rates, restarts, switches, weight
+from bench import (
+    bench_gateway,
+    bench_page,
+    crowd,
+    deaths,
+    faults,
+    losses,
+    peace,
+    rates,
+    restarts,
+    switches,
+    weight,
+)
 from bench.figures import Figure
 from bench.machine import described, machine
 from examples.guarded import GuardError, stop_cleanly
@@ -71,6 +83,11 @@ PARTS: dict[str, Part] = {
         lambda folder: rates.measure(folder, rounds=5, seconds=2),
         lambda folder: rates.measure(folder, rounds=1, seconds=1),
     ),
+    "gateway": Part(
+        "what the gateway costs by itself",
+        lambda folder: bench_gateway.measure(folder, rounds=5, seconds=2, say=note),
+        lambda folder: bench_gateway.measure(folder, rounds=1, seconds=0.5, say=note),
+    ),
     "page": Part(
         "what a person at the page waits for",
         lambda folder: bench_page.measure(folder, kills=20, slow_starts=10, reloads=5),
@@ -101,7 +118,6 @@ LONG: dict[str, Part] = {
     ),
 }
 SCRIPTS: dict[str, Script] = {
-    "gateway": Script("what the gateway costs by itself", ("--rounds", "1", "--seconds", "0.5")),
     "recorder": Script("what the flight recorder costs", ()),
     "peers": Script(
         "crash and hang beside the peers (`make peers` first; 15 minutes)",
@@ -119,7 +135,7 @@ def parse() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m bench",
-        description="Measure this machine. Without a name: everything but the long parts, in about six minutes.",
+        description="Measure this machine. Without a name: everything but the long parts, in about eight minutes.",
         epilog="\n".join(f"  {name:<10}{about}" for name, about in ABOUT.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -22,10 +22,11 @@ class Baseline:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """The most that a figure may be; `of_ratio`: its ratio to the baseline instead."""
+    """The most that a figure may be; `of_ratio`: its ratio to the baseline instead; `least`: it is the least."""
 
     most: float
     of_ratio: bool = False
+    least: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,7 @@ class Figure:
             return None
         judged = self.ratio if self.target.of_ratio else self.median
         assert judged is not None, "a target of a ratio needs a baseline"
-        return judged <= self.target.most
+        return judged >= self.target.most if self.target.least else judged <= self.target.most
 
     def line(self) -> str:
         """Return the figure as one line for a person."""

@@ -10,7 +10,7 @@ import binascii
 import hashlib
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hardcore.crisis.problems import Problem
 
@@ -267,6 +267,15 @@ def read_request(
         handshake=handshake,
         respond_async=bool(facts.prefer) and b"respond-async" in _tokens(facts.prefer),
     )
+
+
+def with_target(head: RequestHead, target: bytes) -> RequestHead | None:
+    """The judgement of the same lines for another target; None: it depends on the target too."""
+    if head.target == target:
+        return head
+    if head.handshake is not None or not target.startswith(b"/"):
+        return None
+    return replace(head, target=target, path=target.split(b"?", 1)[0])
 
 
 def _handshake(method: str, target: bytes, version: str, facts: _Facts) -> Handshake | Problem:

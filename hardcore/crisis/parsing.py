@@ -3,15 +3,23 @@
 A thin coat over httptools (llhttp in its strict mode, which refuses bare LF, folded lines and a length
 said twice) that adds what it leaves open: the size of a head, the judgement of `heads`, and silence after
 the first fault, because what follows a request that could not be read is not a request.
+
+Clients say the same lines with nearly every request of a connection. What was judged once is not judged again: lines
+that are equal byte for byte, as this parser cut them, lead to the same judgement. Bytes before the parser are never
+compared, because that would be a second parser.
 """
 
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Protocol
 
 import httptools
 
-from hardcore.crisis.heads import Header, RequestHead, read_request
+from hardcore.crisis.heads import Header, RequestHead, read_request, with_target
 from hardcore.crisis.problems import Problem
+
+#: Header lines up to this size are remembered as judged, those of one head for each connection.
+REMEMBERED_BYTES_MAX = 4 << 10
 
 
 class Listener(Protocol):
@@ -30,6 +38,17 @@ class Listener(Protocol):
         """The body is at its end."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """The last head of a connection, and what it was judged from."""
+
+    method: bytes
+    version: str
+    lines: list[Header]
+    lines_bytes: int
+    head: RequestHead
+
+
 class RequestParser:
     """Parses one connection's requests."""
 
@@ -45,6 +64,7 @@ class RequestParser:
         self._head_bytes = 0
         self._target = b""
         self._lines: list[Header] = []
+        self._judged: _Judged | None = None
 
     def feed(self, data: bytes) -> None:
         """Parse `data`; everything found is told to the listener before this returns."""
@@ -90,27 +110,34 @@ class RequestParser:
         self.in_head = False
         if self.deaf:
             return
-        size = len(self._target) + sum(len(name) + len(value) + 4 for name, value in self._lines)
-        if size > self._header_bytes_max:
-            self.refuse(Problem.HEAD_TOO_LARGE)
-            return
-        parser = self._parser
-        method = parser.get_method().decode()
-        head = read_request(
-            method,
-            self._target,
-            parser.get_http_version(),
-            self._lines,
-            self._hosts,
-            keep_alive=parser.should_keep_alive(),
-            upgrade=parser.should_upgrade(),
-        )
+        head = self._judge()
         if isinstance(head, Problem):
             tongue = next((v for n, v in self._lines if n.lower() == b"accept-language"), b"")
-            self.refuse(head, tongue.decode("latin-1"), no_body=method == "HEAD")
+            no_body = self._parser.get_method() == b"HEAD"
+            self.refuse(head, tongue.decode("latin-1"), no_body=no_body)
             return
         self._in_body = True
         self._listener.headed(head)
+
+    def _judge(self) -> RequestHead | Problem:
+        parser, lines, target = self._parser, self._lines, self._target
+        method, version = parser.get_method(), parser.get_http_version()
+        last = self._judged
+        if last is not None and last.lines == lines and (last.method, last.version) == (method, version):
+            again = with_target(last.head, target)
+            if again is not None and last.lines_bytes + len(target) <= self._header_bytes_max:
+                return again
+        lines_bytes = sum(len(name) + len(value) + 4 for name, value in lines)
+        if lines_bytes + len(target) > self._header_bytes_max:
+            return Problem.HEAD_TOO_LARGE
+        keep_alive, upgrade = parser.should_keep_alive(), parser.should_upgrade()
+        head = read_request(
+            method.decode(), target, version, lines, self._hosts, keep_alive=keep_alive, upgrade=upgrade
+        )
+        self._judged = None
+        if isinstance(head, RequestHead) and lines_bytes <= REMEMBERED_BYTES_MAX:
+            self._judged = _Judged(method, version, lines, lines_bytes, head)
+        return head
 
     def on_body(self, data: bytes) -> None:
         """A piece of the body."""
