@@ -8,6 +8,13 @@ import gc
 
 gc.disable()
 
-from core.main import cli  # noqa: E402  after the line above, which is about this import
+import os  # noqa: E402  after the line above, which is about all imports
+
+if os.environ.get("HARDCORE_SPARE"):
+    from core.loading import load_quietly
+
+    load_quietly()
+
+from core.main import cli  # noqa: E402  as above
 
 cli()

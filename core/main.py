@@ -15,21 +15,26 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 import click
 import msgspec
 import uvloop
+from sqlalchemy import Engine
 
 from core import departure
 from core.audit import audit_behind
+from core.build import own_build
 from core.departure import Departure, ExitCode
+from core.draining import Drain
 from core.frames import tell_committed
+from core.guarded import oom
+from core.guarded.control import VERSION as CONTROL_VERSION
 from core.guarded.control import ControlUnboundError
-from core.guarded.environment import GuardedEnvironment
+from core.guarded.environment import GuardedEnvironment, LastSeen
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
 from core.imports.desk import Desk
@@ -47,6 +52,7 @@ from core.safety import Safety
 from core.saying import Unkept, say
 from core.service import Service, Unwritten
 from core.settings import Settings
+from core.warming import Spare
 from core.web.app import make_app
 
 PORT_DEFAULT: Final = 3001
@@ -159,6 +165,11 @@ class Life:
         self._obedience = Obedience()
         self._safety: Safety | None = None
         self._trying: asyncio.Task[NoReturn] | None = None
+        self._spare: Spare | None = None
+        self._service: Service | None = None
+        self._writer: Writer | None = None
+        self._drain: Drain | None = None
+        self._holds_guard = True
 
     async def run(self) -> Departure | None:
         """Live; return None if the end was asked for, else why there was no life."""
@@ -173,6 +184,7 @@ class Life:
                 self._beacon,
                 guarded=self._obedience,
                 on_term=lambda _: self._end(None),
+                on_beat=self._beat,
                 census_ms=self._settings.census_ms,
             ):
                 return await self._live(loop)
@@ -186,23 +198,19 @@ class Life:
         bound = self._bind()
         if isinstance(bound, str):
             return departure.config_invalid(bound)
-        telling = Telling(self._recorder, self._beacon)
-        terms = Terms(
-            self._environment.expected_epoch,
-            tuple([Witness(seen.seq, seen.epoch, seen.hash) for seen in self._environment.witnesses]),
-            None,
-            self._environment.guarded,
-        )
-        opening: Callable[[], Book | Departure] = functools.partial(
-            open_book, self._data, terms, self._settings, telling
-        )
-        if self._environment.safe is not None:
-            opening = functools.partial(open_to_read, self._data, self._environment, self._settings)
-        book = await loop.run_in_executor(None, opening)
+        terms = self._terms()
+        if self._environment.spare:
+            promoted = await self._wait(loop)
+            if not isinstance(promoted, Terms):
+                bound.close()
+                return promoted
+            terms = promoted
+        book = await loop.run_in_executor(None, self._opening(terms))
         if isinstance(book, Departure):
             bound.close()
             return book
         service = self._read_book(book) if isinstance(book, ReadableBook) else self._serve_book(book, loop)
+        self._service = service
         try:
             return await self._serve(loop, bound, book, service)
         # The writer's thread outlives the loop: an exception that only ended the loop would leave a process
@@ -211,17 +219,65 @@ class Life:
             logger.exception("The core stops at a mistake of our own")
             self._vanish(departure.bug(repr(error)))
 
+    def _terms(self) -> Terms:
+        told = self._environment
+        return Terms(told.expected_epoch, _as_witnesses(told.witnesses), None, told.guarded)
+
+    def _opening(self, terms: Terms) -> Callable[[], Book | Departure]:
+        if self._environment.safe is not None:
+            return functools.partial(open_to_read, self._data, self._environment, self._settings)
+        telling = Telling(self._recorder, self._beacon)
+        ahead = self._spare.ahead if self._spare is not None else None
+        return functools.partial(open_book, self._data, terms, self._settings, telling, ahead)
+
+    async def _wait(self, loop: asyncio.AbstractEventLoop) -> Terms | Departure | None:
+        """Load and read everything and wait for the order; None if the end was asked for before it came."""
+        self._recorder.set_state(LifeState.SPARE)
+        self._obedience.build = own_build()
+        spare = self._spare = Spare(self._data, self._settings, self._recorder)
+        self._obedience.wait(spare)
+        waiting = loop.create_task(self._until_told(spare))
+        assert self._ended is not None
+        either: set[asyncio.Future[Any]] = {waiting, self._ended}
+        await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
+        if waiting.done():
+            return waiting.result()
+        waiting.cancel()
+        await asyncio.wait({waiting})
+        await loop.run_in_executor(None, spare.close)
+        return None
+
+    async def _until_told(self, spare: Spare) -> Terms | Departure:
+        seen = await spare.warm_up()
+        if isinstance(seen, Departure):
+            return seen
+        # What was loaded lives as long as the process: no collection need ever look at it.
+        gc.freeze()
+        gc.enable()
+        self._beacon.spare(
+            self._obedience.build, CONTROL_VERSION, seen.schema_version, migrates=seen.migrates
+        )
+        logger.info("A spare for the ledger of %s waits, at event %d.", self._data, seen.seq)
+        order = await spare.told()
+        self._recorder.set_state(LifeState.STARTING)
+        oom.rank(oom.CORE)
+        return Terms(order.expected_epoch, _as_witnesses(order.witnesses), order.busy_ms, shared=True)
+
     async def _serve(
         self, loop: asyncio.AbstractEventLoop, bound: socket.socket, book: Book, service: Service
     ) -> Departure | None:
         desk = Desk(service, self._recorder, self._data)
-        if isinstance(book, OpenBook):
-            await desk.clear_up()
-        server = LedgerServer(make_app(service, desk))
+        drain = self._drain = Drain(
+            service, desk, self._writer, self._recorder, functools.partial(self._let_go, book), self._stuck
+        )
+        self._obedience.drain_with(drain)
+        server = LedgerServer(make_app(service, desk, self._spare.app if self._spare is not None else None))
         await server.start(bound)
         self._ready(book, bound)
         if isinstance(book, OpenBook):
             await desk.start()
+        if not self._obedience.build:
+            self._obedience.build = await asyncio.to_thread(own_build)
         audit = loop.create_task(audit_behind(service, self._beacon))
         assert self._ended is not None
         left = await self._ended
@@ -243,27 +299,34 @@ class Life:
         return bind_loopback(self._port)
 
     def _serve_book(self, book: OpenBook, loop: asyncio.AbstractEventLoop) -> Service:
-        writer = Writer(
+        writer = self._writer = Writer(
             book.journal,
             self._recorder,
             loop,
             on_shut=self._shut,
             on_failed=lambda text: self._end(departure.commit_failed(text)),
-            on_fenced=lambda actual: self._vanish(departure.fenced(book.epoch, actual)),
+            on_fenced=functools.partial(self._fenced, book.epoch),
             on_bug=lambda error: self._vanish(departure.bug(repr(error))),
         )
         writer.start()
-        # One more connection than reading threads: the proof of the whole book has its own.
-        readers = open_reading(
-            self._data / LEDGER_FILE, self._settings.readers + 1, self._settings.write_busy_ms
+        fenced = functools.partial(self._fenced, book.epoch)
+        service = Service(
+            writer, self._readers(), self._recorder, self._settings, book.epoch, on_fenced=fenced
         )
-        service = Service(writer, readers, self._recorder, self._settings, book.epoch)
         writer.listen(functools.partial(tell_committed, service.hub))
         self._safety = Safety(service, writer, self._recorder, self._beacon)
         self._obedience.serve(service, self._safety, writer)
         if not self._environment.guarded:
             self._trying = loop.create_task(self._safety.keep_trying(self._settings.safe_again_ms))
         return service
+
+    def _readers(self) -> Engine:
+        if self._spare is not None:
+            return self._spare.readers
+        # One more connection than reading threads: the proof of the whole book has its own.
+        return open_reading(
+            self._data / LEDGER_FILE, self._settings.readers + 1, self._settings.write_busy_ms
+        )
 
     def _read_book(self, book: ReadableBook) -> Service:
         safe = self._environment.safe
@@ -274,6 +337,21 @@ class Life:
         self._safety = Safety(service, None, self._recorder, self._beacon)
         self._obedience.serve(service, self._safety, None)
         return service
+
+    def _beat(self, now_ns: int) -> None:
+        if self._service is not None:
+            self._service.beat(now_ns)
+
+    def _fenced(self, mine: int, actual: int) -> NoReturn:
+        self._vanish(departure.fenced(mine, actual))
+
+    def _stuck(self) -> NoReturn:
+        self._vanish(departure.bug("the store could neither be closed nor used again"))
+
+    def _let_go(self, book: Book) -> None:
+        if self._holds_guard:
+            self._holds_guard = False
+            book.guard.release()
 
     def _shut(self, error: StoreError) -> None:
         assert self._safety is not None, "it is there before the writer has anything to write"
@@ -299,6 +377,8 @@ class Life:
     async def _leave(self, service: Service, server: LedgerServer, book: Book, desk: Desk) -> None:
         leaving_s = (self._settings.drain_ms + self._settings.close_ms) / 1000
         gone_s = asyncio.get_running_loop().time() + leaving_s
+        assert self._drain is not None, "who serves can be drained"
+        self._drain.leave()
         self._recorder.set_state(LifeState.DRAINING)
         self._beacon.stopping()
         service.drain()
@@ -323,9 +403,11 @@ class Life:
             await desk.stop()
         await server.stop()
         await service.close()
-        book.guard.release()
+        self._let_go(book)
 
     async def _leave_at_once(self, left: Departure, service: Service) -> NoReturn:
+        assert self._drain is not None, "who serves can be drained"
+        self._drain.leave()
         service.drain()
         await service.all_answered(self._settings.last_answers_ms)
         await asyncio.sleep(LAST_FLUSH_S)
@@ -339,6 +421,10 @@ class Life:
     def _end(self, left: Departure | None) -> None:
         if self._ended is not None and not self._ended.done():
             self._ended.set_result(left)
+
+
+def _as_witnesses(seen: Iterable[LastSeen]) -> tuple[Witness, ...]:
+    return tuple(Witness(one.seq, one.epoch, one.hash) for one in seen)
 
 
 def _faults(read: object) -> list[str]:

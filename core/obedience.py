@@ -1,4 +1,4 @@
-"""What this core does when its guard gives it an order: where it stands, reads only, drills.
+"""What this core does when its guard gives it an order: where it stands, take over, drain, reads only, drills.
 
 The control socket is open before the book is, so an order may come too early, and then it is refused with a
 sentence. A drill that is a command's fault becomes a command: it takes a slot, stands in the writer's line and
@@ -11,18 +11,21 @@ from functools import partial
 from time import monotonic_ns
 from typing import Final
 
+from core.draining import Drain
 from core.guarded.control import Standing
 from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
-from core.guarded.orders import DrillOrder, SafeOrder
+from core.guarded.orders import DrainOrder, DrillOrder, PromoteOrder, SafeOrder
 from core.journal.answers import Done, Exercise, StoreBusy
 from core.journal.writer import Writer
 from core.safety import Safety
 from core.service import Draining, NoSlot, Service
+from core.warming import Spare
 
 KIND: Final = "drill"
 ACCOUNT: Final = "system:drill"
 NOT_DONE: Final = 503
 KNOCKS_MAX: Final = 60  # each waits for the lock as long as any batch would
+NO_SPARE: Final = "This core is no spare."
 NOT_OPEN: Final = "The core has not opened its book yet."
 
 
@@ -35,6 +38,17 @@ class Obedience:
         self._safety: Safety | None = None
         self._writer: Writer | None = None
         self._exercises: set[asyncio.Task[None]] = set()
+        self._spare: Spare | None = None
+        self._drain: Drain | None = None
+        self.build = ""  # the name of this code, once it is known
+
+    def wait(self, spare: Spare) -> None:
+        """Take the order by which this spare becomes the core."""
+        self._spare = spare
+
+    def drain_with(self, drain: Drain) -> None:
+        """Take orders to drain from now on."""
+        self._drain = drain
 
     def serve(self, service: Service, safety: Safety, writer: Writer | None) -> None:
         """Take orders for this service from now on. `writer` None: the core was started to read only."""
@@ -42,9 +56,20 @@ class Obedience:
 
     def standing(self) -> Standing:
         """Return where the core stands."""
-        if self._service is None:
-            return Standing(0, 0)
-        return Standing(self._service.epoch, self._service.head_seq, self._service.safe)
+        if self._service is not None:
+            now = self._service
+            return Standing(now.epoch, now.head_seq, now.safe, build=self.build)
+        if self._spare is not None:
+            return Standing(0, self._spare.seq, spare=not self._spare.is_told, build=self.build)
+        return Standing(0, 0, build=self.build)
+
+    def promote(self, order: PromoteOrder) -> Callable[[], object] | str:
+        """Return what has this spare take over once it is called, or why it can't."""
+        return NO_SPARE if self._spare is None else self._spare.promote(order)
+
+    async def drain(self, order: DrainOrder) -> int | str:
+        """Finish everything and let go of the store; return the last sequence, or why that could not be done."""
+        return NOT_OPEN if self._drain is None else await self._drain.within(order.within_ms)
 
     async def switch_safe(self, order: SafeOrder) -> str | None:
         """Serve reads only, or everything again."""

@@ -25,6 +25,7 @@ from sqlalchemy.exc import DBAPIError
 from core.guarded.naming import ids_shown
 from core.guarded.recorder import FlightRecorder, Stage
 from core.hub import Hub
+from core.journal import queries
 from core.journal.answers import (
     Answer,
     Done,
@@ -44,6 +45,7 @@ from core.ledger.commands import Command, accounts_of, fingerprint_of, transacti
 from core.ledger.ids import ENTROPY_BYTES, uuid7
 from core.limits import limit_ms
 from core.settings import Settings
+from core.tenure import Tenure
 
 T = TypeVar("T")
 
@@ -97,10 +99,13 @@ class Service:
         settings: Settings,
         epoch: int,
         safe: str | None = None,
+        on_fenced: Callable[[int], object] | None = None,
     ) -> None:
         """Take the started parts. `readers` is not opened before the first read.
 
         `safe`: the diagnosis because of which only reads are served; without a writer there always is one.
+        `on_fenced` is told the higher epoch when this core, after it was stopped for a while, finds that another has
+        taken over; it must end the process. Without it nobody looks.
         """
         assert safe is not None or isinstance(writer, Writer), "a core without a writer can only read"
         self.epoch = epoch
@@ -121,6 +126,7 @@ class Service:
         self._next_verdict: asyncio.Task[Verdict | StoreError | GivenUp] | None = None
         self._verdicts_waiting = 0
         self._leaving = threading.Event()
+        self._tenure = Tenure(epoch, self._stored_epoch, on_fenced) if on_fenced is not None else None
         self._in_line: dict[str, asyncio.Future[Answer]] = {}  # by key: the newest command under it
 
     @property
@@ -137,6 +143,29 @@ class Service:
     def head_seq(self) -> int:
         """The last event this core knows of, without asking the store."""
         return self._writer.head_seq
+
+    def beat(self, now_ns: int) -> None:
+        """Notice at a beat of the loop that this process was stopped for a while."""
+        if self._tenure is not None:
+            self._tenure.beat(now_ns)
+
+    async def still_ours(self) -> None:
+        """Return once this core may answer: at once, or, where it may have been stopped, after a look at the store."""
+        if self._tenure is not None:
+            await self._tenure.sure()
+
+    async def _stored_epoch(self) -> int | None:
+        def look() -> int | None:
+            try:
+                with snapshot(self._readers, self.settings.read_ms_max) as connection:
+                    epoch: int = queries.head(connection).epoch
+                    return epoch
+            except DBAPIError:
+                return None
+
+        if self._leaving.is_set():
+            return None  # its threads are about to end, and so is it
+        return await asyncio.get_running_loop().run_in_executor(self._threads, look)
 
     def new_id(self) -> str:
         """Return a new UUIDv7."""
@@ -338,24 +367,40 @@ class Service:
             self._audits.done()
             self._audits.works(False)
 
+    def pause(self) -> None:
+        """Take nothing new until `resume`."""
+        self._draining = True
+
+    def resume(self) -> None:
+        """Take requests again, unless this core is leaving."""
+        self._draining = self._leaving.is_set()
+
     def drain(self) -> None:
-        """Take nothing new from now on."""
+        """Take nothing new from now on, and give up what is only proven behind."""
         self._draining = True
         self._leaving.set()
+
+    async def until_answered(self) -> None:
+        """Wait until every request that holds a slot is answered."""
+        await self._all_answered.wait()
 
     async def all_answered(self, within_ms: int) -> bool:
         """Wait until every request that holds a slot is answered; return whether that came about."""
         try:
-            await asyncio.wait_for(self._all_answered.wait(), within_ms / 1000)
+            await asyncio.wait_for(self.until_answered(), within_ms / 1000)
         except TimeoutError:
             return False
         return True
 
-    async def close(self) -> None:
-        """Write what waits and close the store. Only after `drain`."""
+    async def end_threads(self) -> None:
+        """End the threads that read, each after what it is asking."""
         # On a thread, because a read may take its time and a loop that waits for it would look blocked.
         for threads in (self._threads, self._auditor):
             await asyncio.to_thread(threads.shutdown)
+
+    async def close(self) -> None:
+        """Write what waits and close the store. Only after `drain`."""
+        await self.end_threads()
         # The writer's connection is the last to close: it empties the log, so that a ledger at rest is one file.
         self._readers.dispose()
         if isinstance(self._writer, Writer):

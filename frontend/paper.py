@@ -69,6 +69,13 @@ def draw(template: str, reader: Reader, **values: Any) -> str:
     )
 
 
+def load_templates() -> None:
+    """Compile every page now, and not while somebody waits for it."""
+    environment = _environment()
+    for name in environment.list_templates(filter_func=lambda name: name.endswith(".html.j2")):
+        environment.get_template(name)
+
+
 def _money(lang: Language, amount: str, currency: str, *, signed: bool = False) -> str:
     return show_amount(amount, currency, lang, signed=signed)
 

@@ -12,7 +12,7 @@ from collections import deque
 
 from core.guarded.locks import NamedLock
 
-#: More facts than one life has: the epoch, READY, the proof, a blocked fence, some TERMs, STOPPING.
+#: More facts than one life has: that it is a spare, the epoch, READY, the proof, a blocked fence, some TERMs, STOPPING.
 KEPT_MAX = 32
 #: A sentence for people; even in Hangul it fits into one datagram many times.
 SENTENCE_CHARACTERS_MAX = 400
@@ -30,6 +30,14 @@ class Beacon:
         if address is not None:
             self._address = "\0" + address[1:] if address.startswith("@") else address
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+
+    def spare(self, build: str, control: int, schema: int, *, migrates: bool) -> None:
+        """Say that this core can be promoted: its code, the version of its control socket, the store's schema.
+
+        `migrates`: taking over would bring the store up to a newer schema.
+        """
+        said = f"X_SPARE=1\nX_BUILD={build}\nX_CONTROL={control}\nX_SCHEMA={schema}"
+        self._keep(f"{said}\nX_MIGRATES=1" if migrates else said)
 
     def epoch_raised(self, epoch: int) -> None:
         """Say that the fence is committed."""

@@ -21,16 +21,26 @@ BEAT_MS = 25
 class LoopBeat:
     """The event loop's own beat. Start and stop it on the loop's thread."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, recorder: FlightRecorder, beat_ms: int) -> None:
-        """Beat first at `start`, then every `beat_ms`."""
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        recorder: FlightRecorder,
+        beat_ms: int,
+        on_beat: Callable[[int], None] | None = None,
+    ) -> None:
+        """Beat first at `start`, then every `beat_ms`. `on_beat` is told the monotonic time of each."""
         self._loop = loop
+        self._on_beat = on_beat
         self._recorder = recorder
         self._every_s = beat_ms / 1000
         self._next: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
         """Beat now and from now on."""
-        self._recorder.beat_loop(time.monotonic_ns())
+        now_ns = time.monotonic_ns()
+        self._recorder.beat_loop(now_ns)
+        if self._on_beat is not None:
+            self._on_beat(now_ns)
         self._next = self._loop.call_later(self._every_s, self.start)
 
     def stop(self) -> None:

@@ -12,13 +12,15 @@ import json
 import os
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol, assert_never
 
 from core.guarded.orders import (
+    DrainOrder,
     DrillOrder,
     Order,
+    PromoteOrder,
     Refused,
     SafeOrder,
     StatusOrder,
@@ -28,6 +30,7 @@ from core.guarded.orders import (
 )
 from core.guarded.tasks import suspended_tasks
 
+VERSION = 2  # of what can be said through this door (`docs/wires.md` section 4)
 LINE_BYTES_MAX = 4096
 CONNECTIONS_MAX = 8
 SILENCE_S_MAX = 10.0
@@ -39,11 +42,16 @@ class ControlUnboundError(OSError):
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where the core stands: its epoch (0: none raised yet), the last committed sequence, why it only reads."""
+    """Where the core stands: its epoch (0: none raised yet), the last committed sequence, why it only reads.
+
+    `spare`: it waits to be promoted. `build`: the name of its code, empty while it is not known.
+    """
 
     epoch: int
     seq: int
     safe: str | None = None
+    spare: bool = False
+    build: str = ""
 
 
 class Guarded(Protocol):
@@ -59,6 +67,14 @@ class Guarded(Protocol):
 
     def drill(self, order: DrillOrder) -> Callable[[], object] | str:
         """Return what breaks the core once it is called, or why it can't be broken in this way now."""
+        ...
+
+    def promote(self, order: PromoteOrder) -> Callable[[], object] | str:
+        """Return what has this spare take over once it is called, or why it can't."""
+        ...
+
+    async def drain(self, order: DrainOrder) -> int | str:
+        """Finish everything and let go of the store; return the last sequence, or why that could not be done."""
         ...
 
 
@@ -148,8 +164,7 @@ class ControlServer:
         match order:
             case StatusOrder():
                 now = self._guarded.standing()
-                told = {"pid": os.getpid(), "epoch": now.epoch, "seq": now.seq, "safe": now.safe}
-                await _say(writer, {"ok": True, **told})
+                await _say(writer, {"ok": True, "pid": os.getpid(), **asdict(now)})
             case TasksOrder():
                 tasks, count = suspended_tasks()
                 await _say(writer, {"ok": True, "tasks": tasks, "count": count})
@@ -158,6 +173,14 @@ class ControlServer:
                 await _say(writer, _outcome(await self._guarded.switch_safe(order)))
             case DrillOrder():
                 await self._drill(order, writer)
+            case PromoteOrder():
+                await self._promote(order, writer)
+            case DrainOrder(within_ms):
+                self._note("DRAIN", f"within {within_ms} ms")
+                outcome = await self._guarded.drain(order)
+                await _say(
+                    writer, {"ok": True, "seq": outcome} if isinstance(outcome, int) else _outcome(outcome)
+                )
             case Refused(error):
                 await _say(writer, _outcome(error))
             case _:
@@ -175,6 +198,17 @@ class ControlServer:
             writer.close()
             await writer.wait_closed()
         begin()
+
+    async def _promote(self, order: PromoteOrder, writer: asyncio.StreamWriter) -> None:
+        begin = self._guarded.promote(order)
+        if isinstance(begin, str):
+            await _say(writer, _outcome(begin))
+            return
+        self._note("PROMOTE", f"from epoch {order.expected_epoch}")
+        try:
+            await _say(writer, {"ok": True})
+        finally:
+            begin()  # also where nobody waits for the answer any more: the order was given
 
 
 def _outcome(error: str | None) -> dict[str, object]:

@@ -52,6 +52,8 @@ class GuardedEnvironment:
     witnesses: tuple[LastSeen, ...] = ()
     #: The diagnosis because of which this core may only read.
     safe: str | None = None
+    #: It loads everything and waits to be promoted.
+    spare: bool = False
     #: How long a command may be DECIDING; a kind of command may have a multiple of it.
     limit_ms: int | None = None
     memory_bytes: int | None = None
@@ -78,6 +80,7 @@ class GuardedEnvironment:
             expected_epoch=reading.number("HARDCORE_EPOCH"),
             witnesses=reading.witnesses("HARDCORE_WITNESS"),
             safe=reading.word("HARDCORE_SAFE"),
+            spare=reading.spare("HARDCORE_SPARE"),
             limit_ms=reading.number("HARDCORE_LIMIT_MS", 1, LIMIT_MS_MAX),
             memory_bytes=reading.number("HARDCORE_MEMORY_BYTES", 1),
             notify_socket=reading.notify("NOTIFY_SOCKET"),
@@ -129,6 +132,16 @@ class _Reading:
             self.faults.append(f"{name} must be a diagnosis in capitals, not {text!r}.")
             return None
         return text
+
+    def spare(self, name: str) -> bool:
+        text = self._text(name)
+        if text not in {None, "1"}:
+            self.faults.append(f"{name} must be 1 or nothing, not {text!r}.")
+        if text is not None and self._text("HARDCORE_CONTROL") is None:
+            self.faults.append(f"{name} needs HARDCORE_CONTROL: a spare is promoted over its control socket.")
+        if text is not None and self._text("HARDCORE_SAFE") is not None:
+            self.faults.append(f"{name} and HARDCORE_SAFE exclude each other: a spare is there to write.")
+        return text is not None
 
     def witnesses(self, name: str) -> tuple[LastSeen, ...]:
         text = self._text(name)

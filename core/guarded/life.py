@@ -13,6 +13,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from core.guarded import oom
 from core.guarded.beacon import Beacon
 from core.guarded.beats import BEAT_MS, LoopBeat, ThreadBeat, note_collections
 from core.guarded.census import CENSUS_MS, CensusTaker
@@ -49,6 +50,7 @@ def take_instruments(environment: GuardedEnvironment) -> Instruments | RecorderU
     keep_last_words(recorder, stacks_path(environment.recorder))
     if environment.guarded:
         allow_tracing()
+        oom.rank(oom.SPARE if environment.spare else oom.CORE)
     return Instruments(recorder, Beacon(environment.notify_socket))
 
 
@@ -65,20 +67,21 @@ async def guarded_life(
     *,
     guarded: Guarded,
     on_term: Callable[[int], None],
+    on_beat: Callable[[int], None] | None = None,
     beat_ms: int = BEAT_MS,
     census_ms: int = CENSUS_MS,
 ) -> AsyncIterator[None]:
     """Be seen and be reachable until the block ends.
 
     `guarded` takes the orders of the control socket. `on_term` is called once, on the loop, with the pid of the
-    first TERM's sender (0: unknown); that it came is already noted and told by then. Raises
-    ControlUnboundError (an OSError) when the control socket can't be bound.
+    first TERM's sender (0: unknown); that it came is already noted and told by then. `on_beat` is told the monotonic
+    time of each beat of the loop. Raises ControlUnboundError (an OSError) when the control socket can't be bound.
     """
     loop = asyncio.get_running_loop()
     async with AsyncExitStack() as ending:
         keep_loop_errors(loop, recorder)
         ending.callback(note_collections(recorder))
-        loop_beat = LoopBeat(loop, recorder, beat_ms)
+        loop_beat = LoopBeat(loop, recorder, beat_ms, on_beat)
         loop_beat.start()
         ending.callback(loop_beat.stop)
         thread_beat = ThreadBeat(recorder, beat_ms)

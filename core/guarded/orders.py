@@ -12,10 +12,12 @@ from dataclasses import dataclass
 from typing import Any, Final, TypeGuard, assert_never
 
 from core.guarded.drills import Drill
+from core.guarded.environment import WITNESSES_MAX, LastSeen
 
 DISK_FULL_S: Final = 3
 DISK_FULL_S_MAX: Final = 60
-_GENERATION_MAX: Final = 2**63 - 1
+WAIT_MS_MAX: Final = 600_000
+_NUMBER_MAX: Final = 2**63 - 1
 _REASON: Final = re.compile(r"[A-Z_]{1,40}")
 
 
@@ -52,13 +54,35 @@ class DrillOrder:
 
 
 @dataclass(frozen=True, slots=True)
+class PromoteOrder:
+    """Has a spare take over.
+
+    `expected_epoch`: the predecessor's; None: raise whatever stands in the store. `witnesses`: commits that somebody
+    saw. `busy_ms`: how long the fence waits for the store's lock; None: as the core's settings say.
+    """
+
+    expected_epoch: int | None
+    witnesses: tuple[LastSeen, ...]
+    busy_ms: int | None
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
+class DrainOrder:
+    """Has the core take nothing new, finish what it has within `within_ms`, and let go of the store."""
+
+    within_ms: int
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
 class Refused:
     """An order that is not carried out, and why."""
 
     error: str
 
 
-Order = StatusOrder | TasksOrder | SafeOrder | DrillOrder | Refused
+Order = StatusOrder | TasksOrder | SafeOrder | DrillOrder | PromoteOrder | DrainOrder | Refused
 
 
 def read_order(line: bytes, lowest_generation: int) -> Order:
@@ -78,14 +102,18 @@ def read_order(line: bytes, lowest_generation: int) -> Order:
             return _read_safe(said, lowest_generation)
         case "drill":
             return _read_drill(said, lowest_generation)
+        case "promote":
+            return _read_promote(said, lowest_generation)
+        case "drain":
+            return _read_drain(said, lowest_generation)
         case _:
-            return Refused("The verb must be status, tasks, safe or drill.")
+            return Refused("The verb must be status, tasks, safe, drill, promote or drain.")
 
 
 def generation_of(order: Order) -> int:
     """Return the generation that gave this order, 0 for what needs none."""
     match order:
-        case SafeOrder() | DrillOrder():
+        case SafeOrder() | DrillOrder() | PromoteOrder() | DrainOrder():
             return order.generation
         case StatusOrder() | TasksOrder() | Refused():
             return 0
@@ -109,7 +137,7 @@ def _read_drill(said: Mapping[str, Any], lowest: int) -> DrillOrder | Refused:
         return Refused(f"The fault must be one of {', '.join(Drill)}.")
     if not isinstance(armed, bool):
         return Refused("Armed must be true or false.")
-    if not _is_whole(seconds) or not 1 <= seconds <= DISK_FULL_S_MAX:
+    if not _is_within(seconds, 1, DISK_FULL_S_MAX):
         return Refused(f"The seconds must be a whole number from 1 to {DISK_FULL_S_MAX}.")
     generation = _generation(said, lowest)
     if isinstance(generation, Refused):
@@ -119,14 +147,45 @@ def _read_drill(said: Mapping[str, Any], lowest: int) -> DrillOrder | Refused:
     return DrillOrder(Drill(fault), generation, armed, seconds)
 
 
+def _read_promote(said: Mapping[str, Any], lowest: int) -> PromoteOrder | Refused:
+    expected, busy_ms = said.get("expected_epoch"), said.get("busy_ms")
+    if expected is not None and not _is_within(expected, 0, _NUMBER_MAX):
+        return Refused("The expected epoch must be a whole number or null.")
+    if busy_ms is not None and not _is_within(busy_ms, 1, WAIT_MS_MAX):
+        return Refused(f"The wait for the lock must be a whole number from 1 to {WAIT_MS_MAX}, or null.")
+    witnesses = _witnesses(said.get("witnesses"))
+    if witnesses is None:
+        return Refused(f"The witnesses must be a list of at most {WITNESSES_MAX} texts sequence:epoch:hash.")
+    generation = _generation(said, lowest)
+    if isinstance(generation, Refused):
+        return generation
+    return PromoteOrder(expected, witnesses, busy_ms, generation)
+
+
+def _witnesses(told: object) -> tuple[LastSeen, ...] | None:
+    if not isinstance(told, list) or len(told) > WITNESSES_MAX:
+        return None
+    read = [LastSeen.read(text) if isinstance(text, str) else None for text in told]
+    seen = tuple(one for one in read if one is not None)
+    return seen if len(seen) == len(read) else None
+
+
+def _read_drain(said: Mapping[str, Any], lowest: int) -> DrainOrder | Refused:
+    within_ms = said.get("within_ms")
+    if not _is_within(within_ms, 1, WAIT_MS_MAX):
+        return Refused(f"The time to drain in must be a whole number from 1 to {WAIT_MS_MAX}.")
+    generation = _generation(said, lowest)
+    return generation if isinstance(generation, Refused) else DrainOrder(within_ms, generation)
+
+
 def _generation(said: Mapping[str, Any], lowest: int) -> int | Refused:
     generation = said.get("generation")
-    if not _is_whole(generation) or not 0 <= generation <= _GENERATION_MAX:
+    if not _is_within(generation, 0, _NUMBER_MAX):
         return Refused("The generation must be a whole number.")
     if generation < lowest:
         return Refused(f"Generation {generation} is over: {lowest} gives the orders.")
     return generation
 
 
-def _is_whole(value: object) -> TypeGuard[int]:
-    return isinstance(value, int) and not isinstance(value, bool)
+def _is_within(value: object, least: int, most: int) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool) and least <= value <= most

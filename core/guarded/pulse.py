@@ -22,6 +22,7 @@ class LifeState(IntEnum):
     READY = 1
     DRAINING = 2
     STOPPING = 3
+    SPARE = 4  # it waits to be promoted
 
 
 def _start_ticks() -> int:

@@ -8,6 +8,8 @@ import asyncio
 import hashlib
 import logging
 import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -50,7 +52,7 @@ class Desk:
     """All imports of one core. All methods on the loop's thread."""
 
     def __init__(self, service: Service, recorder: FlightRecorder, data: Path) -> None:
-        """Prepare; the disk is not touched before `clear_up`."""
+        """Prepare; the disk is not touched before `start`."""
         self._service = service
         self._imports = Imports(data)
         self._looker = Looker(service)
@@ -58,23 +60,72 @@ class Desk:
         self._uploads: set[str] = set()
         self._interrupted: list[Manifest] = []
         self._changing = asyncio.Lock()  # a wish is looked at and replaced in one go
+        self._settled = asyncio.Event()
+        self._resting = False
+        self._at_work = 0
+        self._idle = asyncio.Event()
+        self._idle.set()
 
-    async def clear_up(self) -> None:
-        """Clear up, and see what a death has interrupted. Before anybody may ask for anything."""
+    async def start(self) -> None:
+        """Clear up, go on with what a death has interrupted, and work from now on.
+
+        A core that writes calls it as soon as it serves. Whoever wants to change something meanwhile waits: what
+        is cleared away must not be what somebody has just begun.
+        """
+        self._begin_work()
+        try:
+            await self._clear_up()
+            for manifest in reversed(self._interrupted):
+                await self._go_on(manifest)
+            if not self._resting:
+                self._importer.start()
+            self._settled.set()
+        finally:
+            self._end_work()
+
+    async def stop(self) -> None:
+        """End between two rows."""
+        await self._importer.stop()
+
+    async def rest(self) -> None:
+        """Take nothing new; return once all that was begun is over, between two rows of a running import."""
+        self._resting = True
+        await self._importer.stop()
+        await self._idle.wait()
+
+    def go_on(self) -> None:
+        """Work again after `rest`, also where that has not come to its end."""
+        self._resting = False
+        self._importer.start()
+
+    async def _clear_up(self) -> None:
         await asyncio.to_thread(self._imports.clear_unfinished)
         await self._tidy()
         found = await asyncio.to_thread(self._imports.newest_first)
         self._interrupted = [one for one in found if one.state is State.COMMITTING]
 
-    async def start(self) -> None:
-        """Go on with what was interrupted, and work from now on."""
-        for manifest in reversed(self._interrupted):
-            await self._go_on(manifest)
-        self._importer.start()
+    @asynccontextmanager
+    async def _working(self) -> AsyncIterator[None]:
+        """Count what may change a file of an import, from its first to its last moment."""
+        if self._service.safe is None:
+            await self._settled.wait()
+        self._begin_work()
+        try:
+            yield
+        finally:
+            self._end_work()
 
-    async def stop(self) -> None:
-        """End between two rows. Only after the service takes nothing new."""
-        await self._importer.stop()
+    def _begin_work(self) -> None:
+        self._at_work += 1
+        self._idle.clear()
+
+    def _end_work(self) -> None:
+        self._at_work -= 1
+        if self._at_work == 0:
+            self._idle.set()
+
+    def _is_leaving(self) -> bool:
+        return self._resting or self._service.draining
 
     def name(self, key: str | None) -> str:
         """Return the id of the import that is made under this key of a request."""
@@ -86,19 +137,23 @@ class Desk:
 
     async def begin(self, import_id: str) -> Path | Trouble:
         """Return the file to write an upload into. Where it is one, give it to `end` when all is done."""
-        if self._service.draining:
+        if self._is_leaving():
             return Trouble("leaving")
         if self._service.safe is not None:
             known = isinstance(await self.get(import_id), Kept)
             return reading_only(self._service.safe, done_before=known)
-        if import_id in self._uploads or len(self._uploads) >= UPLOADS_MAX:
-            return Trouble("busy")
-        self._uploads.add(import_id)
-        try:
-            folder = await asyncio.to_thread(self._imports.begin, import_id)
-        except BaseException:
-            self._uploads.discard(import_id)
-            raise
+        async with self._working():
+            if self._is_leaving():
+                return Trouble("leaving")
+            if import_id in self._uploads or len(self._uploads) >= UPLOADS_MAX:
+                return Trouble("busy")
+            self._uploads.add(import_id)
+            try:
+                folder = await asyncio.to_thread(self._imports.begin, import_id)
+            except BaseException:
+                self._uploads.discard(import_id)
+                raise
+            self._begin_work()  # until `end`
         return folder.file
 
     async def end(self, import_id: str) -> None:
@@ -107,6 +162,7 @@ class Desk:
             await asyncio.to_thread(self._imports.abandon, import_id)
         finally:
             self._uploads.discard(import_id)
+            self._end_work()
 
     async def take_in(
         self, import_id: str, name: str, sha256: str, choices: Choices, password: str | None
@@ -149,6 +205,10 @@ class Desk:
 
     async def preview(self, import_id: str, choices: Choices) -> Kept | Trouble:
         """Look at the kept file again, with other choices."""
+        async with self._working():
+            return Trouble("leaving") if self._is_leaving() else await self._look_again(import_id, choices)
+
+    async def _look_again(self, import_id: str, choices: Choices) -> Kept | Trouble:
         kept = await self.get(import_id)
         if isinstance(kept, Trouble):
             return kept
@@ -177,7 +237,9 @@ class Desk:
 
     async def commit(self, import_id: str, choices: Choices, *, skip_duplicates: bool) -> Kept | Trouble:
         """Wish that the rows are booked. Once this returns an import, they will be, whatever dies."""
-        async with self._changing:
+        async with self._working(), self._changing:
+            if self._is_leaving():
+                return Trouble("leaving")
             kept = await self.get(import_id)
             if isinstance(kept, Trouble):
                 return kept

@@ -114,10 +114,13 @@ class Importer:
         self._jobs: deque[Job] = deque()
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
+        self._resting = False
 
     def start(self) -> None:
-        """Work from now on."""
-        self._task = asyncio.create_task(self._run())
+        """Work from now on; also again after `stop`, which may not have come to its end yet."""
+        self._resting = False
+        if self._task is None or self._task.done():
+            self._task = asyncio.create_task(self._run())
 
     def add(self, job: Job) -> None:
         """Take an import on."""
@@ -129,13 +132,21 @@ class Importer:
         return next((job for job in self._jobs if job.manifest.id == import_id), None)
 
     async def stop(self) -> None:
-        """End between two waves; only after the service takes nothing new, so no wave goes on for long."""
-        assert self._task is not None, "what was not started can't be stopped"
+        """End between two waves. Whoever no longer waits for that may `start` it again."""
+        self._resting = True
         self._wake.set()
-        await self._task
+        if self._task is not None:
+            await asyncio.wait(
+                {self._task}
+            )  # and no more: who is tired of waiting must not end the work itself
+            self._task.result()
+
+    @property
+    def _is_to_end(self) -> bool:
+        return self._resting or self._service.draining
 
     async def _run(self) -> None:
-        while not self._service.draining:
+        while not self._is_to_end:
             self._wake.clear()
             if self._jobs:
                 self._component.works(True)
@@ -145,7 +156,7 @@ class Importer:
                 await self._wake.wait()
 
     async def _until_idle(self) -> None:
-        while self._jobs and not self._service.draining:
+        while self._jobs and not self._is_to_end:
             waits = all(job.end_again_ns > time.monotonic_ns() for job in self._jobs)
             if waits or self._service.safe is not None:
                 self._component.beat()
@@ -214,7 +225,9 @@ class Importer:
             return refused(judged, command)
         key = judging.key_of(manifest, ordinal)
         # A stranger's lock on the store and a free slot come without an event to wait for.
-        while (outcome := await self._book(judged, command, key)) is None:  # noqa: ASYNC110
+        while (outcome := await self._book(judged, command, key)) is None:
+            if self._is_to_end:
+                return Stopped()
             await asyncio.sleep(AGAIN_AFTER_S)
         return outcome
 

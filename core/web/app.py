@@ -43,8 +43,16 @@ ROUTES: Final[Routes] = {
 }
 
 
-def make_app(service: Service, desk: Desk) -> ASGIApp:
-    """Return the application in front of a service and its imports."""
+def make_app(service: Service, desk: Desk, app: Starlette | None = None) -> ASGIApp:
+    """Return the application in front of a service and its imports. `app`: what `lay_out` has made already."""
+    app = app or lay_out()
+    app.state.service = service
+    app.state.desk = desk
+    return Door(app, service)
+
+
+def lay_out() -> Starlette:
+    """Return the application without anybody behind it: every path, and who answers."""
     described = document()
 
     async def openapi(_: Request) -> Response:
@@ -62,9 +70,7 @@ def make_app(service: Service, desk: Desk) -> ASGIApp:
         },
     )
     app.router.redirect_slashes = False
-    app.state.service = service
-    app.state.desk = desk
-    return Door(app, service)
+    return app
 
 
 def _by_method(table: dict[str, Handler]) -> Handler:

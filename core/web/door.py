@@ -45,6 +45,7 @@ class Door:
         async def stamp(message: Message) -> None:
             nonlocal status
             if message["type"] in _HEADS:
+                await self._service.still_ours()
                 status = message.get("status", _SWITCHING)
                 message["headers"] = [*message.get("headers", ()), (b"x-core-epoch", self._epoch)]
                 if _COMMIT in scope and status < _FAILED:

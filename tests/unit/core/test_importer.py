@@ -100,7 +100,7 @@ def test_nothing_is_swept_away_while_a_wish_is_being_kept(tmp_path: Path) -> Non
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
         desk = Desk(service, NoRecorder(), tmp_path)
         async with desk._changing:
-            sweeping = asyncio.create_task(desk.clear_up())
+            sweeping = asyncio.create_task(desk._clear_up())
             for _ in range(10):  # one thread: what the sweeping has asked for is done before this is
                 await asyncio.to_thread(lambda: None)
             committed = Manifest(IMPORT, State.COMMITTING, "bank.csv", 1, "00", made_ns=1)

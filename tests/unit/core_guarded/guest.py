@@ -17,7 +17,7 @@ from core.guarded.control import Standing
 from core.guarded.drills import AT_ONCE
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
-from core.guarded.orders import DrillOrder, SafeOrder
+from core.guarded.orders import DrainOrder, DrillOrder, PromoteOrder, SafeOrder
 
 
 def say(text: str) -> None:
@@ -44,6 +44,12 @@ class Bare:
 
     def drill(self, order: DrillOrder) -> Callable[[], object] | str:
         return AT_ONCE.get(order.drill, "There is no writer.")
+
+    def promote(self, _: PromoteOrder) -> Callable[[], object] | str:
+        return "This core is no spare."
+
+    async def drain(self, _: DrainOrder) -> int | str:
+        return 12
 
 
 async def serve(environment: GuardedEnvironment, instruments: Instruments, mode: str) -> None:

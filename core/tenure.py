@@ -1,0 +1,50 @@
+"""Tenure: whether this core may still speak for the book, asked after every moment in which it may have been stopped.
+
+A process that was frozen knows nothing of it: it goes on in the middle of a line, perhaps minutes later, with another
+core at work. Its writes are safe, because each transaction looks at the epoch itself, and its answers carry an old
+epoch, which a gateway discards. What is left is a core that would go on reading to whoever asks it directly. So
+where its own beat shows a gap, the store is asked for its epoch before anything more is answered. Not chosen: a look
+before every answer; it would cost each of them a read of the store for something that happens once in a year.
+"""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+#: Many beats, and far more than any successor needs to be promoted in: a shorter stop has had none.
+STOPPED_NS: Final = 1_000_000_000
+
+
+class Tenure:
+    """The tenure of one core. Used on the loop's thread."""
+
+    def __init__(
+        self, epoch: int, ask: Callable[[], Awaitable[int | None]], on_over: Callable[[int], object]
+    ) -> None:
+        """Begin now. `ask` returns the store's epoch, None if it can't be read; `on_over` is told a higher one."""
+        self._epoch = epoch
+        self._ask = ask
+        self._on_over = on_over
+        self._seen_ns = time.monotonic_ns()
+        self._asking: asyncio.Task[None] | None = None
+
+    def beat(self, now_ns: int) -> None:
+        """Say that the loop runs at this moment; a gap since the last one is doubt."""
+        if now_ns - self._seen_ns > STOPPED_NS and self._asking is None:
+            self._asking = asyncio.get_running_loop().create_task(self._look())
+        self._seen_ns = now_ns
+
+    async def sure(self) -> None:
+        """Return once there is no doubt. The first answer after a stop may come before the first beat."""
+        self.beat(time.monotonic_ns())
+        if self._asking is not None:
+            await asyncio.shield(self._asking)
+
+    async def _look(self) -> None:
+        try:
+            actual = await self._ask()
+        finally:
+            self._asking = None
+        if actual is not None and actual > self._epoch:
+            self._on_over(actual)
