@@ -40,6 +40,8 @@ REPORT_S = 20.0
 FINISH_S = 30.0
 #: Whoever still lives when all is stopped gets this long to be gone, once killed.
 HALT_S = 1.0
+#: The launcher reaps an orphan within milliseconds; without its word a death is told as one of unknown cause.
+ORPHAN_LOOKS_MAX, ORPHAN_LOOK_S = 25, 0.002
 LOG_S = 1.0
 #: A core says WATCHDOG=1 at least twice in this time; its silence is judged by the recorder, not by this.
 WATCHDOG_USEC = 2_000_000
@@ -225,13 +227,28 @@ class Executor:
         how = life.handle.reap()
         if how is None:
             return
+        asyncio.get_running_loop().remove_reader(life.handle.pidfd)
         life.ended = True
+        if life.handle.child:
+            self._over(life, how, at_ns)
+        else:
+            self.begin(self._orphan_over(life, at_ns))
+
+    async def _orphan_over(self, life: Life, at_ns: int) -> None:
+        """Only the launcher can read how an adopted core ended; it writes that down in a moment."""
+        how = None
+        for _ in range(ORPHAN_LOOKS_MAX):
+            how = how or life.orphans_exit()
+            if how is None:
+                await asyncio.sleep(ORPHAN_LOOK_S)
+        self._over(life, how or seen.Exit(), at_ns)
+
+    def _over(self, life: Life, how: seen.Exit, at_ns: int) -> None:
         self._steps.absolve(life.nonce)
         try:
             self._tell(seen.CoreExited(at_ns, life.number, how, life.page(), life.oom_kills()))
         except Exception as error:  # noqa: BLE001  # a death that nobody was told of would never be answered
             logs.end_with(f"the end of a core could not be told: {_said(error)}")
-        asyncio.get_running_loop().remove_reader(life.handle.pidfd)
         self.begin(self._bury(life))
 
     async def _bury(self, ended: Life) -> None:
@@ -267,7 +284,7 @@ class Executor:
         assert life is not None, "it was found before the watch began"
         assert life.handle is not None, "as above"
         self.adoptable = None
-        life.number = order.life
+        life.number, life.adopted_ns = order.life, clock.now_ns()
         life.oom = memory.oom_counter(life.handle.pid)
         self._keep_watch(life)
         self.mark("adopted", life=life.number, **life.named())

@@ -11,11 +11,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hardcore.host import clock, logs, memory, processes, vitals
+from hardcore.host import clock, files, logs, memory, processes, vitals
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle
 from hardcore.host.recorder import PageReader, make_page
-from hardcore.model.observations import ProcessSample, Sampled
+from hardcore.model.observations import Exit, ProcessSample, Sampled
 from hardcore.model.recorder import Beats, CommandNote, Page, SlotStage, Threads, Witness
 
 #: Files of so many dead lives are kept in the run folder, for whoever still reads them.
@@ -64,6 +64,7 @@ class Life:
     log: Path | None = None  # what it says goes there
     spare: bool = False  # it was started as one and has not been promoted
     ended: bool = False  # its end was seen
+    adopted_ns: int = 0  # since when it is this guard's, if another one started it
     _ticks: int = 0
     _threads: Threads = field(default_factory=Threads)
     _one_is_slow: bool = False
@@ -141,6 +142,16 @@ class Life:
         assert self.handle is not None, "only a process is named"
         who = {"pid": self.handle.pid, "start": self.handle.identity.start, "nonce": self.nonce}
         return {"spare": who} if self.spare else {"core": who}
+
+    def orphans_exit(self) -> Exit | None:
+        """Return how a core that is no child of ours ended, if the launcher has written it down yet."""
+        assert self.handle is not None, "only a process ends"
+        told = files.read_json(self.folders.exits / str(self.handle.pid))
+        match told:
+            case {"status": int(status), "at_ns": int(at_ns)} if at_ns >= self.adopted_ns:
+                return Exit(code=status) if status >= 0 else Exit(signal=-status)
+            case _:
+                return None
 
     def oom_kills(self) -> int | None:
         """Return how often the kernel has killed for want of memory since this life began; None: nobody can tell."""

@@ -1,4 +1,4 @@
-"""The kernel's account of memory: how often it has killed for want of it, and a group of its own for one process.
+"""The kernel's account of memory: its kills for want of it, what is free, and a group of its own for one process.
 
 That a process ended by SIGKILL says nothing about who sent it; the counter that rose meanwhile does. The nearest
 one counts: of the process's own control group (version 2 or 1), else of the whole machine. A group of its own is
@@ -17,7 +17,10 @@ CONFINED_BYTES = 128 << 20
 
 _MOUNT = Path("/sys/fs/cgroup")
 _VMSTAT = Path("/proc/vmstat")
+_MEMINFO = Path("/proc/meminfo")
 _PREFIX = "hardcore-core-"
+#: Of version 1: the limit, what is used, and how much of that are files nobody needs at the moment.
+_NAMES_1 = ("limit_in_bytes", "usage_in_bytes", "total_inactive_file")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,21 @@ class Group:
     def counter(self) -> Path:
         """The file that counts the kernel's kills."""
         return self.folder / ("memory.events" if self.version == 2 else "memory.oom_control")
+
+    @property
+    def above(self) -> "Group":
+        """The group that this one is in; its limit holds too."""
+        return Group(self.folder.parent, self.version)
+
+    def free_bytes(self) -> int | None:
+        """Return what may still be taken in this group alone, cached files let go; None where nothing limits it."""
+        names = ("max", "current", "inactive_file") if self.version == 2 else _NAMES_1
+        limit = _number(_read(self.folder / f"memory.{names[0]}"))
+        used = _number(_read(self.folder / f"memory.{names[1]}"))
+        if limit is None or used is None:
+            return None
+        cached = _line(self.folder / "memory.stat", names[2]) or 0
+        return max(0, limit - max(0, used - cached))
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +81,36 @@ def oom_counter(pid: int) -> OomCounter | None:
     return None
 
 
+def free_bytes(pid: int) -> int | None:
+    """Return how much memory a process of this one's group could have now; None where nobody says.
+
+    What the machine has to give, or less where a group limits it, or one that it is in.
+    """
+    told = _line(_MEMINFO, "MemAvailable:")
+    found = [] if told is None else [told << 10]
+    group = group_of(pid)
+    while group is not None and group.folder.is_relative_to(_MOUNT):
+        free = group.free_bytes()
+        found += [] if free is None else [free]
+        group = group.above
+    return min(found, default=None)
+
+
 def _kills(path: Path) -> int | None:
+    return _line(path, "oom_kill")
+
+
+def _line(path: Path, name: str) -> int | None:
+    """Return the number beside this name, in a file that has one on each line."""
     for line in _read(path).splitlines():
-        name, _, number = line.partition(" ")
-        if name == "oom_kill" and number.strip().isdigit():
-            return int(number)
+        words = line.split()
+        if len(words) > 1 and words[0] == name:
+            return _number(words[1])
     return None
+
+
+def _number(text: str) -> int | None:
+    return int(text) if text.strip().isdigit() else None
 
 
 def group_of(pid: int) -> Group | None:

@@ -40,7 +40,7 @@ class Handle:
     def __init__(self, identity: Identity, pidfd: int, *, child: bool) -> None:
         self.identity = identity
         self.pidfd = pidfd
-        self._child = child
+        self.child = child
 
     @property
     def pid(self) -> int:
@@ -73,7 +73,7 @@ class Handle:
 
     def reap(self) -> Exit | None:
         """Return how the process ended, or None while it has not. Someone else's child has no status."""
-        if not self._child:
+        if not self.child:
             return Exit() if not self.signal(0) or self._zombie() else None
         result = os.waitid(os.P_PIDFD, self.pidfd, os.WEXITED | os.WNOHANG)
         if result is None:

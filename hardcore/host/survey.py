@@ -1,16 +1,17 @@
-"""What is looked at once a second, on a thread of its own: the disk, the core's conduct, the kernel's kills.
+"""What is looked at once a second, on a thread of its own: the disk, memory, the core's conduct, the kernel's kills.
 
 The loop that decides must not ask a disk anything, and neither may the hands be kept from starting a core; so this
 thread belongs to the survey alone, and what may hang is an errand even of this one. It looks at the life that it
 was last told of and says what it saw; a look that fails is left out and the next one tried.
 """
 
+import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardcore.host import clock
+from hardcore.host import clock, memory
 from hardcore.host.conduct import ConductWatch
 from hardcore.host.disk import DiskWatch
 from hardcore.host.lives import Life
@@ -99,9 +100,10 @@ class Survey:
             self._watched = _Watched(life, ConductWatch(life.handle.pid))
         # A core that is gone has no conduct, but its disk is what its successor will need.
         conduct = _conduct(self._watched) if life.handle.signal(0) else None
+        free = memory.free_bytes(os.getpid())
         disk = self._disk.look(clock.now_ns(), now=now)
         self._pending = disk is not None and disk.pending_ns > 0
-        return Surveyed(clock.now_ns(), life.number, disk, conduct, life.oom_kills())
+        return Surveyed(clock.now_ns(), life.number, disk, conduct, life.oom_kills(), free)
 
 
 def _conduct(watched: _Watched) -> Conduct:

@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 
 from core.guarded.beacon import KEPT_MAX, Beacon
+from core.guarded.control import VERSION
 from hardcore.host import notify
 from hardcore.host.notify import NotifySocket, Tally
 from hardcore.model.observations import StoreFault
-from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, Notice, read_notice
+from hardcore.sentinel.heartbeat import CONTROL_VERSION, NOTICE_BYTES_MAX, Notice, SpareNotice, read_notice
 
 HASH = "ab" * 32
 READY = Notice(ready=True, epoch=7, seq=1234, hash=HASH, proof="witness", tail=12)
@@ -39,9 +40,14 @@ def heard(ear: socket.socket) -> list[object]:
             return notices
 
 
+def test_both_sides_speak_one_version_of_the_control_socket() -> None:
+    assert VERSION == CONTROL_VERSION
+
+
 def test_every_word_of_the_beacon_is_understood(ear: tuple[socket.socket, str]) -> None:
     listening, name = ear
     beacon = Beacon(name)
+    beacon.spare("0123456789abcdef", 2, 4, migrates=True)
     beacon.epoch_raised(7)
     beacon.extend(2_000_000)
     beacon.ready(7, 1234, HASH, "witness", 12)
@@ -53,6 +59,7 @@ def test_every_word_of_the_beacon_is_understood(ear: tuple[socket.socket, str]) 
     beacon.stopping()
     beacon.close()
     assert heard(listening) == [
+        Notice(spare=SpareNotice("0123456789abcdef", 2, 4, migrates=True)),
         Notice(epoch=7),
         Notice(extend_usec=2_000_000),
         READY,

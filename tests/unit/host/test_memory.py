@@ -92,3 +92,38 @@ def test_trying_whether_a_group_can_be_made_leaves_none() -> None:
     if group is not None:
         for place in (group.folder, group.folder.parent):
             assert not list(place.glob(f"hardcore-core-try-{os.getpid()}"))
+
+
+def group(folder: Path, version: int, limit: str, used: int, cached: int) -> memory.Group:
+    names = ("max", "current", "inactive_file") if version == 2 else memory._NAMES_1
+    (folder / f"memory.{names[0]}").write_text(f"{limit}\n")
+    (folder / f"memory.{names[1]}").write_text(f"{used}\n")
+    (folder / "memory.stat").write_text(f"anon 1\n{names[2]} {cached}\n")
+    return memory.Group(folder, version)
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_what_a_group_uses_for_files_that_nobody_needs_is_free(tmp_path: Path, version: int) -> None:
+    assert group(tmp_path, version, "1000", 600, 150).free_bytes() == 550
+    assert group(tmp_path, version, "1000", 5000, 0).free_bytes() == 0
+
+
+def test_a_group_without_a_limit_or_without_an_account_limits_nothing(tmp_path: Path) -> None:
+    assert group(tmp_path, 2, "max", 600, 150).free_bytes() is None
+    assert memory.Group(tmp_path / "gone", 1).free_bytes() is None
+
+
+def test_a_limit_of_a_group_above_holds_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    below = tmp_path / "above" / "below"
+    below.mkdir(parents=True)
+    group(below.parent, 2, "1000", 400, 0)
+    inner = group(below, 2, "max", 300, 0)
+    monkeypatch.setattr(memory, "_MOUNT", tmp_path)
+    monkeypatch.setattr(memory, "group_of", lambda _pid: inner)
+    assert memory.free_bytes(os.getpid()) == 600
+
+
+def test_this_machine_says_how_much_memory_is_free() -> None:
+    free = memory.free_bytes(os.getpid())
+    assert free is not None
+    assert free > 0

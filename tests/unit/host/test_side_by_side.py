@@ -1,6 +1,7 @@
 """The guard's hands work side by side: what one of them writes or removes must not trip another."""
 
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -25,6 +26,20 @@ def test_a_page_that_vanishes_while_old_lives_are_swept_keeps_no_core_from_being
     lives.sweep(folders, {"living"}, keep=1)
     assert (tmp_path / "recorder-living").exists()
     assert sum((tmp_path / f"recorder-{nonce}").exists() for nonce in ("a", "b")) == 1
+
+
+def test_the_page_of_a_spare_never_takes_the_place_of_one_that_bears_witness(tmp_path: Path) -> None:
+    folders = Folders(tmp_path, tmp_path)
+    wrote, waited = (lives.conceive(folders, number) for number in (1, 2))
+    with folders.recorder(wrote.nonce).open("r+b") as page:
+        page.seek(256 + 72)  # its epoch: `docs/wires.md`, section 3
+        page.write((7).to_bytes(8, "little"))
+    os.utime(folders.recorder(wrote.nonce), (1, 1))
+    lives.sweep(folders, set(), keep=1)
+    assert folders.recorder(wrote.nonce).exists()
+    assert not folders.recorder(waited.nonce).exists()
+    for life in (wrote, waited):
+        life.discard()
 
 
 def test_drafts_of_dead_writers_are_swept_and_those_of_living_ones_are_not(tmp_path: Path) -> None:

@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, MalformedNotice, Notice, read_notice
+from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, MalformedNotice, Notice, SpareNotice, read_notice
 
+SPARE = b"X_SPARE=1\nX_BUILD=0123456789abcdef\nX_CONTROL=2\nX_SCHEMA=4"
 PROOF = b"X_EPOCH=7\nX_SEQ=5\nX_HASH=" + b"ab" * 32 + b"\nX_PROOF=chain\nX_TAIL=3"
 
 
@@ -27,6 +28,8 @@ PROOF = b"X_EPOCH=7\nX_SEQ=5\nX_HASH=" + b"ab" * 32 + b"\nX_PROOF=chain\nX_TAIL=
         (b"X_VERIFIED=0", Notice(verified_seq=0)),
         (b"X_UNSOUND=event 5 is\x1b[2J odd", Notice(unsound="event 5 is[2J odd")),
         (b"X_UNSOUND=" + b"a" * 900, Notice(unsound="a" * 400)),
+        (SPARE, Notice(spare=SpareNotice("0123456789abcdef", 2, 4))),
+        (SPARE + b"\nX_MIGRATES=1", Notice(spare=SpareNotice("0123456789abcdef", 2, 4, migrates=True))),
         (b"EXTEND_TIMEOUT_USEC=9223372036854775807", Notice(extend_usec=2**63 - 1)),
     ],
 )
@@ -55,6 +58,13 @@ def test_what_a_datagram_says(datagram: bytes, notice: Notice) -> None:
         b"X_UNSOUND=",
         b"X_VERIFIED=5\nX_UNSOUND=event 5 is odd",
         b"READY=1\nX_SEQ=5",
+        b"X_SPARE=0",
+        b"X_SPARE=1",
+        b"X_MIGRATES=1",
+        SPARE.removeprefix(b"X_SPARE=1\n"),
+        SPARE.replace(b"cdef", b"CDEF"),
+        SPARE + b"\nX_EPOCH=7",
+        SPARE + b"\nREADY=1",
         b"READY=1\nX_EPOCH=7\nX_SEQ=5\nX_PROOF=chain\nX_TAIL=3",
         PROOF,
         b"READY=1\n" + PROOF.replace(b"X_EPOCH=7\n", b""),
