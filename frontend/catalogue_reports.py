@@ -58,8 +58,8 @@ CAUSES: Mapping[str, Text] = {
     "CONFIG_INVALID": _text("설정에 잘못된 부분이 있었고", "the configuration is not usable"),
     "OPERATOR": _text("요청에 따라 장부 서버를 다시 켰고", "the ledger was restarted on purpose"),
     "SENTINEL_LOST": _text(
-        "장부를 지키던 감시자가 멈춰서 장부 서버를 새로 켰고",
-        "the guard of the ledger had died, so the ledger was started anew",
+        "장부를 지키던 감시자가 멈춰서 새 감시자가 이어받았고",
+        "the guard of the ledger had died, and another took over",
     ),
     "PLANNED_SWITCH": _text("계획대로 장부 서버를 다시 켰고", "the ledger was restarted as planned"),
     "UNKNOWN": _text("장부 서버에 문제가 생겼고", "something went wrong with the ledger"),
@@ -81,6 +81,7 @@ GRADES: Mapping[str, Text] = {
 OUTCOMES: Mapping[str, Text] = {
     "recovered_in": _text("{seconds}초 만에 다시 응답했어요.", "it answered again after {seconds} s."),
     "recovered": _text("지금은 다시 응답해요.", "it answers again."),
+    "went_on": _text("장부는 계속 응답했어요.", "the ledger went on answering all the while."),
     "manual": _text("자동 복구를 멈추고 사람의 확인을 기다려요.", "recovery waits for a person."),
     "served": _text(
         "자동 복구를 멈췄지만 나중에 다시 열렸어요.", "recovery had stopped, and it was open again later."

@@ -79,6 +79,8 @@ def summarise(incident: Incident, language: str) -> str:
     lead = texts.GRADE_LEADS[incident.grade if incident.diagnosis in texts.CAUSES else "certain"][language]
     timed = incident.outcome == "recovered" and incident.outage_ms is not None
     how = ending(incident.outcome, incident.closed_at, incident.served_again_at)
+    if incident.outcome == "recovered" and went_on(incident):
+        how = "went_on"
     outcome = texts.OUTCOMES["recovered_in" if timed else how][language]
     seconds = f"{(incident.outage_ms or 0) / 1000:.1f}"
     joint = " " if language == "ko" else "; "

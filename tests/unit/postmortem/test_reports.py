@@ -218,6 +218,12 @@ def test_a_trouble_that_stopped_nobody_claims_no_gap_in_what_is_known(language: 
         assert texts.MONEY["none"][language] not in text
 
 
+def test_a_guard_that_died_alone_is_not_told_as_an_outage() -> None:
+    summary = went_on("recovered", "SENTINEL_LOST").summary
+    assert summary["en"].endswith("another took over; the ledger went on answering all the while.")
+    assert summary["ko"].endswith("이어받았고 장부는 계속 응답했어요.")
+
+
 @pytest.mark.parametrize("language", texts.LANGUAGES)
 def test_an_incident_that_was_read_only_and_is_over_does_not_read_as_if_it_still_were(language: str) -> None:
     one = went_on("safe_mode", "DISK_FULL")
