@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, assert_never
 
 from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError
@@ -18,15 +18,25 @@ from core import departure
 from core.departure import Departure
 from core.guarded.beacon import Beacon
 from core.guarded.recorder import FlightRecorder
-from core.journal import disk
+from core.journal import ballast, disk, schema
 from core.journal.ahead import Ahead
 from core.journal.append import Journal
+from core.journal.backup import BACKUPS, back_up
 from core.journal.chain import Broken, EventRow
-from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack, fence
+from core.journal.fence import BringUp, Fenced, NotKept, NotOurs, Raised, StoreWentBack, fence
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.proof import Proven, Witness, prove
 from core.journal.room import Room
-from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_writing, store_error
+from core.journal.store import (
+    LEDGER_FILE,
+    StoreError,
+    StoreFault,
+    close_writing,
+    open_writing,
+    size_bytes,
+    store_error,
+    watch,
+)
 from core.settings import Settings
 
 ASK_EVERY_S: Final = 1.0
@@ -76,16 +86,14 @@ def open_book(
     guard = take_start_guard(data, shared=terms.shared)
     if isinstance(guard, DoorClosed):
         return _not_let_in(guard)
-    connection = open_writing(
-        data / LEDGER_FILE, settings.fence_busy_ms if terms.busy_ms is None else terms.busy_ms
-    )
-    if isinstance(connection, StoreError):
-        return _unopened(connection, data, telling)
-    epoch = _take_over(connection, terms.expected_epoch, telling)
-    if isinstance(epoch, StoreError):
-        return _unopened(epoch, data, telling)
-    if isinstance(epoch, Departure):
-        return epoch
+    taken = _take_over(data, terms, settings, telling)
+    if isinstance(taken, StoreError) and taken.fault is StoreFault.NO_ROOM and ballast.drop(data):
+        taken = _take_over(data, terms, settings, telling)
+    if isinstance(taken, StoreError):
+        return _untaken(taken, telling)
+    if isinstance(taken, Departure):
+        return taken
+    connection = taken.connection
     proof = _prove(connection, terms, ahead or Ahead(settings.tail_events), telling)
     if isinstance(proof, StoreError):
         return _unproven(proof, data)
@@ -93,8 +101,8 @@ def open_book(
         return proof
     connection.exec_driver_sql(f"PRAGMA busy_timeout = {settings.write_busy_ms}").close()
     room = Room(data, time.monotonic_ns)
-    journal = Journal(connection, epoch, proof.head_seq, telling.recorder, room, time.time_ns)
-    return OpenBook(journal, epoch, proof, guard)
+    journal = Journal(connection, taken.epoch, proof.head_seq, telling.recorder, room, time.time_ns)
+    return OpenBook(journal, taken.epoch, proof, guard)
 
 
 def _not_let_in(door: DoorClosed) -> Departure:
@@ -103,15 +111,47 @@ def _not_let_in(door: DoorClosed) -> Departure:
     return departure.config_invalid(door.sentence) if error is None else _of_store(error)
 
 
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    connection: Connection
+    epoch: int
+
+
 def _take_over(
-    connection: Connection, expected: int | None, telling: Telling
-) -> int | StoreError | Departure:
-    outcome = fence(connection, expected)
+    data: Path, terms: Terms, settings: Settings, telling: Telling
+) -> _Taken | StoreError | Departure:
+    busy_ms = settings.fence_busy_ms if terms.busy_ms is None else terms.busy_ms
+    connection = open_writing(data / LEDGER_FILE, busy_ms)
+    if isinstance(connection, StoreError):
+        return _as_the_disk_says(connection, data)
+    outcome = fence(connection, terms.expected_epoch, _bringing_up(data, telling))
+    if isinstance(outcome, Raised):
+        telling.recorder.set_epoch(outcome.epoch)
+        telling.beacon.epoch_raised(outcome.epoch)
+        return _Taken(connection, outcome.epoch)
+    if isinstance(outcome, StoreError):
+        found = _as_the_disk_says(outcome, data)
+        if found.fault is StoreFault.NO_ROOM:
+            close_writing(connection)  # nothing of it went through, and the room may be found
+        return found
+    return _turned_away(outcome, terms.expected_epoch)
+
+
+def _bringing_up(data: Path, telling: Telling) -> BringUp:
+    def bring_up(connection: Connection, version: int, epoch: int) -> StoreError | None:
+        asking = AskingForTime(telling.beacon.extend, time.monotonic)
+        error = back_up(data / LEDGER_FILE, version, epoch, size_bytes(connection), asking.tick)
+        if error is None:
+            watch(connection, asking.tick)
+            schema.bring_up(connection, version)
+            watch(connection, None)
+        return error
+
+    return bring_up
+
+
+def _turned_away(outcome: Fenced | StoreWentBack | NotOurs | NotKept, expected: int | None) -> Departure:
     match outcome:
-        case Raised(epoch):
-            telling.recorder.set_epoch(epoch)
-            telling.beacon.epoch_raised(epoch)
-            return epoch
         case Fenced(actual):
             return departure.fenced(expected or 0, actual)
         case StoreWentBack(actual, wanted):
@@ -120,12 +160,33 @@ def _take_over(
             return departure.config_invalid(
                 f"{LEDGER_FILE} is a database of something else: choose another folder."
             )
+        case NotOurs(int(version)) if version > schema.SCHEMA_VERSION:
+            return departure.config_invalid(
+                f"{LEDGER_FILE} has schema {version}, made by a newer version of this program, and this one knows"
+                f" {schema.SCHEMA_VERSION}: start that version again. Nothing was changed."
+            )
         case NotOurs(version):
             return departure.config_invalid(
-                f"{LEDGER_FILE} has schema {version}, made by another version of this program: use that version."
+                f"{LEDGER_FILE} has schema {version}, older than {schema.SCHEMA_VERSION_OLDEST}, the oldest that this"
+                " version takes along: bring it up with a version between the two. Nothing was changed."
             )
-        case StoreError():
-            return outcome
+        case NotKept(version, error):
+            return _unkept(version, error)
+        case _:
+            assert_never(outcome)
+
+
+def _unkept(version: int, error: StoreError) -> Departure:
+    """A ledger that can't be copied is not changed either."""
+    text = (
+        f"no copy of it could be kept before it is brought from schema {version} to {schema.SCHEMA_VERSION}, and"
+        f" nothing was changed; {error.text}"
+    )
+    if error.fault in {StoreFault.NO_ROOM, StoreFault.READ_ONLY, StoreFault.DAMAGED}:
+        return _of_store(StoreError(error.fault, text))
+    return departure.config_invalid(
+        f"The ledger can't be brought up: {text}. See that the folder {BACKUPS} in its data folder can be written to."
+    )
 
 
 def _prove(
@@ -138,32 +199,45 @@ def _prove(
         tail = ahead.tail(connection, witnesses)
         if isinstance(tail, Broken):
             return departure.corrupt(tail.sentence)
-        rows = asking_for_time(tail.rows, telling.beacon.extend, time.monotonic)
-        proof = prove(replace(tail, rows=rows), witnesses)
+        asking = AskingForTime(telling.beacon.extend, time.monotonic)
+        proof = prove(replace(tail, rows=asking.over(tail.rows)), witnesses)
         connection.exec_driver_sql("ROLLBACK").close()
     except DBAPIError as error:
         return store_error(error)
     return departure.corrupt(proof.sentence) if isinstance(proof, Broken) else proof
 
 
-def asking_for_time(
-    rows: Iterable[EventRow], extend: Callable[[int], None], now_s: Callable[[], float]
-) -> Iterator[EventRow]:
-    """Pass the events on; while a long proof makes progress, ask the guard for more time to start in."""
-    asked_s = now_s()
-    for row in rows:
-        if now_s() - asked_s >= ASK_EVERY_S:
-            asked_s = now_s()
-            extend(MORE_TIME_USEC)
-        yield row
+class AskingForTime:
+    """While something long makes progress, the guard is asked for more time to start in."""
+
+    def __init__(self, extend: Callable[[int], None], now_s: Callable[[], float]) -> None:
+        """Begin; nobody is asked within the first `ASK_EVERY_S`. `extend` takes microseconds."""
+        self._extend = extend
+        self._now_s = now_s
+        self._asked_s = now_s()
+
+    def tick(self) -> None:
+        """Say that there is progress; as often as one likes."""
+        if self._now_s() - self._asked_s >= ASK_EVERY_S:
+            self._asked_s = self._now_s()
+            self._extend(MORE_TIME_USEC)
+
+    def over(self, rows: Iterable[EventRow]) -> Iterator[EventRow]:
+        """Pass events on; each of them is progress."""
+        for row in rows:
+            self.tick()
+            yield row
 
 
-def _unopened(error: StoreError, data: Path, telling: Telling) -> Departure:
+def _as_the_disk_says(error: StoreError, data: Path) -> StoreError:
+    # What it says of a disk that takes no writes depends on where it met that: the disk itself is asked first.
+    return error if error.fault is StoreFault.BUSY else disk.refusal(data) or error
+
+
+def _untaken(error: StoreError, telling: Telling) -> Departure:
     if error.fault is StoreFault.BUSY:
         telling.beacon.fence_blocked()
-        return _of_store(error)
-    # What it says of a disk that takes no writes depends on where it met that: the disk itself is asked first.
-    return _of_store(disk.refusal(data) or error)
+    return _of_store(error)
 
 
 def _unproven(error: StoreError, data: Path) -> Departure:

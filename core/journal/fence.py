@@ -7,6 +7,7 @@ predecessor durable before anybody is told "already done". A lease with a time i
 holder can't know that its time is over (8 of 8 double spends); a number in the same transaction can't be late.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, insert, select, update
@@ -46,14 +47,25 @@ class NotOurs:
     found: int | None
 
 
-FenceOutcome = Raised | Fenced | StoreWentBack | NotOurs | StoreError
+@dataclass(frozen=True, slots=True)
+class NotKept:
+    """The ledger is of an older `version` and could not be copied before it is changed."""
+
+    version: int
+    error: StoreError
 
 
-def fence(connection: Connection, expected: int | None) -> FenceOutcome:
+FenceOutcome = Raised | Fenced | StoreWentBack | NotOurs | NotKept | StoreError
+
+#: Brings a ledger of this version and epoch to the present one, in the transaction that is open on its connection.
+BringUp = Callable[[Connection, int, int], StoreError | None]
+
+
+def fence(connection: Connection, expected: int | None, bring_up: BringUp) -> FenceOutcome:
     """Raise the epoch from `expected` (None: from whatever stands in the store) and return what came of it.
 
     An empty file becomes a new ledger, unless a predecessor is expected to have written one; a ledger of an
-    older version is brought to this one, and no older program will open it again. On anything but
+    older version is given to `bring_up`, and no older program will open it again. On anything but
     `Raised` nothing has been changed; after an error of COMMIT itself that is not known, and no core may
     serve from this store before another fence has succeeded.
     """
@@ -62,14 +74,14 @@ def fence(connection: Connection, expected: int | None) -> FenceOutcome:
     except DBAPIError as error:
         return store_error(error)
     try:
-        outcome = _compare_and_set(connection, expected)
+        outcome = _compare_and_set(connection, expected, bring_up)
         connection.exec_driver_sql("COMMIT" if isinstance(outcome, Raised) else "ROLLBACK").close()
     except DBAPIError as error:
         return store_error(error)
     return outcome
 
 
-def _compare_and_set(connection: Connection, expected: int | None) -> FenceOutcome:
+def _compare_and_set(connection: Connection, expected: int | None, bring_up: BringUp) -> FenceOutcome:
     names = set(connection.exec_driver_sql("SELECT name FROM sqlite_master WHERE type = 'table'").scalars())
     if "meta" not in names:
         if names:
@@ -83,7 +95,9 @@ def _compare_and_set(connection: Connection, expected: int | None) -> FenceOutco
     if expected is not None and row.epoch != expected:
         return Fenced(row.epoch) if row.epoch > expected else StoreWentBack(row.epoch, expected)
     if row.schema_version < schema.SCHEMA_VERSION:
-        schema.bring_up(connection, row.schema_version)
+        error = bring_up(connection, row.schema_version, row.epoch)
+        if error is not None:
+            return NotKept(row.schema_version, error)
     raised = connection.execute(
         update(schema.meta).where(schema.meta.c.epoch == row.epoch).values(epoch=row.epoch + 1)
     )

@@ -6,8 +6,9 @@ became. So a batch that has something to write looks at the file system first. T
 nothing was done, which is certain, and that the core can go on serving reads. It costs three system calls. What
 counts is what this very process may write, and a guard on the same disk counts alike, or it would have the core
 try what the core refuses by itself. A quota, or a disk that fills up between this look and the COMMIT, is met
-where it always was. Not chosen: a file of room kept beside the ledger, which would have to be freed at the very
-moment when nothing can be written down about it.
+where it always was. For the one write that can't be refused so, the fence, a file of room is kept (`ballast.py`). It
+was not chosen for ordinary batches: freed for one of them, it is gone for the fence, and a batch that is certainly not
+done costs a sentence only.
 """
 
 import os

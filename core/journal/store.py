@@ -9,8 +9,8 @@ checkpoint, because a log that has wrapped once needs no new space when the disk
 
 import sqlite3
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -24,6 +24,7 @@ LEDGER_FILE: Final = "ledger.db"
 CHECKPOINT_PAGES: Final = 1_000  # of 4 KiB, SQLite's default
 LOG_KEPT_BYTES: Final = 8 * 1024 * 1024  # more than a checkpoint's worth, so a wrapped log keeps its room
 _PROGRESS_STEPS: Final = 10_000  # virtual machine steps between two looks at the clock, well under 1 ms
+_COPIED_PAGES: Final = 1_024  # between two signs of life while a ledger is copied
 _IOERR_SHMSIZE: Final = 4874  # the shared index could not grow: what a full disk looks like at the first open
 
 
@@ -47,8 +48,12 @@ class StoreError:
 
 def store_error(error: DBAPIError) -> StoreError:
     """Return what the driver raised as a value."""
-    code = getattr(error.orig, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
-    name = getattr(error.orig, "sqlite_errorname", type(error.orig).__name__)
+    return _driver_error(error.orig)
+
+
+def _driver_error(raised: BaseException | None) -> StoreError:
+    code = getattr(raised, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
+    name = getattr(raised, "sqlite_errorname", type(raised).__name__)
     match code & 0xFF:
         case sqlite3.SQLITE_BUSY | sqlite3.SQLITE_LOCKED:
             fault = StoreFault.BUSY
@@ -60,7 +65,7 @@ def store_error(error: DBAPIError) -> StoreError:
             fault = StoreFault.DAMAGED
         case _:
             fault = StoreFault.NO_ROOM if code == _IOERR_SHMSIZE else StoreFault.OTHER
-    return StoreError(fault, f"{name}: {error.orig}")
+    return StoreError(fault, f"{name}: {raised}")
 
 
 def open_writing(path: Path, busy_timeout_ms: int) -> Connection | StoreError:
@@ -91,6 +96,20 @@ def open_writing(path: Path, busy_timeout_ms: int) -> Connection | StoreError:
     return connection
 
 
+def close_writing(connection: Connection) -> None:
+    """Close what `open_writing` opened. It is the last to close that makes a ledger at rest one file."""
+    connection.close()
+    connection.engine.dispose()
+
+
+def size_bytes(connection: Connection) -> int:
+    """Return how large the ledger is, in its file and its log together, as this connection sees it."""
+    pages, page_bytes = (
+        connection.exec_driver_sql(f"PRAGMA {name}").scalar_one() for name in ("page_count", "page_size")
+    )
+    return int(pages) * int(page_bytes)
+
+
 def open_reading(path: Path, connections_max: int, busy_timeout_ms: int, *, alone: bool = False) -> Engine:
     """Return an engine whose connections can't write and never checkpoint; nothing is opened yet.
 
@@ -115,6 +134,48 @@ def open_reading(path: Path, connections_max: int, busy_timeout_ms: int, *, alon
         max_overflow=0,
         isolation_level="AUTOCOMMIT",
     )
+
+
+def copy_whole(ledger: Path, into: Path, tick: Callable[[], object]) -> StoreError | None:
+    """Copy a ledger as it is committed now into a file of its own, read the copy again, and return what failed.
+
+    By SQLite's own backup, so whoever holds the ledger's lock may be the one who asks, and nothing of the log is
+    missing. The copy needs no log and no index beside it. `tick` is called again and again while it takes long.
+    """
+    try:
+        with (
+            closing(sqlite3.connect(f"{ledger.absolute().as_uri()}?mode=ro", uri=True)) as source,
+            closing(sqlite3.connect(into, isolation_level=None)) as copy,
+        ):
+            source.backup(copy, pages=_COPIED_PAGES, progress=lambda *_: tick())
+            copy.execute("PRAGMA journal_mode = DELETE").close()
+            _watch(copy, tick)
+            found = [row[0] for row in copy.execute("PRAGMA quick_check(1)")]
+            heads = [one.execute("SELECT * FROM meta").fetchall() for one in (source, copy)]
+    except sqlite3.Error as error:
+        return _driver_error(error)
+    if found == ["ok"] and heads[0] == heads[1]:
+        return None
+    return StoreError(StoreFault.DAMAGED, f"the copy says: {found[0]}" if found != ["ok"] else "another head")
+
+
+def watch(connection: Connection, tick: Callable[[], object] | None) -> None:
+    """Have `tick` called again and again while a statement of this connection takes long; None: no longer."""
+    driver = connection.connection.driver_connection
+    assert isinstance(driver, sqlite3.Connection)
+    _watch(driver, tick)
+
+
+def _watch(driver: sqlite3.Connection, tick: Callable[[], object] | None) -> None:
+    if tick is None:
+        driver.set_progress_handler(None, 0)
+        return
+
+    def go_on() -> int:
+        tick()
+        return 0
+
+    driver.set_progress_handler(go_on, _PROGRESS_STEPS)
 
 
 @contextmanager

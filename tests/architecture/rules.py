@@ -34,6 +34,8 @@ LEDGER_FILE_NAME: Final = "LEDGER_FILE"
 CORE_FILE_ROOMS: Final = {
     "core/guarded/": "files of the run folder: the recorder's page, the control socket, the file for stacks",
     "core/imports/": "the files of an import: what was given, the rows read from it, the formats of banks",
+    "core/journal/backup.py": "the copy that SQLite made of an older ledger, once it is closed",
+    "core/journal/ballast.py": "the ballast beside the ledger's file",
     "core/journal/disk.py": "a small file of its own, and ledger.lock, to see whether the disk takes writes",
     "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
 }

@@ -11,9 +11,10 @@ from typing import Any
 from sqlalchemy import Connection
 
 from core.guarded.recorder import NoRecorder
+from core.journal import schema
 from core.journal.answers import Answer, LookUp, Order, Work
 from core.journal.append import Committed, Journal
-from core.journal.fence import Raised, fence
+from core.journal.fence import FenceOutcome, Raised, fence
 from core.journal.room import Room
 from core.journal.store import LEDGER_FILE, StoreError, open_writing
 from core.ledger.accounts import AccountType
@@ -90,12 +91,21 @@ def opened(path: Path, busy_timeout_ms: int = 1_000) -> Connection:
     return connection
 
 
+def bring_up(connection: Connection, version: int, _: int) -> None:
+    """For a ledger that nobody would miss: no copy is kept."""
+    schema.bring_up(connection, version)
+
+
+def fenced(connection: Connection, expected: int | None) -> FenceOutcome:
+    return fence(connection, expected, bring_up)
+
+
 class Pen:
     """A journal that was fenced, and its recorder."""
 
     def __init__(self, path: Path, busy_timeout_ms: int = 1_000) -> None:
         self.connection = opened(path, busy_timeout_ms)
-        raised = fence(self.connection, None)
+        raised = fenced(self.connection, None)
         assert isinstance(raised, Raised), raised
         self.epoch = raised.epoch
         self.recorder = NoRecorder()

@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError
 
 from core.journal import queries, register, schema
 from core.journal.answers import Answer, Done, KeyTaken, Refused, status_of
-from core.journal.fence import Raised, fence
+from core.journal.fence import Raised
 from core.journal.proof import Proven, Walk, prove
 from core.journal.register import HouseholdFilter
 from core.journal.store import LEDGER_FILE
@@ -25,6 +25,7 @@ from core.ledger.views import EntryView, tell
 from tests.unit.core.books import (
     Pen,
     entering,
+    fenced,
     moving,
     opened,
     opening,
@@ -409,13 +410,13 @@ def test_the_step_from_an_older_ledger_ends_at_the_layout_of_a_new_one(tmp_path:
 def test_an_older_ledger_is_not_touched_by_a_core_that_is_fenced(tmp_path: Path) -> None:
     old_ledger(tmp_path)
     connection = opened(tmp_path)
-    assert not isinstance(fence(connection, 7), Raised)
+    assert not isinstance(fenced(connection, 7), Raised)
     version = connection.exec_driver_sql("SELECT schema_version FROM meta").scalar_one()
     tables = connection.exec_driver_sql(
         "SELECT count(*) FROM sqlite_master WHERE name = 'entry'"
     ).scalar_one()
     assert (version, tables) == (2, 0)
-    assert fence(connection, 1) == Raised(2)
+    assert fenced(connection, 1) == Raised(2)
     version = connection.exec_driver_sql("SELECT schema_version FROM meta").scalar_one()
     assert version == schema.SCHEMA_VERSION
     connection.close()

@@ -21,11 +21,22 @@ from core.journal.answers import (
     Touch,
 )
 from core.journal.append import Failed, FencedBy, Journal, NotBegun, NotTaken
-from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack, fence
+from core.journal.fence import Fenced, NotOurs, Raised, StoreWentBack
 from core.journal.room import Room
 from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_writing
 from core.ledger.reasons import Slug
-from tests.unit.core.books import Pen, closing, failing_at_commit, moving, opened, opening, order, pen, tamper
+from tests.unit.core.books import (
+    Pen,
+    closing,
+    failing_at_commit,
+    fenced,
+    moving,
+    opened,
+    opening,
+    order,
+    pen,
+    tamper,
+)
 
 FOR_EVER_NS = 2**63 - 1
 
@@ -118,19 +129,19 @@ def test_keys_outlive_their_core(tmp_path: Path) -> None:
 
 def test_the_epoch_grows_by_one_per_fence(tmp_path: Path) -> None:
     connection = opened(tmp_path)
-    assert fence(connection, None) == Raised(1)
-    assert fence(connection, 1) == Raised(2)
-    assert fence(connection, 1) == Fenced(2)
-    assert fence(connection, 9) == StoreWentBack(2, 9)
-    assert fence(connection, None) == Raised(3)
+    assert fenced(connection, None) == Raised(1)
+    assert fenced(connection, 1) == Raised(2)
+    assert fenced(connection, 1) == Fenced(2)
+    assert fenced(connection, 9) == StoreWentBack(2, 9)
+    assert fenced(connection, None) == Raised(3)
     connection.close()
     connection.engine.dispose()
 
 
 def test_a_missing_ledger_is_not_made_anew_for_a_core_that_has_a_predecessor(tmp_path: Path) -> None:
     connection = opened(tmp_path)
-    assert fence(connection, 4) == StoreWentBack(0, 4)
-    assert fence(connection, None) == Raised(1)
+    assert fenced(connection, 4) == StoreWentBack(0, 4)
+    assert fenced(connection, None) == Raised(1)
     connection.close()
     connection.engine.dispose()
 
@@ -139,7 +150,7 @@ def test_a_ledger_of_another_schema_is_left_alone(tmp_path: Path) -> None:
     pen(tmp_path).__enter__().close()
     tamper(tmp_path, "UPDATE meta SET schema_version = 99")
     connection = opened(tmp_path)
-    assert fence(connection, None) == NotOurs(99)
+    assert fenced(connection, None) == NotOurs(99)
     assert connection.exec_driver_sql("SELECT epoch FROM meta").scalar_one() == 1
     connection.close()
     connection.engine.dispose()
@@ -150,7 +161,7 @@ def test_somebody_elses_database_is_left_alone(tmp_path: Path) -> None:
     other.execute("CREATE TABLE recipes (name TEXT)")
     other.close()
     connection = opened(tmp_path)
-    assert fence(connection, None) == NotOurs(None)
+    assert fenced(connection, None) == NotOurs(None)
     connection.close()
     connection.engine.dispose()
 
@@ -166,7 +177,7 @@ def test_a_fence_behind_somebody_elses_lock_is_busy(tmp_path: Path) -> None:
     with pen(tmp_path) as holder:
         connection = opened(tmp_path, busy_timeout_ms=20)
         holder.connection.exec_driver_sql("BEGIN IMMEDIATE")
-        found = fence(connection, None)
+        found = fenced(connection, None)
         holder.connection.exec_driver_sql("ROLLBACK")
         assert isinstance(found, StoreError)
         assert found.fault is StoreFault.BUSY
@@ -279,7 +290,7 @@ def test_a_fenced_core_says_nothing_of_a_key_also_where_not_even_begin_is_taken(
     with pen(tmp_path) as made:
         made.carry_out(opening("a"))
         successor = opened(tmp_path)
-        assert fence(successor, None) == Raised(2)
+        assert fenced(successor, None) == Raised(2)
         successor.close()
         successor.engine.dispose()
         refusing_writes(made)

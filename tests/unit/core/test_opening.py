@@ -1,14 +1,14 @@
 """What a core asks of its guard while it opens its book."""
 
 from core.journal.chain import EventRow
-from core.opening import ASK_EVERY_S, MORE_TIME_USEC, asking_for_time
+from core.opening import ASK_EVERY_S, MORE_TIME_USEC, AskingForTime
 
 
 def test_a_long_proof_asks_for_time_only_while_it_makes_progress() -> None:
     rows = [EventRow(seq, 1, 0, "k", "c", None, b"", b"") for seq in range(1, 5)]
     asked: list[int] = []
     now_s = 100.0
-    passed = asking_for_time(rows, asked.append, lambda: now_s)
+    passed = AskingForTime(asked.append, lambda: now_s).over(rows)
     assert next(passed) == rows[0]
     assert asked == []
     now_s += ASK_EVERY_S

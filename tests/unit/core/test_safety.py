@@ -10,14 +10,14 @@ from pathlib import Path
 
 from core.guarded.beacon import Beacon
 from core.journal.answers import Done, Exercise, KeyUnknown, OutcomeUnknown, ReadOnly
-from core.journal.fence import Raised, fence
+from core.journal.fence import Raised
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.writer import Writer
 from core.safety import Safety
 from core.service import Service
 from core.settings import Settings
 from tests import waiting
-from tests.unit.core.books import Pen, opened, opening
+from tests.unit.core.books import Pen, fenced, opened, opening
 from tests.unit.core.test_writer import Heard, writing
 
 FOR_EVER_NS = 3_600_000_000_000
@@ -191,7 +191,7 @@ def test_past_a_higher_epoch_nobody_is_told_that_nothing_was_done(tmp_path: Path
         async with switch(tmp_path) as one:
             await one.safety.switch("DISK_FULL")
             successor = opened(tmp_path)
-            assert fence(successor, None) == Raised(2)
+            assert fenced(successor, None) == Raised(2)
             successor.close()
             successor.engine.dispose()
             assert await one.open("a", "k") == OutcomeUnknown()

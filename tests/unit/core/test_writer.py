@@ -7,11 +7,11 @@ from pathlib import Path
 from core.guarded.recorder import Stage
 from core.journal import queries
 from core.journal.answers import Answer, Done, Leaving, OutcomeUnknown, ReadOnly
-from core.journal.fence import Raised, fence
+from core.journal.fence import Raised
 from core.journal.store import StoreError
 from core.journal.writer import Writer
 from core.ledger.commands import Command
-from tests.unit.core.books import Pen, failing_at_commit, moving, opened, opening, order
+from tests.unit.core.books import Pen, failing_at_commit, fenced, moving, opened, opening, order
 
 FOR_EVER_NS = 3_600_000_000_000
 
@@ -98,7 +98,7 @@ def test_a_fenced_writer_answers_nobody(tmp_path: Path) -> None:
         async with writing(made, heard) as writer:
             await ask(writer, made, opening("a"))
             successor = opened(tmp_path)
-            assert fence(successor, None) == Raised(2)
+            assert fenced(successor, None) == Raised(2)
             unanswered = ask(writer, made, opening("b"))
             await writer.stop()
             assert heard.fenced == [2]

@@ -1,0 +1,58 @@
+"""The ballast: 8 MiB that lie allocated beside the ledger, for one write that must not fail for want of room.
+
+A core that can't raise the epoch can't write, and a disk may be full at that very moment, because of somebody else's
+files. The ballast is dropped then and the fence tried once more: what was a night of reading only is a core that goes on, in
+the room of the ballast, and refuses entries by its own look (`room.py`) before that is used up. A serving core lays it
+down again when there is plenty. Only the fence drops it: an ordinary write that finds no room is refused, is certainly
+not done, and costs nobody his ledger; it would eat the ballast bit by bit and leave the fence none. A disk that is full
+*because* of the ledger has the same 8 MiB, once.
+"""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from core.guarded.privilege import has_reserve
+from core.journal.room import free_bytes
+
+BALLAST_FILE: Final = "ballast"
+BALLAST_BYTES: Final = 8 << 20
+#: It is laid down only where as much again stays free.
+ROOM_BYTES: Final = 2 * BALLAST_BYTES
+
+
+def drop(data: Path) -> bool:
+    """Free the room of the ballast in a data folder; return whether there was any."""
+    path = data / BALLAST_FILE
+    try:
+        held = path.stat().st_blocks > 0
+        path.unlink()
+    except OSError:
+        return False
+    return held
+
+
+def lay_down(data: Path) -> bool:
+    """Allocate the ballast where it is missing and there is room; return whether it lies there now. Blocks."""
+    path = data / BALLAST_FILE
+    try:
+        if path.exists() and path.stat().st_size == BALLAST_BYTES:
+            return True
+        free = free_bytes(os.statvfs(data), reserve_is_ours=has_reserve())
+        if free is not None and free < ROOM_BYTES:
+            return False
+        _allocate(path)
+    except OSError:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)  # half of it would only take room
+        return False
+    return True
+
+
+def _allocate(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        os.posix_fallocate(descriptor, 0, BALLAST_BYTES)
+    finally:
+        os.close(descriptor)
