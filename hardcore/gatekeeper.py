@@ -127,6 +127,7 @@ class Gatekeeper:
         if os.environ.get(lives.DEMO_SWITCH) == "1":
             argv.append("--demo")
         argv += ["--recoveries", str(self._folders.state / "recoveries.json")]
+        argv += ["--receipts", str(self._folders.data / "receipts.db")]
         return argv
 
     def _fits(self, older: Handle) -> bool:
