@@ -67,6 +67,30 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
         "감시자가 있지만 대답하지 않아요. `hardcore up` 창을 확인하세요.",
         "The sentinel is there but does not answer. Look at the `hardcore up` window.",
     ),
+    "spare_waits": (
+        "예비 서버가 기다리고 있어요 (pid {pid}).",
+        "A spare core waits (pid {pid}).",
+    ),
+    "spare_room": (
+        "예비 서버를 둘 수 있어요. 빈 메모리: {free_mb}MB (기준 {floor_mb}MB)",
+        "A spare core can be kept here: {free_mb} MB of memory are free, {floor_mb} MB are asked for.",
+    ),
+    "spare_little": (
+        "빈 메모리가 {free_mb}MB뿐이라 예비 서버를 두지 않아요 (기준 {floor_mb}MB, spare_memory_mb). 멈추면 새로 켜는 동안 기다려요.",
+        "Only {free_mb} MB of memory are free, so no spare core is kept ({floor_mb} MB, spare_memory_mb): a way back takes longer.",
+    ),
+    "spare_off": (
+        "예비 서버를 꺼 두었어요 (정책의 spare 또는 `up --no-spare`). 멈추면 새로 켜는 동안 기다려요.",
+        "No spare core is kept, as asked (`spare` in the policy, or `up --no-spare`): a way back takes longer.",
+    ),
+    "spare_died": (
+        "예비 서버가 거듭 실패했어요 ({why}). logs/core.log 파일을 보세요. 멈추면 새로 켜는 동안 기다려요.",
+        "Spare cores failed again and again ({why}). See logs/core.log; until then a way back takes longer.",
+    ),
+    "spare_untold": (
+        "이 컴퓨터는 빈 메모리를 알려 주지 않아서 예비 서버를 두지 않아요. 그대로 두어도 돼요.",
+        "This machine does not tell its free memory, so no spare core is kept. Nothing needs to be done.",
+    ),
     "stacks": (
         "멈춘 프로세스의 스택을 밖에서 읽을 수 있어요.",
         "The stacks of a stuck process can be read from outside.",

@@ -18,11 +18,12 @@ import click
 from frontend.catalogue_doctor import doctor_text
 from hardcore import standing
 from hardcore.asked import Asked, ask_policy, is_held, operator, status_of
-from hardcore.host import capability, clock, disk, files
+from hardcore.host import capability, clock, disk, files, memory
 from hardcore.host.folders import Folders
 from hardcore.lines import wrapped
 from hardcore.model.verdicts import Colour
 from hardcore.recovery.policy import Policy, PolicyFault
+from hardcore.recovery.spare import Lack
 from hardcore.snapshot import stacks
 
 KERNEL_MIN = (5, 4)
@@ -87,6 +88,7 @@ def examine(folders: Folders) -> list[Finding]:
         _disk,
         _policy,
         _guard,
+        _spare,
         _evidence,
         _limits,
     )
@@ -161,6 +163,28 @@ def _guard(folders: Folders) -> Iterable[Finding]:
         yield _found("guard", Colour.RED, "guard_silent")
         return
     yield _found("guard", Colour.GREEN, "guard", state=told["state"], pid=told["sentinel"]["pid"])
+
+
+def _spare(folders: Folders) -> Iterable[Finding]:
+    """Say whether a second core waits, or could be kept here. Without one everything works; a way back takes longer."""
+    policy = ask_policy(folders) or standing.policy_at_next_start(folders).policy
+    if not policy.spare:
+        yield _found("spare", Colour.YELLOW, "spare_off")
+        return
+    told = status_of(Asked(folders.data, json=True, lang="en"))
+    if told["spare"] is not None and told["spare"]["ready"]:
+        yield _found("spare", Colour.GREEN, "spare_waits", pid=told["spare"]["pid"])
+        return
+    if told["spare_lack"] == Lack.DIED:
+        yield _found("spare", Colour.YELLOW, "spare_died", why=told["spare_off"])
+        return
+    free = memory.free_bytes(os.getpid())
+    if free is None:
+        yield _found("spare", Colour.YELLOW, "spare_untold")
+        return
+    room = free >= policy.spare_memory_mb * MB
+    text, colour = ("spare_room", Colour.GREEN) if room else ("spare_little", Colour.YELLOW)
+    yield _found("spare", colour, text, free_mb=free // MB, floor_mb=policy.spare_memory_mb)
 
 
 def _evidence(folders: Folders) -> Iterable[Finding]:

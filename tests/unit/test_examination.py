@@ -31,3 +31,19 @@ def test_looking_leaves_nothing_behind(tmp_path: Path) -> None:
 def test_a_folder_that_takes_no_file_is_bad_whatever_its_mode_says() -> None:
     found = _findings(Path("/proc/self"))
     assert (found["data"].colour, found["data"].text) == (Colour.RED, "data_not_writable")
+
+
+@pytest.mark.parametrize(
+    ("policy", "colour", "text"),
+    [
+        ('{"spare": false}', Colour.YELLOW, "spare_off"),
+        ('{"spare_memory_mb": 0}', Colour.GREEN, "spare_room"),
+        ('{"spare_memory_mb": 1048576}', Colour.YELLOW, "spare_little"),
+    ],
+)
+def test_whether_a_spare_can_be_kept_is_known_before_it_is_needed(
+    tmp_path: Path, policy: str, colour: Colour, text: str
+) -> None:
+    (tmp_path / "failover_policy.json").write_text(policy)
+    spare = _findings(tmp_path)["spare"]
+    assert (spare.colour, spare.text) == (colour, text)
