@@ -14,10 +14,14 @@ from typing import Final
 
 from starlette.types import ASGIApp
 from uvicorn._types import ASGISendEvent
-from uvicorn.config import Config
+from uvicorn.config import LIFESPAN, Config
+from uvicorn.importer import import_from_string
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import Server
 
+_LIFESPAN: Final = "off"
+import_from_string(LIFESPAN[_LIFESPAN])  # which the server would do when it begins to listen, and somebody waits
 KEEP_ALIVE_S: Final = 3_600  # longer than a gateway keeps an idle connection: the side that asks closes first
 CLOSING_S: Final = 1
 TICK_S: Final = 1.0
@@ -97,13 +101,13 @@ class LedgerServer(Server):
         super().__init__(
             Config(
                 app,
-                http="httptools",
+                http=HttpToolsProtocol,
                 ws=PageSocket,
                 ws_max_size=SAID_BYTES_MAX,
                 ws_per_message_deflate=False,
                 ws_ping_interval=PING_EVERY_S,
                 ws_ping_timeout=PONG_WITHIN_S,
-                lifespan="off",
+                lifespan=_LIFESPAN,
                 log_config=None,
                 access_log=False,
                 proxy_headers=False,
