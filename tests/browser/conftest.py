@@ -101,10 +101,15 @@ def nothing_is_left_behind(
 
 
 @pytest.fixture(scope="module")
-def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
-    """The house of a module."""
-    with houses.house_of_a_module(tmp_path_factory) as house:
-        yield house
+def shared_house(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    """The house of a module, with the module's own POLICY. Without one it has no spare: an outage can then be looked
+    at, because the next core is one that a test can stop."""
+    policy = getattr(request.module, "POLICY", {"spare": False})
+    house = House(tmp_path_factory.mktemp("house") / "data", policy)
+    try:
+        yield house.up()
+    finally:
+        house.end()
 
 
 @pytest.fixture

@@ -1,0 +1,133 @@
+"""Wishes that were promised to be carried out later: what their own page says, and any other page of that browser."""
+
+import re
+from typing import Any, Final
+
+from playwright.sync_api import Page, Request, Route, expect
+
+from tests.browser.conftest import OpenTab
+from tests.browser.readers import a_bank, is_joined, save, write_entry
+from tests.browser.tabs import Watch
+from tests.integration.house import House
+from tests.waiting import until
+
+#: A request is promised soon, so that an outage need not last as long as people's patience.
+POLICY: Final = {"spare": False, "gateway": {"hold_ms": 1_000, "drain_ms": 1_000}}
+
+_RECEIPT: Final = re.compile(r"/__hc/receipts/([^/?]+)(?:/(\w+))?$")
+_KEPT_AT: Final = "2026-11-21T09:30:00Z"
+
+
+class Receipts:
+    """Receipts as a test wants them, in place of the gateway's; `words` are those that a person gave."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.told: dict[str, dict[str, Any]] = {}
+        self.words: list[tuple[str, str]] = []
+        page.route(_RECEIPT, self._answer)
+
+    def say(self, key: str, outcome: str, **more: Any) -> None:
+        """Change one, and tell the page."""
+        receipt = {"key": key, "method": "POST", "path": "/entries", "status": None, "answer": None}
+        self.told[key] = {**receipt, "kept_at": _KEPT_AT, "seen": False, "outcome": outcome, **more}
+        self.page.evaluate(
+            "(detail) => document.dispatchEvent(new CustomEvent('hc:receipt', {detail}))",
+            {"key": key, "outcome": outcome},
+        )
+
+    def _answer(self, route: Route, request: Request) -> None:
+        asked = _RECEIPT.search(request.url)
+        assert asked is not None, "the route lets nothing else in"
+        if asked[2]:
+            self.words.append((asked[1], asked[2]))
+        route.fulfill(status=202 if asked[2] else 200, json=self.told[asked[1]])
+
+
+def card(page: Page, head: str) -> Any:
+    """The card that says so."""
+    return page.locator("#receipts section").filter(has=page.get_by_role("heading", name=head, exact=True))
+
+
+def test_what_became_of_wishes_whose_pages_have_gone_is_told_once_and_counted(
+    house: House, open_tab: OpenTab
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    receipts = Receipts(page)
+    receipts.say("key-done", "done", status=201, answer={})
+    receipts.say("key-there", "already_done", status=201, answer={})
+    receipts.say("key-no", "refused", status=422, answer={"detail": "There is not enough money in it."})
+    receipts.say("key-cancelled", "not_done")
+    result = card(page, "What happened to your requests")
+    expect(result).to_contain_text("Done 1 / Was already done 1 / Not done 2")
+    expect(result).to_contain_text("There is not enough money in it.")
+    expect(result.get_by_role("link", name="View")).to_have_attribute("href", "/register")
+    result.get_by_role("button", name="Close").click()
+    expect(result).to_have_count(0)
+    until(lambda: len(receipts.words) == 4, "each of them to be called seen")
+    assert {word for _, word in receipts.words} == {"seen"}
+    receipts.say("key-done", "done", seen=True)
+    receipts.say("key-old", "ask")  # the next to be told: until it is there, nothing else was
+    expect(card(page, "Things changed meanwhile")).to_be_visible()
+    expect(result).to_have_count(0)
+
+
+def test_an_old_wish_is_asked_about_and_runs_or_is_cancelled_by_a_persons_word(
+    house: House, open_tab: OpenTab
+) -> None:
+    a_bank(house)
+    page = open_tab(house, lang="ko-KR")
+    is_joined(page)
+    receipts = Receipts(page)
+    receipts.say("key-a1b2c3d4", "ask")
+    asked = card(page, "그사이 상황이 바뀌었어요")
+    expect(asked).to_contain_text("이 요청을 지금 처리할까요?")
+    expect(asked).to_contain_text("접수 번호: a1b2c3d4")
+    asked.get_by_role("button", name="처리하기").click()
+    expect(asked).to_have_count(0)
+    receipts.say("key-a1b2c3d4", "ask")
+    asked.get_by_role("button", name="취소하기").click()
+    expect(asked).to_have_count(0)
+    assert receipts.words == [("key-a1b2c3d4", "run"), ("key-a1b2c3d4", "cancel")]
+
+
+def test_a_form_whose_wish_was_promised_needs_no_window_and_takes_no_second_press(
+    house: House, open_tab: OpenTab, watch: Watch
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    receipts = Receipts(page)
+    keys: list[str] = []
+
+    def promise(route: Route, request: Request) -> None:
+        assert request.headers["prefer"] == "respond-async"
+        keys.append(request.headers["idempotency-key"])
+        receipts.told[keys[-1]] = {"key": keys[-1], "outcome": "waiting", "seen": False}
+        headers = {"Preference-Applied": "respond-async", "Location": f"/__hc/receipts/{keys[-1]}"}
+        route.fulfill(status=202, headers=headers, json={"receipt": keys[-1], "outcome": "waiting"})
+
+    page.route("**/entries", promise)
+    form = write_entry(page, "Promised", "7000")
+    said = form.locator("[data-said]")
+    save(form)
+    expect(said).to_contain_text("You can close this window; the request stays.")
+    expect(said).to_contain_text(f"Receipt: {keys[0][-8:]}")
+    form.evaluate("form => form.requestSubmit()")
+    expect(said).to_have_text(f"Already received · Receipt: {keys[0][-8:]}")
+    assert len(keys) == 1
+    receipts.say(keys[0], "refused", status=422, answer={"detail": "There is not enough money in it."})
+    expect(said).to_have_text("There is not enough money in it.")
+    expect(form.locator("[name=description]")).to_have_value("Promised")
+    form.evaluate("form => form.requestSubmit()")
+    until(lambda: len(keys) == 2, "the corrected wish to be sent under a key of its own")
+    assert keys[0] != keys[1]
+    receipts.say(keys[1], "done", status=201, answer={"location": "/", "said": "Saved"})
+    expect(said).to_have_text("Saved")
+    expect(form.locator("[name=description]")).to_have_value("")
+    until(lambda: len(receipts.words) == 2, "both to be called seen")
+    page.reload()
+    assert watch.leaving == 0
+    expect(page.locator("#receipts section")).to_have_count(0)
