@@ -155,4 +155,71 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
             "Whether it has begun is not known. Please try again in a moment.",
         ),
     },
+    "key-reused": {
+        "ko": (
+            "같은 번호를 다른 요청에 썼어요",
+            "이 Idempotency-Key로 이미 다른 요청을 접수했어요. 이 요청은 처리하지 않았어요. 새 번호로 다시 보내 주세요.",
+        ),
+        "en": (
+            "This key belongs to another request",
+            "Another request was received under this Idempotency-Key. This one was not done. Please send it again under a new key.",
+        ),
+    },
+    "not-keepable": {
+        "ko": (
+            "이 요청은 맡아 둘 수 없어요",
+            "화면의 양식을 그대로 보낸 요청만 맡아요. 처리하지 않았으니 화면을 다시 열고 보내 주세요.",
+        ),
+        "en": (
+            "This request cannot be kept",
+            "Only what a form of these pages sends is kept. It was not done: please open the page again and send it.",
+        ),
+    },
+    "not-kept": {
+        "ko": (
+            "이 요청을 맡아 두지 못했어요",
+            "지금은 저장할 수 없어요. 이 요청은 처리하지 않았어요. 뒤로 가서 잠시 뒤에 다시 눌러 주세요.",
+        ),
+        "en": (
+            "This request could not be kept",
+            "It cannot be stored now and was not done. Please go back and try again in a moment.",
+        ),
+    },
+    "promise-unknown": {
+        "ko": (
+            "접수됐는지 아직 알 수 없어요",
+            "디스크가 저장 여부를 알려 주지 않았어요. 같은 Idempotency-Key로 그대로 다시 보내면 한 번만 처리돼요.",
+        ),
+        "en": (
+            "It is not known whether this was received",
+            "The disk did not say whether it was stored. Send it again as it was, under the same Idempotency-Key: it is done once.",
+        ),
+    },
+    "receipt-cancelled": {
+        "ko": ("취소한 요청이에요", "이 요청은 처리하지 않았어요. 다시 하려면 새로 작성해서 보내 주세요."),
+        "en": (
+            "This request was cancelled",
+            "It was not done. To do it after all, please fill it in and send it anew.",
+        ),
+    },
+    "receipt-not-open": {
+        "ko": (
+            "지금은 이렇게 할 수 없어요",
+            "요청의 상태가 그사이 바뀌었어요. 화면을 다시 열어 확인해 주세요.",
+        ),
+        "en": (
+            "This cannot be done now",
+            "What became of the request has changed meanwhile. Please open its page again.",
+        ),
+    },
+    "receipts-away": {
+        "ko": (
+            "접수한 요청을 지금은 읽을 수 없어요",
+            "접수 기록이 있는 파일은 건드리지 않았어요. 잠시 뒤에 다시 열어 주세요.",
+        ),
+        "en": (
+            "Receipts cannot be read now",
+            "Their file on the disk was left as it is. Please try again in a moment.",
+        ),
+    },
 }

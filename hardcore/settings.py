@@ -85,3 +85,12 @@ class Limits:
         75_000, "an idle client connection is closed after this", low=10, high=3_600_000
     )
     drain_ms: int = setting(5_000, "how long a leaving gateway finishes what it has", low=0, high=600_000)
+    receipts_max: int = setting(1000, "requests promised to run later, at a time", low=0, high=100_000)
+    receipts_per_browser_max: int = setting(100, "of them, promised to one browser", low=0, high=100_000)
+    receipt_bytes_max: int = setting(64 << 20, "bytes kept of all of them", low=0, high=1 << 34)
+    receipt_ask_after_ms: int = setting(
+        900_000, "a promise older than this runs only when a person says so", low=0, high=86_400_000
+    )
+    receipt_keep_ms: int = setting(
+        86_400_000, "what became of one is told for so long", low=1_000, high=31_536_000_000
+    )

@@ -8,6 +8,7 @@ what is at the core may finish; INT and HUP are meant for the people at the term
 import argparse
 import asyncio
 import faulthandler
+import gc
 import logging
 import os
 import resource
@@ -42,6 +43,9 @@ BACKLOG = 512
 #: Descriptors for `connections_max` clients and the core's side, with room to spare.
 FILES_WANTED = 16_384
 
+#: New objects until circles are looked for. A request leaves none behind, so looking often only costs.
+GARBAGE_EVERY = 50_000
+
 EXIT_FINE = 0
 EXIT_CONFIG = 78
 
@@ -59,6 +63,7 @@ class Gateway:
         *,
         demo: bool,
         recoveries: Path | None = None,
+        receipts: Path | None = None,
     ) -> None:
         self._loop = loop
         self._demo = demo
@@ -72,7 +77,7 @@ class Gateway:
         self._link = FeedLink(loop, control, os.getpid(), limits)
         drills = DrillDoor(loop, control) if demo else None
         self._history = History(loop, recoveries)
-        self._desk = Desk(loop, limits, self._link, time.monotonic_ns, drills, self._history)
+        self._desk = Desk(loop, limits, self._link, time.monotonic_ns, drills, self._history, receipts)
 
     async def serve(self) -> None:
         """Serve until SIGTERM, then drain."""
@@ -82,6 +87,7 @@ class Gateway:
             sock=self._listener,
             backlog=BACKLOG,
         )
+        self._desk.promises.start()
         self._link.start(self._desk.heard)
         stocking = self._loop.create_task(self._stock())
         upkeep = self._loop.create_task(self._upkeep())
@@ -92,6 +98,7 @@ class Gateway:
         upkeep.cancel()
         self._desk.live.close()
         self._link.close()
+        await self._desk.promises.finish()
         await self._history.finish()
 
     async def _stock(self) -> None:
@@ -156,6 +163,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
         "--allow-host", action="append", default=[], help="another name this server answers to"
     )
     parser.add_argument("--recoveries", type=Path, help="where outages that are over are remembered")
+    parser.add_argument("--receipts", type=Path, help="where promised requests are kept")
     parser.add_argument("--demo", action="store_true", help="let pages of this address break the core")
     return parser.parse_args(arguments)
 
@@ -186,10 +194,21 @@ def main(arguments: Sequence[str]) -> int:
         _LOG.error("--listen-fd %d is no socket: %s", options.listen_fd, error.strerror)
         return EXIT_CONFIG
 
+    gc.freeze()  # what was loaded stays
+    gc.set_threshold(GARBAGE_EVERY)
+
     async def run() -> None:
         loop = asyncio.get_running_loop()
-        names, kept = options.allow_host, options.recoveries
-        gateway = Gateway(loop, listener, options.control, names, limits, demo=options.demo, recoveries=kept)
+        gateway = Gateway(
+            loop,
+            listener,
+            options.control,
+            options.allow_host,
+            limits,
+            demo=options.demo,
+            recoveries=options.recoveries,
+            receipts=options.receipts,
+        )
         await gateway.serve()
 
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:

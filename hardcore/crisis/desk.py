@@ -6,6 +6,7 @@ request it concerns. Everything runs in one thread, and nothing here waits.
 
 import asyncio
 from collections.abc import Callable
+from pathlib import Path
 from typing import assert_never
 
 from hardcore.crisis.counter import Counter
@@ -25,6 +26,9 @@ from hardcore.crisis.sockets import Sockets
 from hardcore.crisis.standing import Standing
 from hardcore.model.phases import Face
 
+#: Where requests for the ledger go.
+_TO_CORE = frozenset({Route.FORWARD, Route.HOLD, Route.REFUSE})
+
 
 class Desk:
     """The gateway's door."""
@@ -37,14 +41,17 @@ class Desk:
         now_ns: Callable[[], int],
         drills: DrillDoor | None = None,
         history: History | None = None,
+        receipts: Path | None = None,
     ) -> None:
         self.limits = limits
-        self.moves = Moves(loop, limits, teller, now_ns)
+        self.moves = Moves(loop, limits, teller, now_ns, receipts)
+        self.promises = self.moves.promises
         outlook, demo = self.moves.outlook, drills is not None
         self.history = history or History(loop, None)
-        self.live = Live(loop, limits, self.history, self.moves.waiting, now_ns, demo=demo)
+        self.live = Live(loop, limits, self.history, self.moves.waiting, now_ns, self.promises, demo=demo)
         self.sockets = Sockets(loop, outlook, self.live, limits, now_ns)
         outlook.watch = self._look
+        self.promises.shelf = lambda: self.moves.shelf
         self.counter = Counter(self.moves, self.live, limits.feed_silence_ms, now_ns, drills)
 
     @property
@@ -56,9 +63,16 @@ class Desk:
         """A request is here (whole, or to be streamed): decide its way."""
         exchange.browser = browser_of(exchange.head.cookie)
         way = self.moves.way(exchange.head.path)
+        if way in _TO_CORE and (known := self.promises.knows(exchange)) is not None:
+            self._is_ours(exchange)
+            exchange.client.answer(known.head, known.body)
+            return
         match way:
             case Route.LIVE | Route.READY | Route.STATUS | Route.OWN | Route.DRILL:
                 self.counter.asked(exchange, way)
+            case Route.RECEIPT:
+                self._is_ours(exchange)
+                self.promises.asked(exchange)
             case Route.FORWARD if self.moves.core_has_room():
                 self.moves.move(exchange, Trigger.PASS)
             case Route.FORWARD | Route.HOLD:
@@ -67,6 +81,11 @@ class Desk:
                 self.moves.turn_away(exchange, TURNED_AWAY[way])
             case _:
                 assert_never(way)
+
+    def _is_ours(self, exchange: Exchange) -> None:
+        """It never was on its way to a core."""
+        exchange.life = Life.ANSWERED
+        self.moves.release_bytes(exchange)
 
     def turns_away(self, head: RequestHead) -> Problem | None:
         """Whether a request would be turned away now: asked before its body is called for."""
@@ -104,7 +123,7 @@ class Desk:
     def limit(self, exchange: Exchange) -> None:
         """The time of a request is over."""
         if exchange.life not in OVER:
-            self.moves.move(exchange, Trigger.LIMIT)
+            self.moves.time_is_over(exchange)
 
     def slow_reader(self, exchange: Exchange, *, slow: bool) -> None:
         """The client cannot take the answer as fast as it comes, or can again."""
@@ -138,8 +157,10 @@ class Desk:
         self.moves.outlook.upkeep()
         self.live.upkeep()
         self.sockets.upkeep()
+        self.promises.upkeep()
 
     def _look(self, was: Standing) -> None:
         """Something was learned about the core: whoever watches is told, and sockets go on."""
         contained("telling pages", lambda: self.live.look(was, self.moves.outlook.standing))
         contained("moving sockets", self.sockets.look)
+        contained("running receipts", self.promises.look)

@@ -10,6 +10,9 @@ Spreading these rules over the connection code was tried in a sketch: every new 
        |  \              |  ^ |  \--BEGUN--> ANSWERING         \--ASK--> ASKED --FOUND, ABSENT--> ANSWERED
        |   KEEP     NOT_RUN |  \--LOST--> LOST
        |     \--> HELD <-/ PASS
+
+Whoever takes a promise for an answer is kept when his time is over (PROMISE): HELD -> KEEPING, LOST or ASKED ->
+KEEPING_LOST, and from there only an answer. What is promised runs outside of this table (`receipts`).
 """
 
 from dataclasses import dataclass, field
@@ -31,6 +34,8 @@ class Life(Enum):
     ANSWERING = auto()  # the first bytes of its answer have left
     LOST = auto()  # the core that had it is gone; waits for the release
     ASKED = auto()  # the new core is being asked whether it is in the ledger
+    KEEPING = auto()  # no core has seen it; a promise to run it later is being stored
+    KEEPING_LOST = auto()  # the same of one that a core may have seen
     ANSWERED = auto()  # over: the client has its answer
     GONE = auto()  # over: the client left
 
@@ -54,6 +59,10 @@ class Trigger(Enum):
     ABSENT = auto()  # the ledger does not have it, and never will
     FAULT = auto()  # the rest of its body is too long, broken, or does not come
     LIMIT = auto()  # its time is over
+    PROMISE = auto()  # the same, and its client takes a promise
+    KEPT = auto()  # the promise is on the disk
+    NOT_KEPT = auto()  # it is not, and never will be
+    DOUBTFUL = auto()  # the disk does not say
     CLIENT_LEFT = auto()
 
 
@@ -74,6 +83,9 @@ class Deed(Enum):
     SAY_LATE = auto()
     SAY_FAULT = auto()
     SAY_STORED = auto()
+    STORE = auto()
+    SAY_PROMISED = auto()
+    SAY_PROMISE_UNKNOWN = auto()
     CUT = auto()  # half an answer has left: only the connection's end is true now
     DROP_UNSENT = auto()  # the client left; no core has seen its request
     DROP_SENT = auto()  # the client left; a core may have seen it
@@ -108,6 +120,7 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
             Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_NOT_DONE),
             Trigger.FAULT: (Life.ANSWERED, Deed.SAY_FAULT),
             Trigger.LIMIT: (Life.ANSWERED, Deed.SAY_NOT_DONE),
+            Trigger.PROMISE: (Life.KEEPING, Deed.STORE),
             Trigger.CLIENT_LEFT: (Life.GONE, Deed.DROP_UNSENT),
         },
     ),
@@ -147,6 +160,7 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
             Trigger.ASK: (Life.ASKED, Deed.LOOK_UP),
             Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_UNKNOWN),
             Trigger.LIMIT: (Life.ANSWERED, Deed.SAY_UNKNOWN),
+            Trigger.PROMISE: (Life.KEEPING_LOST, Deed.STORE),
             Trigger.CLIENT_LEFT: (Life.GONE, Deed.DROP_SENT),
         },
     ),
@@ -159,6 +173,29 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
             Trigger.CORE_LOST: (Life.LOST, Deed.REMEMBER),
             Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_UNKNOWN),
             Trigger.LIMIT: (Life.ANSWERED, Deed.SAY_UNKNOWN),
+            Trigger.PROMISE: (Life.KEEPING_LOST, Deed.STORE),
+            Trigger.CLIENT_LEFT: (Life.GONE, Deed.DROP_SENT),
+        },
+    ),
+    **_row(
+        Life.KEEPING,
+        {
+            Trigger.KEPT: (Life.ANSWERED, Deed.SAY_PROMISED),
+            Trigger.NOT_KEPT: (Life.ANSWERED, Deed.SAY_NOT_DONE),
+            Trigger.DOUBTFUL: (Life.ANSWERED, Deed.SAY_PROMISE_UNKNOWN),
+            Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_PROMISE_UNKNOWN),
+            Trigger.LIMIT: (Life.ANSWERED, Deed.SAY_PROMISE_UNKNOWN),
+            Trigger.CLIENT_LEFT: (Life.GONE, Deed.DROP_SENT),
+        },
+    ),
+    **_row(
+        Life.KEEPING_LOST,
+        {
+            Trigger.KEPT: (Life.ANSWERED, Deed.SAY_PROMISED),
+            Trigger.NOT_KEPT: (Life.ANSWERED, Deed.SAY_UNKNOWN),
+            Trigger.DOUBTFUL: (Life.ANSWERED, Deed.SAY_PROMISE_UNKNOWN),
+            Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_PROMISE_UNKNOWN),
+            Trigger.LIMIT: (Life.ANSWERED, Deed.SAY_PROMISE_UNKNOWN),
             Trigger.CLIENT_LEFT: (Life.GONE, Deed.DROP_SENT),
         },
     ),

@@ -20,6 +20,9 @@ class GatewayLimits(Limits):
     #: Shorter than the core keeps an idle connection (5 s): a request sent into a closing one would be
     #: taken for a core's death.
     upstream_idle_ms: int = setting(2_000, "an unused connection to the core is closed", low=10, high=600_000)
+    retire_ms: int = setting(
+        500, "a drained core's last answers are heard for so long after the next is named", low=0, high=60_000
+    )
     probe_ms: int = setting(100, "a core in doubt is asked again after this", low=5, high=60_000)
     doubt_told_ms: int = setting(500, "pages are told of a doubt that nobody confirmed", low=0, high=60_000)
     feed_retry_ms: int = setting(100, "a lost feed is dialled again after this", low=5, high=60_000)
@@ -27,6 +30,8 @@ class GatewayLimits(Limits):
     witness_ms: int = setting(
         100, "a commit that was passed on is told at most this often", low=0, high=60_000
     )
+    receipt_store_ms: int = setting(5_000, "the disk must have stored a promise by then", low=10, high=60_000)
+    receipt_pause_ms: int = setting(1_000, "a promise not kept yet is tried again", low=5, high=3_600_000)
     client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
     flush_ms: int = setting(500, "at the end: how long the last answers may leave", low=0, high=60_000)
     linger_ms: int = setting(2_000, "hears a client out that says nothing more", low=10, high=60_000)

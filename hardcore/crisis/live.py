@@ -24,10 +24,16 @@ from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.messages import Message, frame_of
 from hardcore.crisis.mishap import contained
 from hardcore.crisis.pages import Answer
+from hardcore.crisis.receipts import Receipt
+from hardcore.crisis.receipts_desk import Promises
+from hardcore.crisis.receipts_pages import frame_fields
 from hardcore.crisis.standing import Standing
 from hardcore.host import clock
 
 LIVE_PATH = b"/__hc/live"
+#: How many requests of somebody wait, and how many of them are promised.
+Held = tuple[int, int]
+_NONE: Held = (0, 0)
 #: A page has nothing to say here.
 SAID_BYTES_MAX = 4096
 
@@ -59,6 +65,7 @@ class Live:
         history: History,
         waiting: Callable[[], Mapping[bytes, int]],
         now_ns: Callable[[], int],
+        promises: Promises,
         *,
         demo: bool,
     ) -> None:
@@ -66,17 +73,20 @@ class Live:
         self._beat_ms = limits.live_beat_ms
         self._pace = Pace(limits.longer_than_ms, limits.longer_floor_ms, limits.doubt_told_ms)
         self._history = history
-        self._waiting = waiting  # how many requests wait here, by browser
+        self._in_hand = waiting  # how many requests wait here, by browser
+        self._promises = promises
+        promises.told = self._promised
         self._now_ns = now_ns
         self._hello = _frame(
             {"v": 1, "type": "hello", "overlay_after_ms": limits.overlay_after_ms, "demo": demo}
         )
         self._audience: set[BrowserSocket] = set()
+        self._pages: set[BrowserSocket] = set()  # those of them that are ours alone: they hear of receipts
         self._known = Standing()
         self._outage: Outage | None = face.follow(None, self._known, self._known, (), now_ns())
         self._shown: Shown | None = None  # what everybody was told last, its time left out
         self._since: tuple[int | None, str | None] = (None, None)  # the begin, and how it is told
-        self._held: Mapping[bytes, int] = {}  # and of whose requests
+        self._held: Mapping[bytes, Held] = {}  # and of whose requests
         self._proof_due = True  # whether the ledger is whole is not known yet of the core that serves
         self._askers: list[Callable[[], None]] = []  # wait for the first word
         self._timer: asyncio.TimerHandle | None = None
@@ -91,9 +101,21 @@ class Live:
         socket.send(self._hello)
         self._tell_state(beat=False)  # so that everybody knows what this page is told
         if self._shown is not None:
-            held = self._waiting().get(socket.browser, 0) if socket.browser is not None else 0
-            socket.send(_frame(self._fields(self._show(), held)))
+            socket.send(_frame(self._fields(self._show(), self._of(socket.browser, self._waiting()))))
+        if socket.browser is not None:
+            for receipt in self._promises.untold(socket.browser):
+                socket.send(_frame(frame_fields(receipt)))
+        self._pages.add(socket)
+        socket.gone.append(self._pages.discard)
         self.add(socket)
+
+    def _promised(self, receipt: Receipt) -> None:
+        """A promise was given, or something became of it."""
+        mine = [one for one in self._pages if one.browser is not None and one.browser == receipt.wish.browser]
+        if mine:
+            told = _frame(frame_fields(receipt))
+            for socket in mine:
+                socket.send(told)
 
     def add(self, socket: BrowserSocket) -> None:
         """One more that is told of changes."""
@@ -194,32 +216,41 @@ class Live:
 
     # -- what is said ----------------------------------------------------------------------------------
 
+    def _waiting(self) -> Mapping[bytes, Held]:
+        """Whose requests wait: in hand, and promised."""
+        in_hand, promised = self._in_hand(), self._promises.waiting()
+        return {
+            browser: (in_hand.get(browser, 0) + promised.get(browser, 0), promised.get(browser, 0))
+            for browser in {*in_hand, *promised}
+        }
+
+    def _of(self, browser: bytes | None, waiting: Mapping[bytes, Held]) -> Held:
+        return waiting.get(browser, _NONE) if browser is not None else _NONE
+
     def _show(self) -> Shown:
         samples = len(self._history.samples)
         return face.show(self._outage, self._known, samples, self._pace, self._now_ns())
 
-    def _fields(self, shown: Shown, held: int) -> dict[str, object]:
+    def _fields(self, shown: Shown, held: Held) -> dict[str, object]:
         if shown.began_ns != self._since[0]:  # told the same way each time, also when the wall clock is set
             self._since = (shown.began_ns, None if shown.began_ns is None else clock.wall(shown.began_ns))
-        return face.fields(shown, held, self._since[1])
+        return {**face.fields(shown, held[0], self._since[1]), "promised": held[1]}
 
-    def _tell(self, said: Callable[[int], Mapping[str, object]], only: set[bytes] | None = None) -> None:
+    def _tell(self, said: Callable[[Held], Mapping[str, object]], only: set[bytes] | None = None) -> None:
         """Say to everybody what `said` makes of the number of requests that wait for him."""
-        made: dict[int, bytes] = {}
+        made: dict[Held, bytes] = {}
         for socket in list(self._audience):
             browser = socket.browser
             if only is not None and browser not in only:
                 continue
-            held = self._held.get(browser, 0) if browser is not None else 0
+            held = self._of(browser, self._held)
             if held not in made:
                 made[held] = _frame(said(held))
             socket.send(made[held])
 
     def status(self, head: RequestHead) -> Answer:
         """The state for whoever asks. Its tag leaves out what only the clock changes: a page counts by itself."""
-        browser = browser_of(head.cookie)
-        held = self._waiting().get(browser, 0) if browser is not None else 0
-        told = self._fields(self._show(), held)
+        told = self._fields(self._show(), self._of(browser_of(head.cookie), self._waiting()))
         body = _json(told)
         digest = hashlib.sha256(_json(told | {"elapsed_ms": 0})).hexdigest()[:16]
         tag = f'W/"{digest}"'.encode()

@@ -9,6 +9,8 @@ import asyncio
 import logging
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
+from typing import assert_never
 
 from hardcore.crisis import pages
 from hardcore.crisis.exchange import Exchange
@@ -29,8 +31,13 @@ from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.mishap import describe
 from hardcore.crisis.outcomes import OutageBook
 from hardcore.crisis.outlook import Outlook, Ties
-from hardcore.crisis.plight import cover
+from hardcore.crisis.plight import Asked, cover
 from hardcore.crisis.problems import STATUS, Outcome, Problem
+from hardcore.crisis.receipts import Receipt
+from hardcore.crisis.receipts_desk import Kept, Promises, moments
+from hardcore.crisis.receipts_form import KeptForm
+from hardcore.crisis.receipts_pages import promised
+from hardcore.crisis.receipts_store import Failure
 from hardcore.crisis.returns import Returns
 from hardcore.crisis.routing import Route, route
 from hardcore.crisis.sending import Courier
@@ -61,6 +68,7 @@ class Moves:
         limits: GatewayLimits,
         teller: Teller,
         now_ns: Callable[[], int],
+        receipts: Path | None = None,
     ) -> None:
         self.leaving = False
         self.shelf = Shelf()  # empty until it was rendered
@@ -68,6 +76,7 @@ class Moves:
         self.book = OutageBook()
         self.outlook = Outlook(loop, limits, Ties(self._changed, self._pump_soon, teller, now_ns))
         self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits))
+        self.promises = Promises(loop, limits, self.outlook, receipts, moments(now_ns))
         self._loop = loop
         self._limits = limits
         self._teller = teller
@@ -75,6 +84,7 @@ class Moves:
         self._held: dict[Exchange, None] = {}  # in order of arrival
         self._lost: dict[Exchange, None] = {}
         self._at_core: dict[Exchange, None] = {}
+        self._keeping: dict[Exchange, None] = {}  # their promise is being stored
         self._pump_due = False
 
     def way(self, path: bytes) -> Route:
@@ -83,20 +93,22 @@ class Moves:
 
     def counts(self) -> tuple[int, int]:
         """Requests that wait here, and requests that are at the core."""
-        return len(self._held) + len(self._lost), len(self._at_core)
+        return len(self._held) + len(self._lost) + len(self._keeping), len(self._at_core)
 
     def waiting(self) -> dict[bytes, int]:
         """How many requests of each browser wait here."""
-        return Counter(one.browser for one in (*self._held, *self._lost) if one.browser is not None)
+        here = (*self._held, *self._lost, *self._keeping)
+        return Counter(one.browser for one in here if one.browser is not None)
 
     def leave(self) -> None:
         """The gateway is being stopped: whoever waits is answered now, what is at the core may finish."""
         self.leaving = True
+        self.promises.leave()
         self._turn_all_away(Problem.SHUTTING_DOWN)
 
     def give_up(self) -> None:
         """The time to finish is over: answer whoever is still at the core with what is true."""
-        for exchange in list(self._at_core):
+        for exchange in [*self._at_core, *self._keeping]:
             if exchange.life not in OVER:
                 self.step(exchange, Trigger.TURN_AWAY)
         self._flush_book(over=True)
@@ -182,6 +194,12 @@ class Moves:
                 self._remember(exchange)
             case Deed.LOOK_UP:
                 self._look_up(exchange)
+            case Deed.STORE:
+                self._store(exchange)
+            case Deed.SAY_PROMISED:
+                assert answer is not None
+                self._settle(exchange, "promised", answer.head.status)
+                exchange.client.answer(answer.head, answer.body)
             case Deed.BEGIN:
                 assert answer is not None
                 self._at_core[exchange] = None
@@ -214,6 +232,8 @@ class Moves:
                 self._say(exchange, why, Outcome.NOT_DONE, "refused" if early else None)
             case Deed.SAY_ABSENT:
                 self._say(exchange, Problem.NOT_DONE, Outcome.NOT_DONE)
+            case Deed.SAY_PROMISE_UNKNOWN:
+                self._say(exchange, Problem.PROMISE_UNKNOWN, Outcome.UNKNOWN)
             case Deed.SAY_UNKNOWN:
                 self._meet(exchange, outage=True)  # whatever the feed says: a core died under it
                 self._say(exchange, Problem.RECOVERING if safe else Problem.OUTCOME_UNKNOWN, doubtful)
@@ -241,6 +261,30 @@ class Moves:
     def _look_up(self, exchange: Exchange) -> None:
         self._lost[exchange] = None  # it still waits here, and its limit still runs
         self.courier.look_up(exchange)
+
+    def time_is_over(self, exchange: Exchange) -> None:
+        """A request waits, or runs, for too long: whoever takes a promise gets one, if there is one to give."""
+        promised = exchange.life in WAITING and self.promises.takes(exchange)
+        self.move(exchange, Trigger.PROMISE if promised else Trigger.LIMIT)
+
+    def _store(self, exchange: Exchange) -> None:
+        self._keeping[exchange] = None
+        connection, exchange.upstream, exchange.dial = exchange.upstream, None, None
+        if connection is not None:
+            connection.abandon()  # it was being looked up; the promise begins with that anew
+        exchange.client.limit.set(self._limits.receipt_store_ms)
+        self.promises.promise(exchange, lambda kept: self._stored(exchange, kept))
+
+    def _stored(self, exchange: Exchange, kept: Kept) -> None:
+        match kept:
+            case Receipt():
+                self.step(exchange, Trigger.KEPT, promised(kept))
+            case Failure.REFUSED:
+                self.step(exchange, Trigger.NOT_KEPT)
+            case Failure.DOUBTFUL:
+                self.step(exchange, Trigger.DOUBTFUL)
+            case never:
+                assert_never(never)
 
     def keep(self, exchange: Exchange) -> None:
         """Let a request wait, if there is room for one more."""
@@ -301,19 +345,30 @@ class Moves:
             self.book.meet()
 
     def _say(self, exchange: Exchange, problem: Problem, outcome: Outcome, word: str | None = None) -> None:
+        form = self.promises.offered(exchange) if outcome is Outcome.NOT_DONE else None
         self._settle(exchange, word or outcome, STATUS[problem])
-        answer = self._words(exchange.head, problem, outcome)
+        answer = self._words(exchange.head, problem, outcome, form)
         close = word == "gone" or problem in _CLOSES
         exchange.client.answer(answer.head, answer.body, close=close)
 
-    def _words(self, head: RequestHead, problem: Problem, outcome: Outcome) -> pages.Answer:
-        """A problem as its reader can use it: a page for a tab, fields for a program."""
+    def _words(
+        self, head: RequestHead, problem: Problem, outcome: Outcome, form: KeptForm | None
+    ) -> pages.Answer:
+        """A problem as its reader can use it: a page for a tab, fields for a program. `form`: may be kept."""
         if not head.navigation:
             return pages.problem(problem, head.accept_language, outcome)
-        planned = self.outlook.standing.planned
-        told = cover(problem, outcome, self.outlook.posture, safe=head.safe, planned=planned)
+        told = cover(
+            problem,
+            outcome,
+            self.outlook.posture,
+            safe=head.safe,
+            planned=self.outlook.standing.planned,
+            keepable=form is not None,
+        )
         sheet = self.shelf.cover(told, head.accept_language) if told is not None else None
-        return pages.plain(problem, head) if sheet is None else pages.recovery(sheet, problem, head)
+        if sheet is None or told is None:
+            return pages.plain(problem, head)
+        return pages.recovery(sheet, problem, head, form if told.asked is Asked.KEEPABLE else None)
 
     # -- the end of a request --------------------------------------------------------------------------
 
@@ -321,6 +376,7 @@ class Moves:
         self._held.pop(exchange, None)
         self._lost.pop(exchange, None)
         self._at_core.pop(exchange, None)
+        self._keeping.pop(exchange, None)
 
     def _leave_room(self, exchange: Exchange) -> None:
         if exchange.in_room:

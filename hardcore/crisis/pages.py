@@ -18,7 +18,8 @@ from frontend.catalogue_gateway import PROBLEMS
 from frontend.render import language
 from hardcore.crisis.heads import ALLOW, AnswerHead, Header, RequestHead
 from hardcore.crisis.problems import RETRY_AFTER_S, STATUS, Outcome, Problem
-from hardcore.crisis.shelf import HTML, Sheet
+from hardcore.crisis.receipts_form import KeptForm, hidden_fields
+from hardcore.crisis.shelf import FIELDS_MARK, HTML, Sheet
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +39,10 @@ _PLAIN = (
 )
 
 
-def _answer(
+def whole(
     status: int, kind: bytes, body: bytes, extra: Sequence[Header] = (), *, kept: bytes = b"no-store"
 ) -> Answer:
+    """A whole answer of our own. `kept`: what a cache may do with it."""
     headers = (
         (b"Date", formatdate(usegmt=True).encode()),
         (b"Content-Type", kind),
@@ -73,7 +75,7 @@ def problem(what: Problem, accept_language: str, outcome: Outcome | None = None,
     if what is Problem.METHOD_NOT_ALLOWED:
         extra.append((b"Allow", ALLOW.encode()))
     body = json.dumps(fields, ensure_ascii=False).encode()
-    return _answer(status, b"application/problem+json", body, extra)
+    return whole(status, b"application/problem+json", body, extra)
 
 
 def plain(what: Problem, head: RequestHead) -> Answer:
@@ -83,21 +85,23 @@ def plain(what: Problem, head: RequestHead) -> Answer:
     seconds = RETRY_AFTER_S.get(what)
     again = f'<meta http-equiv="refresh" content="{seconds}">' if head.safe and seconds else ""
     body = _PLAIN.format(lang=tongue, again=again, title=title, detail=detail).encode()
-    return _answer(STATUS[what], HTML, body, _of_a_page(tongue, _PLAIN_POLICY, what))
+    return whole(STATUS[what], HTML, body, of_a_page(tongue, _PLAIN_POLICY, what))
 
 
-def recovery(sheet: Sheet, what: Problem, head: RequestHead) -> Answer:
-    """The recovery page on the URL that was asked for."""
-    extra = _of_a_page(language(head.accept_language), sheet.policy, what)
-    if head.safe or (way := _way_back(head)) is None:
+def recovery(sheet: Sheet, what: Problem, head: RequestHead, form: KeptForm | None = None) -> Answer:
+    """The recovery page on the URL that was asked for. `form`: the wish that it offers to keep."""
+    extra = of_a_page(language(head.accept_language), sheet.policy, what)
+    way = way_back(head)
+    if form is None and (head.safe or way is None):
         body = _packed(sheet, head, extra)
     else:
-        # Uncompressed, because it is this reader's alone; the address is the only thing that differs.
-        body = sheet.plain.replace(b'<a href="/">', b'<a href="%s">' % html.escape(way).encode())
-    return _answer(STATUS[what], sheet.kind, body, extra)
+        # Uncompressed, because it is this reader's alone; the address and the form's wish are all that differs.
+        body = sheet.plain.replace(b'<a href="/">', b'<a href="%s">' % html.escape(way or "/").encode())
+        body = body if form is None else body.replace(FIELDS_MARK, hidden_fields(form))
+    return whole(STATUS[what], sheet.kind, body, extra)
 
 
-def _way_back(head: RequestHead) -> str | None:
+def way_back(head: RequestHead) -> str | None:
     """The page of ours that a form was sent from, as far as the browser says it."""
     told = [value for name, value in head.headers if name.lower() == b"referer"]
     if len(told) != 1:
@@ -112,7 +116,8 @@ def _way_back(head: RequestHead) -> str | None:
     return parts.path + (f"?{parts.query}" if parts.query else "")
 
 
-def _of_a_page(tongue: str, policy: str, what: Problem | None = None) -> list[Header]:
+def of_a_page(tongue: str, policy: str, what: Problem | None = None) -> list[Header]:
+    """The headers of a page of our own."""
     extra: list[Header] = [
         (b"Content-Language", tongue.encode()),
         (b"Content-Security-Policy", policy.encode()),
@@ -133,9 +138,9 @@ def _packed(sheet: Sheet, head: RequestHead, extra: list[Header]) -> bytes:
 
 def own_page(sheet: Sheet, head: RequestHead) -> Answer:
     """A page of the gateway's own, as it always is."""
-    extra = _of_a_page(language(head.accept_language), sheet.policy)
+    extra = of_a_page(language(head.accept_language), sheet.policy)
     body = _packed(sheet, head, extra)
-    return _answer(200, sheet.kind, body, extra)
+    return whole(200, sheet.kind, body, extra)
 
 
 def own_file(sheet: Sheet, head: RequestHead) -> Answer:
@@ -148,32 +153,32 @@ def own_file(sheet: Sheet, head: RequestHead) -> Answer:
     ]
     known = [value for name, value in head.headers if name.lower() == b"if-none-match"]
     if any(tag in value or value.strip() == b"*" for value in known):
-        return _answer(304, sheet.kind, b"", extra, kept=b"no-cache")
+        return whole(304, sheet.kind, b"", extra, kept=b"no-cache")
     body = _packed(sheet, head, extra)
-    return _answer(200, sheet.kind, body, extra, kept=b"no-cache")
+    return whole(200, sheet.kind, body, extra, kept=b"no-cache")
 
 
 def drill_begun(fault: str) -> Answer:
     """The guard was told, and the core is being broken."""
-    return _answer(202, b"application/json", json.dumps({"ok": True, "fault": fault}).encode())
+    return whole(202, b"application/json", json.dumps({"ok": True, "fault": fault}).encode())
 
 
 def stored(status: int, answer: object) -> Answer:
     """The answer that the ledger keeps under a key, as it would have been given the first time."""
     body = json.dumps(answer, ensure_ascii=False, separators=(",", ":")).encode()
     kind = b"application/problem+json" if status >= 400 else b"application/json"
-    return _answer(status, kind, body, [(b"Idempotent-Replayed", b"true")])
+    return whole(status, kind, body, [(b"Idempotent-Replayed", b"true")])
 
 
 def live(*, heard: bool) -> Answer:
     """Whether the guard is alive: this process, and a sentinel that was heard lately."""
     extra = [] if heard else [(b"Retry-After", b"1")]
     body = json.dumps({"alive": heard}).encode()
-    return _answer(200 if heard else 503, b"application/json", body, extra)
+    return whole(200 if heard else 503, b"application/json", body, extra)
 
 
 def ready(state: str, *, serving: bool) -> Answer:
     """Whether traffic may be sent here, and the state that says so."""
     extra = [] if serving else [(b"Retry-After", b"1")]
     body = json.dumps({"ready": serving, "state": state or "UNKNOWN"}).encode()
-    return _answer(200 if serving else 503, b"application/json", body, extra)
+    return whole(200 if serving else 503, b"application/json", body, extra)

@@ -64,10 +64,19 @@ def plight(posture: Face, *, planned: bool) -> Plight:
             assert_never(posture)
 
 
-def cover(problem: Problem, outcome: Outcome, posture: Face, *, safe: bool, planned: bool) -> Cover | None:
-    """The recovery page for a request that ends in `problem`; None if it is no outage's problem."""
+def cover(
+    problem: Problem, outcome: Outcome, posture: Face, *, safe: bool, planned: bool, keepable: bool = False
+) -> Cover | None:
+    """The recovery page for a request that ends in `problem`; None if it is no outage's problem. `keepable`: the
+    request is a form that the gateway would keep; it is offered only while a core is coming.
+    """
     busy_outage = problem is Problem.TOO_BUSY and posture is not Face.FORWARD
     if problem not in _OF_AN_OUTAGE and not busy_outage:
         return None
-    asked = Asked.GET if safe else Asked.UNKNOWN if outcome is Outcome.UNKNOWN else Asked.NOT_DONE
-    return Cover(plight(posture, planned=planned), asked)
+    how = plight(posture, planned=planned)
+    if safe:
+        return Cover(how, Asked.GET)
+    if outcome is Outcome.UNKNOWN:
+        return Cover(how, Asked.UNKNOWN)
+    offered = keepable and how in {Plight.RECOVERING, Plight.PLANNED}
+    return Cover(how, Asked.KEEPABLE if offered else Asked.NOT_DONE)

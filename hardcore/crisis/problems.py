@@ -31,6 +31,13 @@ class Problem(StrEnum):
     CORE_TOO_SLOW = "core-too-slow"
     DRILL_REFUSED = "drill-refused"
     GUARD_AWAY = "guard-away"
+    KEY_REUSED = "key-reused"
+    NOT_KEEPABLE = "not-keepable"
+    NOT_KEPT = "not-kept"
+    PROMISE_UNKNOWN = "promise-unknown"
+    RECEIPT_CANCELLED = "receipt-cancelled"
+    RECEIPT_NOT_OPEN = "receipt-not-open"
+    RECEIPTS_AWAY = "receipts-away"
 
 
 class Outcome(StrEnum):
@@ -61,6 +68,13 @@ STATUS: dict[Problem, int] = {
     Problem.CORE_TOO_SLOW: 504,
     Problem.DRILL_REFUSED: 409,
     Problem.GUARD_AWAY: 503,
+    Problem.KEY_REUSED: 422,
+    Problem.NOT_KEEPABLE: 422,
+    Problem.NOT_KEPT: 503,
+    Problem.PROMISE_UNKNOWN: 503,
+    Problem.RECEIPT_CANCELLED: 409,
+    Problem.RECEIPT_NOT_OPEN: 409,
+    Problem.RECEIPTS_AWAY: 503,
 }
 
 #: Seconds after which asking again makes sense; a problem not named here carries no `Retry-After`.
@@ -72,6 +86,9 @@ RETRY_AFTER_S: dict[Problem, int] = {
     Problem.SHUTTING_DOWN: 10,
     Problem.TOO_BUSY: 1,
     Problem.GUARD_AWAY: 2,
+    Problem.NOT_KEPT: 2,
+    Problem.PROMISE_UNKNOWN: 2,
+    Problem.RECEIPTS_AWAY: 2,
 }
 
 #: Problems that say enough by themselves: a request that could not be read was not done.

@@ -17,6 +17,7 @@ class Route(Enum):
     READY = "answer whether a core may be sent traffic"
     STATUS = "answer how things stand"
     OWN = "answer with a file or a page of our own"
+    RECEIPT = "tell of a promise, take one up, or hear a person's word on it"
     DRILL = "ask the guard to break the core, in a demo"
     FORWARD = "send it to the serving core"
     HOLD = "keep it until a core serves"
@@ -28,6 +29,8 @@ OWN_PAGES = {b"/livez": Route.LIVE, b"/readyz": Route.READY, b"/__hc/status.json
 #: Everything under it is the gateway's; a core never sees it.
 OWN_PREFIX = b"/__hc/"
 DRILL_PREFIX = b"/__hc/drill/"
+RECEIPT_PREFIX = b"/__hc/receipts/"
+KEEP_PATH = b"/__hc/keep"
 
 
 def route(path: bytes, posture: Face, *, leaving: bool) -> Route:
@@ -35,6 +38,8 @@ def route(path: bytes, posture: Face, *, leaving: bool) -> Route:
     if (own := OWN_PAGES.get(path)) is not None:
         return own
     if path.startswith(OWN_PREFIX):
+        if path == KEEP_PATH or path.startswith(RECEIPT_PREFIX):
+            return Route.RECEIPT
         return Route.DRILL if path.startswith(DRILL_PREFIX) else Route.OWN
     if leaving:
         return Route.CLOSE

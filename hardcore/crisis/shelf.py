@@ -9,7 +9,7 @@ compressed form is kept: nearly every browser takes it, and for the rest a page 
 import gzip
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Final, get_args
 
@@ -20,6 +20,12 @@ from hardcore.crisis.routing import OWN_PREFIX
 DEMO = OWN_PREFIX + b"demo"
 _LANGUAGES: Final[tuple[Language, ...]] = get_args(Language)
 HTML = b"text/html; charset=utf-8"
+
+#: What is filled in for one reader, as the paper prints it (a test holds the two in step).
+FIELDS_MARK: Final = b"<!--fields-->"
+KEY_MARK: Final = b"<!--key-->"
+NUMBER_MARK: Final = b"<!--id-->"
+WHY_MARK: Final = b"<!--why-->"
 
 _COMMON_POLICY = "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 _DEMO_POLICY = (
@@ -45,15 +51,22 @@ class Sheet:
 
 @dataclass(frozen=True, slots=True)
 class Shelf:
-    """All sheets: files by path, recovery pages by language and cover, the demo's page by language."""
+    """All sheets: files by path, recovery pages by language and cover, receipts' pages by language and outcome, the
+    demo's page by language.
+    """
 
     files: Mapping[bytes, Sheet] = field(default_factory=dict)
     covers: Mapping[tuple[str, Cover], Sheet] = field(default_factory=dict)
+    receipts: Mapping[tuple[str, str], Sheet] = field(default_factory=dict)
     demo: Mapping[str, Sheet] = field(default_factory=dict)
 
     def cover(self, told: Cover, accept_language: str) -> Sheet | None:
         """The recovery page that says so to this reader; None if none was rendered."""
         return self.covers.get((language(accept_language), told))
+
+    def receipt(self, outcome: str, accept_language: str) -> Sheet | None:
+        """The page of a receipt with this outcome; None if none was rendered."""
+        return self.receipts.get((language(accept_language), outcome))
 
     def own(self, path: bytes, accept_language: str) -> Sheet | None:
         """What stands under a path of the gateway's own, or None."""
@@ -78,7 +91,12 @@ def stock(*, demo: bool) -> Shelf:
         page = paper.recovery_page(lang, kind, outcome)
         policy = _policy(page.script_hash, page.style_hash)
         covers[lang, Cover(Plight(kind), Asked(outcome))] = _sheet(page.body, HTML, policy)
-    return _with_demo(Shelf(files, covers)) if demo else Shelf(files, covers)
+    receipts: dict[tuple[str, str], Sheet] = {}
+    for lang, settled in product(_LANGUAGES, paper.RECEIPT_OUTCOMES):
+        page = paper.receipt_page(lang, settled)
+        receipts[lang, settled] = _sheet(page.body, HTML, _policy(page.script_hash, page.style_hash))
+    shelf = Shelf(files, covers, receipts)
+    return _with_demo(shelf) if demo else shelf
 
 
 def _with_demo(shelf: Shelf) -> Shelf:
@@ -87,7 +105,7 @@ def _with_demo(shelf: Shelf) -> Shelf:
 
     files = {path.encode(): _sheet(body, kind.encode()) for path, (body, kind) in paper.demo_files().items()}
     pages: dict[str, Sheet] = {lang: _sheet(paper.demo_page(lang), HTML, _DEMO_POLICY) for lang in _LANGUAGES}
-    return Shelf({**shelf.files, **files}, shelf.covers, pages)
+    return replace(shelf, files={**shelf.files, **files}, demo=pages)
 
 
 def _policy(script_hash: str, style_hash: str) -> str:
