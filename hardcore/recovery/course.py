@@ -99,6 +99,7 @@ class Course:
     # What outlives it.
     behind: Behind | None = None  # a core that lives on behind the fence
     switching: Switching | None = None
+    inherited: tuple[str, ...] = ()  # whom an earlier guard suspected; until a core serves
     later: tuple[CoreObservation, ...] = ()  # what a core that is drained said, for when it serves again
     switch_fault: str = ""  # why the last one that was asked for was given up
     store: StoreKnowledge = field(default_factory=StoreKnowledge)

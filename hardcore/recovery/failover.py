@@ -70,9 +70,7 @@ class FailoverManager:
                 c.held_ns = fact.at_ns
                 mark(c, "alerted", fact.at_ns)
             case seen.GatewayWitnessed():
-                if (
-                    fact.witness.epoch == c.store.epoch
-                ):  # of a ledger that was put back it would tell no truth
+                if c.store.knows(fact.witness):
                     c.store.told(fact.witness)
                 elif c.store.lacks(fact.witness):
                     relief.lacking(c, fact)
@@ -203,6 +201,7 @@ def _left_alone(c: Course) -> Diagnosis | None:
 
 def _begin(c: Course, fact: seen.SentinelBegan) -> None:
     c.budget = c.budget.at(fact.at_ns)
+    c.inherited = fact.suspects
     c.store.saw(fact.page)
     c.store.certain = False  # a core of the earlier guard may have raised it since
     if fact.adoptable is not None:
@@ -373,7 +372,7 @@ def _ready(c: Course, fact: seen.CoreReady) -> None:
         _misses(c, fact)
         return
     else:
-        c.store.proven(Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns))
+        c.store.is_proven(Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns))
     if c.phase not in BOOTING:
         return  # it is being ended: what it has proven serves nobody
     mark(c, "ready", fact.at_ns)

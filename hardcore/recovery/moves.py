@@ -289,7 +289,8 @@ def _release_again(c: Course, now_ns: int) -> None:
     c.bench = Bench(plan.patience(c.policy))
     c.held_ns = None
     c.heard_ns = c.looked_ns = now_ns
-    suspects = c.story.suspects if c.story else ()
+    own = c.story.suspects if c.story else ()
+    suspects, c.inherited = (*c.inherited, *(key for key in own if key not in c.inherited)), ()
     order(c, Release(c.life, c.epoch, suspects, c.story.id if c.story else None))
 
 

@@ -85,8 +85,12 @@ def surveyed(c: Course, fact: seen.Surveyed) -> None:
 
 def lacking(c: Course, fact: seen.GatewayWitnessed) -> None:
     """Take in that a client was told of a commit that the core which serves did not find when it began."""
-    if c.phase in SERVING and c.reader is None:
-        why = f"a client was told of event {fact.witness.seq}, and the ledger ended at {c.store.proven_seq} after that"
+    c.store.told(fact.witness)
+    proven = c.store.proven
+    if c.phase in SERVING and c.reader is None and proven is not None:
+        why = (
+            f"a client was told of event {fact.witness.seq}, and the ledger ended at {proven.seq} after that"
+        )
         death = Death(Diagnosis.STORE_CORRUPT, Grade.CERTAIN, (Testimony("gateway", Colour.RED, why),))
         _meet(c, death, fact.at_ns, (), fact.at_ns, why)
         settle(c, fact.at_ns)

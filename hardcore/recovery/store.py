@@ -21,20 +21,20 @@ class StoreKnowledge:
     certain: bool = False
     witness: Witness | None = None
     passed_on: Witness | None = None
-    proven_seq: int | None = None  # where the ledger ended when the last core proved it
+    proven: Witness | None = None  # where the ledger ended when the last core proved it
 
     def forget(self) -> None:
         """Take the ledger as it stands: the operator has put another copy in its place and says so."""
         self.epoch, self.certain = None, False
-        self.witness = self.passed_on = self.proven_seq = None
+        self.witness = self.passed_on = self.proven = None
 
     def witnesses(self) -> tuple[Witness, ...]:
         """Return the commits that the next core has to show: what a page proves, and what a client was told."""
         return tuple(seen for seen in (self.witness, self.passed_on) if seen is not None)
 
-    def proven(self, witness: Witness) -> None:
+    def is_proven(self, witness: Witness) -> None:
         """A core has proven its ledger up to there: what was known before is part of that, if it is no later."""
-        self.witness, self.proven_seq = witness, witness.seq
+        self.witness = self.proven = witness
         if not self.misses(witness.seq):
             self.passed_on = None
 
@@ -44,8 +44,12 @@ class StoreKnowledge:
 
     def lacks(self, witness: Witness) -> bool:
         """Return whether a commit of an earlier epoch was passed on that the ledger did not have when it was proven."""
-        earlier = self.epoch is not None and witness.epoch < self.epoch
-        return earlier and self.proven_seq is not None and witness.seq > self.proven_seq
+        last = self.proven
+        return last is not None and witness.epoch < last.epoch and witness.seq > last.seq
+
+    def knows(self, witness: Witness) -> bool:
+        """Return whether this commit is the last serving core's: of a ledger that was put back it would tell no truth."""
+        return witness.epoch == (self.proven.epoch if self.proven is not None else self.epoch)
 
     def told(self, witness: Witness) -> None:
         """The gateway has passed this commit on to a client."""

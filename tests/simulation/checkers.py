@@ -43,6 +43,8 @@ HEARING_NS = 10 * NS_PER_MS
 #: A core that can't be seen for so long is told to be so.
 TOLD_NS = NS_PER_S
 _BY_ITSELF = frozenset({Trigger.NO_DELAY, Trigger.DEADLINE})
+#: The spare is looked at so often, and something may befall it in between.
+SPARE_SEEN_MS = 400
 DRILL_NS = 15 * NS_PER_S
 #: A trouble that was over for so long is not told as a new one.
 STALE_NS = 10 * NS_PER_S
@@ -85,6 +87,7 @@ class Checkers:
         self._tick_ns = self._forgiven_ns = self._unseen_ns = self._silent_ns = 0
         self._counts = False  # whether the last end was an accident
         self._asked_by_operator = False
+        self._passed_on_seq = self._released = 0
         self._way_in: Transition | None = None
         self._last: Trigger | None = None
 
@@ -121,6 +124,11 @@ class Checkers:
                 self._drill_ns = fact.at_ns
             case seen.OperatorAsked():
                 self._asked_by_operator = True
+                if fact.accept_ledger:
+                    self._passed_on_seq = 0
+            case seen.GatewayWitnessed():
+                if self._phase in SERVING or self._phase not in {Phase.FATAL, Phase.STOPPED}:
+                    self._passed_on_seq = max(self._passed_on_seq, fact.witness.seq)
             case _:
                 pass
 
@@ -184,6 +192,9 @@ class Checkers:
                 self._troubled(guard, Diagnosis(move.reason.split(":")[0]))
             if move.trigger is Trigger.LOST:
                 self._lost(guard, move)
+            elif move.trigger is Trigger.UNPROVEN:
+                self._judged[self._newest] = Diagnosis.STORE_CORRUPT
+                self._count_verdict(move.at_ns)
             elif move.trigger is Trigger.DEADLINE and move.before in {Phase.STARTING, Phase.PROVING}:
                 self._too_slow(guard)
             elif move.before is Phase.PROBATION and move.after is Phase.RUNNING:
@@ -261,6 +272,14 @@ class Checkers:
         match action:
             case orders.Spawn():
                 self._spawn(guard, action)
+            case orders.SpawnSpare():
+                self._spawn_spare(guard, action)
+            case orders.Promote():
+                self._promote(guard, action)
+            case orders.Adopt():
+                self._ready.add(action.life)
+            case orders.Drain():
+                self._renewed.add(action.life)
             case orders.Kill():
                 self._kill(guard, action)
             case orders.Terminate():
@@ -282,14 +301,46 @@ class Checkers:
                 pass
 
     def _living(self) -> list[Life]:
-        return [life for life in self.world.lives if life.alive]
+        """Who may write: no spare that waits, and nobody behind the fence."""
+        return [life for life in self.world.lives if life.alive and not life.waits and not self._behind(life)]
+
+    def _behind(self, life: Life) -> bool:
+        """The truth of a core that was left behind: it has let go of the store, or others write since."""
+        told = self.world.guard.manager.reading().behind
+        if life.guard != self.world.guard.number or told != life.number:
+            return False
+        return life.drained or (life.in_kernel and (life.epoch or 0) < self.world.store.epoch)
+
+    def _spawn_spare(self, guard: "Guard", order: orders.SpawnSpare) -> None:
+        own = [x for x in self.world.lives if x.alive and x.waits and x.guard == guard.number]
+        _hold(not own, "one spare at most")
+        _hold(guard.manager.wanted is Wanted.UP, "no spare is started against the operator's will")
+        _hold(order.life not in self._exited | self._ready, "each life has a number of its own")
+
+    def _promote(self, guard: "Guard", order: orders.Promote) -> None:
+        spare = guard.numbered(order.life)
+        _hold(spare is not None and spare.waits, "only a spare is promoted")
+        assert spare is not None, "held just now"
+        _hold(spare.stage is Stage.WARM or not spare.alive, "only a spare that is ready is promoted")
+        sick_ns = self.world.clock.now_ns - spare.since_ns if not spare.condition.loop_beats else 0
+        borne_ms = guard.policy.health_check_timeout_ms + SPARE_SEEN_MS
+        _hold(sick_ns < borne_ms * NS_PER_MS, f"a spare that is {spare.condition.name} is promoted")
+        stuck = [life for life in self._living() if life is not spare]
+        hurried = order.busy_ms is not None
+        _hold(not stuck or (hurried and all(x.asked for x in stuck)), "nobody else is the core")
+        _hold(guard.manager.wanted is Wanted.UP, "no core takes over against the operator's will")
+        self._challenged(order.expected_epoch)
+        self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
+
+    def _challenged(self, expected: int | None) -> None:
+        known = expected in {None, self.world.store.epoch} or self.world.stranger_raised
+        _hold(known, f"a core is told to expect epoch {expected}")
 
     def _spawn(self, guard: "Guard", order: orders.Spawn) -> None:
         _hold(not self._living(), "no core is started while another may live")
         _hold(guard.life is None or order.life > guard.life.number, "each life has a number of its own")
         _hold(guard.manager.wanted is Wanted.UP, "no core is started against the operator's will")
-        known = order.expected_epoch in {None, self.world.store.epoch} or self.world.stranger_raised
-        _hold(known, f"a core is told to expect epoch {order.expected_epoch}")
+        self._challenged(order.expected_epoch)
         way = self._way_in
         by_itself = way is not None and way.before is Phase.BACKOFF and way.trigger in _BY_ITSELF
         if by_itself and self._counts:
@@ -312,7 +363,8 @@ class Checkers:
             return
         diagnosis = self._judged.get(order.life)
         if diagnosis is None:
-            changed = self._asked_by_operator or order.life in self._renewed
+            served_nobody = life.spare and life.stage is not Stage.READY  # it did not take over
+            changed = self._asked_by_operator or order.life in self._renewed or served_nobody
             _hold(changed, "a living core is killed for a verdict, by the operator's word, or to be changed")
             return
         if not guard.policy.asks(diagnosis, Word.SNAPSHOT):
@@ -331,6 +383,12 @@ class Checkers:
         _hold(order.life in self._ready and life.completed_boot, "a core is released after its proof")
         _hold(order.life not in self._exited, "no dead core is released")
         _hold(order.epoch == life.epoch, "a core is released with the epoch it raised")
+        _hold(not life.drained, "a core that has let go of the store serves nobody")
+        newest = life.epoch == self.world.store.epoch or self.world.stranger_raised
+        _hold(newest or not life.alive, "a core is released under the store's epoch")
+        told = life.unfenced or self._passed_on_seq <= len(self.world.store.commits)
+        again, self._released = order.life == self._released, order.life
+        _hold(told or again, "no ledger is served that lacks what a client was told of")
         _hold([x for x in self._living() if x is not life] == [], "one core at a time")
 
     def _close(self, guard: "Guard", told: orders.Incident) -> None:
@@ -348,15 +406,21 @@ class Checkers:
         # A core that was proven and released ends the story too, even if it dies before it has lasted: its
         # death is the next one.
         restarts = guard.policy.asks(told.diagnosis, Word.REBOOT_PROCESS)
-        troubled = not (told.deaths or told.planned or restarts)
-        served = troubled or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
+        unwatched = told.diagnosis is Diagnosis.SENTINEL_LOST and not told.deaths and self._way_on()
+        troubled = not (told.deaths or told.planned) and (unwatched or not restarts)
+        served = (
+            troubled
+            or self._last is Trigger.NOT_DRAINED
+            or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
+        )
         _hold(over or served, "an incident is over when a proven core has served")
         steps = dict(told.timeline)
         _hold({"fault", "detected", "closed"} <= set(steps), "each incident says when it began and ended")
         _hold(steps["fault"] <= steps["detected"] <= steps["closed"], "nothing is found before it is there")
         if told.diagnosis in TROUBLES:
             _hold(told.diagnosis in self.world.truths, f"{told.diagnosis} was never the matter")
-        if told.outcome == "recovered" and (told.deaths or told.planned):
+        replaced = self._last is not Trigger.NOT_DRAINED
+        if told.outcome == "recovered" and replaced and (told.deaths or told.planned):
             _hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
             _hold(max(self._ready, default=-1) > told.life, "recovered means that a successor served")
         _hold(told.planned or told.deaths or troubled, "an incident nobody planned has a death or a trouble")
@@ -365,6 +429,10 @@ class Checkers:
             _hold(told.life not in self._handed_over, "one damage is told once of one core")
         if handed_over and guard.life is not None:
             self._handed_over.add(guard.life.number)
+
+    def _way_on(self) -> bool:
+        """Whether this guard began with a core that it found serving."""
+        return self._last is Trigger.FOUND_SERVING
 
     # ---- the ledger and its clients ----
 
@@ -390,8 +458,19 @@ class Checkers:
             _hold(self._way_in is not None and self._way_in.reason, "FATAL has a reason")
             waits_for = guard.manager.reading().waits_for
             _hold(waits_for != Diagnosis.DB_LOCKED, "a lock that was let go is waited for for ever")
+        self._switch_at_end(guard)
         self._incidents_at_end()
         self._ledger_at_end()
+
+    def _switch_at_end(self, guard: "Guard") -> None:
+        """A switch is over, one way or the other; nobody is left who is nothing to anybody."""
+        told = guard.manager.reading()
+        if guard.phase is Phase.RUNNING:
+            _hold(not told.switch_waits, "a switch that was asked for is done or given up")
+        known = {guard.life, guard.numbered(told.spare), guard.numbered(told.behind or 0)}
+        for life in self.world.lives:
+            _hold(not life.alive or life.in_kernel or life in known, "a core lives that nobody knows of")
+            _hold(not life.alive or not life.drained or life.in_kernel, "a drained core is left alone")
 
     def _writes_again(self, guard: "Guard") -> None:
         """A mode that was entered for a disk's sake is left when the disk is well; a damaged ledger waits."""

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from hardcore.model import observations as seen
-from hardcore.model.phases import Wanted
 from hardcore.model.recorder import CommandNote, SlotStage
 from tests.simulation import conditions
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import Condition
 from tests.simulation.machine import BootPlan, Harm, Stage
 from tests.simulation.senses_faults import SENSES_CRISIS, SENSES_LOAD
+from tests.simulation.spare_faults import SPARE_CRISIS, SPARE_LOAD
 from tests.simulation.store import Disk, Rot
 from tests.simulation.store_faults import (
     at_the_fence,
@@ -103,7 +103,7 @@ def _spawn_is_slow(world: World) -> None:
     end_the_present_one(world)
     if world.rng.random() < 0.6:
         verb = world.rng.choice([seen.Verb.STOP, seen.Verb.RESTART_HARD])
-        world.clock.after(world.rng.randrange(20, 400) * MS, lambda: _ask(world, verb))
+        world.clock.after(world.rng.randrange(20, 400) * MS, lambda: world.operator_asks(verb))
 
 
 def _changes_his_mind(world: World) -> None:
@@ -112,7 +112,7 @@ def _changes_his_mind(world: World) -> None:
         world.befall(world.rng.choice([conditions.FROZEN, conditions.BLOCKED_POLL]))
     for _ in range(world.rng.randrange(2, 5)):
         verb = world.rng.choice(list(seen.Verb))
-        world.clock.after(world.rng.randrange(1, 700) * MS, partial(_ask, world, verb))
+        world.clock.after(world.rng.randrange(1, 700) * MS, partial(world.operator_asks, verb))
 
 
 def _freezes_in_boot(world: World) -> None:
@@ -251,7 +251,7 @@ def _unkillable(world: World) -> None:
         core.befall(conditions.FROZEN)
         world.worry()
     else:
-        _ask(world, seen.Verb.RESTART_HARD)
+        world.operator_asks(seen.Verb.RESTART_HARD)
     if world.rng.random() < 0.7:
         world.clock.after(world.rng.randrange(100, 9000) * MS, core.let_go)
 
@@ -259,7 +259,7 @@ def _unkillable(world: World) -> None:
 def _ignores_term(world: World) -> None:
     if (core := world.core) is not None:
         core.ignores_term = True
-        _ask(world, world.rng.choice([seen.Verb.RESTART, seen.Verb.STOP]))
+        world.operator_asks(world.rng.choice([seen.Verb.RESTART, seen.Verb.STOP]))
 
 
 def _stranger_terms(world: World) -> None:
@@ -305,18 +305,8 @@ def _poison(harm: Harm) -> Fault:
     return fault
 
 
-def _ask(world: World, verb: seen.Verb) -> None:
-    """The operator speaks; what he wants is on disk before anybody hears it."""
-    if not world.guard.works and verb is not seen.Verb.STOP:
-        return
-    if verb is seen.Verb.STOP:
-        world.disk_wanted = Wanted.DOWN
-    image = verb is not seen.Verb.STOP and world.rng.random() < 0.3
-    world.guard.tell(seen.OperatorAsked(world.clock.now_ns, verb, "because", image=image))
-
-
 def _asks(verb: seen.Verb) -> Fault:
-    return lambda world: _ask(world, verb)
+    return lambda world: world.operator_asks(verb)
 
 
 def _crash_loop(world: World) -> None:
@@ -349,6 +339,7 @@ LOAD: Mapping[str, Fault] = {
     "load": _load,
     "guard stalls": _guard_stalls,
     **SENSES_LOAD,
+    **SPARE_LOAD,
 }
 
 CRISIS: Mapping[str, Fault] = {
@@ -426,6 +417,7 @@ CRISIS: Mapping[str, Fault] = {
     "operator resumes": _asks(seen.Verb.RESUME),
     "operator changes his mind": _changes_his_mind,
     **SENSES_CRISIS,
+    **SPARE_CRISIS,
 }
 
 FAULTS: Mapping[str, Fault] = {**LOAD, **CRISIS}

@@ -19,10 +19,10 @@ from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.policy import Policy
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.conditions import FROZEN, WELL
-from tests.simulation.looks import THREADS, notes, page, process, stacks
+from tests.simulation.looks import THREADS, beats, notes, page, process, stacks
 from tests.simulation.machine import Life
 from tests.simulation.store import REFUSALS, Disk
-from tests.simulation.switches import Looking, Order, Taking
+from tests.simulation.switches import Draining, Looking, Order, Taking
 
 if TYPE_CHECKING:  # the world starts guards
     from tests.simulation.world import World
@@ -32,6 +32,8 @@ STALE_NS = 80 * NS_PER_MS
 LOOK_CLOSER_NS = 200 * NS_PER_MS
 IN_FLIGHT_EVERY_TICKS = 5
 TICKS_AT_LEAST = 3
+#: How often the spare is looked at.
+GLANCE_NS = 300 * NS_PER_MS
 HANDS_NS = 20 * NS_PER_MS
 #: A probe that is not answered is given up after its time.
 PROBE_NS = 500 * NS_PER_MS
@@ -88,7 +90,11 @@ class Guard:
         self.ids: list[str] = []
         self.jitters: list[float] = []
         self._lives: dict[int, Life] = {}
-        self._spawning: dict[int, orders.Spawn] = {}
+        self._spawning: dict[int, orders.Spawn | orders.SpawnSpare] = {}
+        self.adopts: Life | None = None
+        self.condemned: set[int] = set()  # serials of cores that it had begun to end or to drain
+        self.unheard: set[int] = set()  # whose end it did not live to hear of
+        self._glanced_ns = self._spare = 0
         self._leftovers: set[int] = set()
         self._was_spawning = False
         self._found: list[Life] = []
@@ -128,6 +134,9 @@ class Guard:
             return
         if self.world.clock.now_ns - fact.at_ns > NOTICED_NS:
             fact = replace(fact, at_ns=self.world.clock.now_ns)
+        self._glance()
+        if isinstance(fact, seen.Drained) and not fact.done:
+            self._with(fact.life, lambda life: self.condemned.discard(life.serial))
         self.heard.append(fact)
         self.world.checkers.heard(self, fact)
         self.manager.receive(fact)
@@ -140,6 +149,7 @@ class Guard:
         if now_ns < self.awake_ns:
             self.world.clock.at(self.awake_ns + 1, lambda: self._ring(due_ns))
             return
+        self._glance()
         self.heard.append(now_ns)
         self.manager.handle_deadline(now_ns)
         self._ringing_ns = None
@@ -171,6 +181,17 @@ class Guard:
 
     # ---- the watch ----
 
+    def _glance(self) -> None:
+        """Look at the spare, as often as the real guard: at quiet times only when something is about to be heard."""
+        number, now_ns = self._spare, self.world.clock.now_ns
+        life = self._lives.get(number)
+        if life is None or not life.alive or now_ns - self._glanced_ns < GLANCE_NS:
+            return
+        self._glanced_ns = now_ns
+        tick = seen.Sampled(now_ns, number, beats(life), THREADS, process(life, closer=False))
+        self.heard.append(tick)
+        self.manager.receive(tick)
+
     def watch(self, ticks: int = TICKS_AT_LEAST) -> None:
         """Look at the core every tick, at least so many times, and until it is well."""
         self._ticks_left = max(self._ticks_left, ticks)
@@ -199,7 +220,7 @@ class Guard:
         if self.works:
             self.world.checkers.looked(self, tick)
         self._ticks_left -= 1
-        if self._is_sick(life) or self._ticks_left > 0 or self._suspects():
+        if self._is_sick(life) or self._ticks_left > 0 or self._suspects() or self._wants_spare():
             self.world.clock.after(self._interval_ns(), self._tick)
         else:
             self._ticking = False
@@ -213,6 +234,17 @@ class Guard:
             return not (self.world.quiet and self.always_worried)
         unproven = self.phase is Phase.PROBATION
         return unproven and self.manager.reading().verdict.colour is not Colour.GREEN
+
+    def _wants_spare(self) -> bool:
+        """Whether a spare is to come, or to be ended."""
+        if not (self.world.warm and self.policy.spare and self.phase in {Phase.RUNNING, Phase.SUSPECT}):
+            return False
+        told = self.manager.reading()
+        spare = self._lives.get(told.spare)
+        if spare is not None:
+            return not told.spare_ready or spare.condition is not WELL
+        never = told.spare_fault or told.behind is not None or told.safe is not None
+        return told.spare != 0 or not never
 
     @property
     def always_worried(self) -> bool:
@@ -272,7 +304,8 @@ class Guard:
         self.world.note_truths()
         every_ms = self.policy.health_check_interval_ms
         survey_ms = min(self.policy.survey_interval_ms, self._own_write.again_ms)
-        if self._ticks % max(1, survey_ms // every_ms) == 0:
+        first = self.world.warm and self._ticks == 1  # without a look at the memory no spare is had
+        if first or self._ticks % max(1, survey_ms // every_ms) == 0:
             self._survey_disk(life, now_ns)
         if self._ticks % (self.policy.probe_interval_ms // every_ms) == 0:
             self._probe(life, now_ns)
@@ -290,7 +323,8 @@ class Guard:
             pending_ns=pending_ns,
             fault=store.disk.value if store.disk in REFUSALS else "",
         )
-        self.tell(seen.Surveyed(now_ns, life.number, disk, seen.Conduct(), life.oom_kills))
+        free = self.world.free_bytes if self.world.warm else None
+        self.tell(seen.Surveyed(now_ns, life.number, disk, seen.Conduct(), life.oom_kills, free))
 
     def _probe(self, life: Life, now_ns: int) -> None:
         if life.condition.loop_works:
@@ -313,13 +347,29 @@ class Guard:
             case orders.Spawn():
                 self._spawning[action.life] = action
                 self._soon(self.world.switches.spawn_takes_ns(), lambda: self._spawn(action))
+            case orders.SpawnSpare():
+                self._spare = action.life
+                self._spawning[action.life] = action
+                self._soon(self.world.switches.spawn_takes_ns(), lambda: self._spawn(action))
+            case orders.Promote(life=number):
+                self.life, self._spare = self._lives[number], 0
+                self._soon(soon, lambda: self._with(number, lambda life: life.promote(action)))
+            case orders.Drain(life=number):
+                self._condemn(number)
+                self._soon(soon, lambda: self._with(number, lambda life: self._drain(life, action)))
+            case orders.Adopt():
+                self._adopt(action.life)
             case orders.Terminate(life=number):
+                self._condemn(number)
                 self._soon(soon, lambda: self._with(number, Life.terminate))
             case orders.Kill(life=number):
+                self._condemn(number)
                 self._soon(soon, lambda: self._with(number, _kill))
             case orders.KillLeftovers():
                 self._soon(soon, self._kill_leftovers)
             case orders.TakeEvidence():
+                if action.stop and action.living:
+                    self._condemn(action.life)
                 self._soon(soon, lambda: self._stop_for_evidence(action))
             case orders.Release():
                 life = self._lives.get(action.life)
@@ -367,24 +417,59 @@ class Guard:
         if life is not None:
             deed(life)
 
-    def _spawn(self, order: orders.Spawn) -> None:
+    def numbered(self, number: int) -> Life | None:
+        """A core or a spare of this guard's, by its number."""
+        return self._lives.get(number)
+
+    def _condemn(self, number: int) -> None:
+        self._with(number, lambda life: self.condemned.add(life.serial))
+
+    def _adopt(self, number: int) -> None:
+        life = self.adopts
+        assert life is not None, "only a core that was found is adopted"
+        self.life = self._lives[number] = life
+        life.guard, life.number = self.number, number
+        if not life.alive:  # it died in the moment that it was found
+            self.died(life)
+
+    def _drain(self, life: Life, order: orders.Drain) -> None:
+        now_ns = self.world.clock.now_ns
+        match self.world.switches.draining():
+            case Draining.OBEYED:
+                life.drain(order.within_ms * NS_PER_MS)
+            case Draining.REFUSED:
+                self.condemned.discard(life.serial)
+                self.tell(
+                    seen.Drained(now_ns, life.number, False, 0, "it takes too long"),
+                    order.within_ms * NS_PER_MS,
+                )
+            case Draining.NEVER:
+                life.draining = True
+            case Draining.DIES:
+                life.draining = True
+                self.world.clock.after(self.world.rng.randrange(200) * NS_PER_MS, lambda: life.signal(11))
+
+    def _spawn(self, order: orders.Spawn | orders.SpawnSpare) -> None:
         del self._spawning[order.life]
         now_ns = self.world.clock.now_ns
         if self.world.switches.spawn_fails():
             self.tell(seen.SpawnFailed(now_ns, order.life, "no more processes"))
             return
-        life = self.world.make_life(order.life, order.expected_epoch, order.safe)
-        self.life = self._lives[order.life] = life
+        if isinstance(order, orders.SpawnSpare):
+            life = self.world.make_life(order.life, None, spare=True)
+        else:
+            life = self.life = self.world.make_life(order.life, order.expected_epoch, order.safe)
+        self._lives[order.life] = life
         self.tell(seen.CoreSpawned(now_ns, order.life, 1000 + life.serial))
 
-    def lose_spawns(self) -> int:
-        """This sentinel died; return how many of its spawns were under way."""
-        under_way, self._spawning = len(self._spawning), {}
-        return under_way
+    def lose_spawns(self) -> list[bool]:
+        """This sentinel died; return of each of its spawns that was under way whether it was a spare's."""
+        under_way, self._spawning = list(self._spawning.values()), {}
+        return [isinstance(order, orders.SpawnSpare) for order in under_way]
 
     def _kill_leftovers(self) -> None:
         """End what was there before us; told again, the hands kill again, and one waiting is enough."""
-        living = [life for life in self.world.lives if life.alive]
+        living = [life for life in self.world.lives if life.alive and life is not self.adopts]
         first, self._waits_for_leftovers = not self._waits_for_leftovers, True
         if first:
             self._leftovers, self._found = {life.serial for life in living}, living

@@ -50,9 +50,15 @@ def beats(life: Life) -> Beats:
     return Beats(
         loop_ns, loop_ns // BEAT_NS, thread_ns, thread_ns // BEAT_NS,
         life.submitted + life.extra_waiting + len(stuck), life.completed, life.completed_ns,
-        in_store_ns, life.began_ns if row.collects else 0, life.epoch or 0, LifeState.READY,
+        in_store_ns, life.began_ns if row.collects else 0, life.epoch or 0, _state(life),
         life.claimed_seq,
     )  # fmt: skip
+
+
+def _state(life: Life) -> LifeState:
+    if life.waits:
+        return LifeState.SPARE
+    return LifeState.DRAINING if life.draining else LifeState.READY
 
 
 def _beat(life: Life, silent_ns: int | None) -> int:

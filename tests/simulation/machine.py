@@ -12,7 +12,7 @@ from random import Random
 from typing import TYPE_CHECKING, Protocol
 
 from hardcore.model import observations as seen
-from hardcore.model.actions import SetSafe
+from hardcore.model.actions import Promote, SetSafe
 from hardcore.model.recorder import CommandNote, LastWords, SlotStage, Witness
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
@@ -49,6 +49,7 @@ class Stage(Enum):
     """How far a core has come."""
 
     BORN = "born"
+    WARM = "warm"  # a spare that waits
     FENCED = "fenced"
     READY = "ready"
     DEAD = "dead"
@@ -65,6 +66,7 @@ class BootPlan:
     words: str = ""
     hangs: bool = False
     extends_ns: int = 0
+    refuses: bool = False  # a spare that does not take over
     tells_epoch: bool = True
 
 
@@ -95,6 +97,8 @@ class Surroundings(Protocol):
     policy: Policy
 
     @property
+    def build(self) -> str: ...
+    @property
     def unseen_until_ns(self) -> int: ...
 
     def tell(self, life: "Life", fact: seen.Observation) -> None: ...
@@ -102,6 +106,7 @@ class Surroundings(Protocol):
     def answered(self, life: "Life", request: "Request", *, refused: bool = False) -> None: ...
     def died(self, life: "Life") -> None: ...
     def worry(self) -> None: ...
+    def postponed(self, life: "Life", request: "Request") -> None: ...
 
 
 class Life:
@@ -115,8 +120,15 @@ class Life:
         expected: int | None,
         plan: BootPlan,
         safe: Diagnosis | None = None,
+        spare: bool = False,
     ) -> None:
         self.world = world
+        self.spare = spare
+        self.waits = spare  # it was not told to take over yet
+        self.build = world.build
+        self.witnesses: tuple[Witness, ...] = ()
+        self.busy_ns = FENCE_BUSY_NS
+        self.draining = self.drained = False
         self.number = number
         self.serial = serial
         self.guard = 0
@@ -151,7 +163,7 @@ class Life:
         self.thread_silent_ns: int | None = None
         self._waiting: list[tuple[bool, Callable[[], None]]] = []
         self._turn = 0
-        world.clock.after(plan.fence_ns, lambda: self.on_loop(self._fence))
+        world.clock.after(plan.fence_ns, lambda: self.on_loop(self._warm if spare else self._fence))
         if plan.extends_ns:
             world.clock.after(plan.fence_ns // 2, lambda: self.on_loop(self._extend))
 
@@ -232,6 +244,24 @@ class Life:
     def _extend(self) -> None:
         self._tell(seen.StartExtended(self.world.clock.now_ns, self.number, self.plan.extends_ns))
 
+    def _warm(self) -> None:
+        """A spare has loaded all it needs, and waits."""
+        if self.plan.fails_at is Stage.WARM:
+            self._fail()
+        elif self.stage is Stage.BORN:
+            self.stage = Stage.WARM
+            self._tell(seen.SpareReady(self.world.clock.now_ns, self.number, self.build, 4))
+
+    def promote(self, order: Promote) -> None:
+        """Take over, unless it can't."""
+        if self.plan.refuses or self.stage is not Stage.WARM:
+            self._tell(seen.PromoteRefused(self.world.clock.now_ns, self.number, "no"))
+            return
+        self.stage, self.waits = Stage.BORN, False
+        self.expected, self.witnesses = order.expected_epoch, order.witnesses
+        self.busy_ns = FENCE_BUSY_NS if order.busy_ms is None else order.busy_ms * NS_PER_MS
+        self._later(20, lambda: self.on_loop(self._fence))
+
     def _fence(self) -> None:
         plan, store = self.plan, self.world.store
         if self.unfenced:
@@ -241,7 +271,7 @@ class Life:
             self._fail()
         elif store.holder is not None:
             store.waiting.append(lambda: self.on_loop(self._fence))
-            self.world.clock.after(FENCE_BUSY_NS, lambda: self.on_loop(self._locked_out))
+            self.world.clock.after(self.busy_ns, lambda: self.on_loop(self._locked_out))
         elif store.disk is Disk.STALLED:
             store.waiting.append(lambda: self.on_loop(self._fence))
         elif store.disk in REFUSALS:
@@ -266,6 +296,9 @@ class Life:
             self._fail()
             return
         if self.world.store.rot is Rot.HEAD and not self.unfenced:
+            self.die(seen.Exit(code=CORRUPT), "STORE_CORRUPT")
+            return
+        if any(witness.seq > len(self.world.store.commits) for witness in self.witnesses):
             self.die(seen.Exit(code=CORRUPT), "STORE_CORRUPT")
             return
         assert self.epoch is not None, "a core proves after its fence"
@@ -303,6 +336,9 @@ class Life:
         if self.safe:
             self.world.answered(self, request, refused=True)
             return
+        if self.draining:
+            self.world.postponed(self, request)
+            return
         now_ns = self.world.clock.now_ns
         self.slots[request.command_id] = Slot(request, now_ns, stage_ns=now_ns)
         self.submitted += 1
@@ -338,6 +374,7 @@ class Life:
         assert self.epoch is not None, "only a core that has fenced takes commands"
         store = self.world.store
         assert not self.unfenced, "a core without a fence writes nothing"
+        assert not self.drained, "a core that has let go of the store writes nothing"
         if store.blocked:
             self.in_store_ns = self.in_store_ns or self.world.clock.now_ns
             for slot in self.slots.values():  # one writer: what it had decided is in this batch
@@ -387,6 +424,32 @@ class Life:
         if not refused and not order.on:
             self._tell(seen.StoreTold(now_ns, self.number, seen.StoreFault.OK))
 
+    def drain(self, within_ns: int) -> None:
+        """Finish what it has, take nothing new; not within that time: go on."""
+        if self.stage is not Stage.READY or self.draining:
+            return
+        self.draining = True
+        give_up_ns = self.world.clock.now_ns + within_ns
+
+        def look() -> None:
+            now_ns = self.world.clock.now_ns
+            if not self.draining:
+                return
+            if not self.slots:
+                self.drained = True
+                self._tell(seen.Drained(now_ns, self.number, True, len(self.world.store.commits)))
+            elif now_ns >= give_up_ns:
+                self.give_up_draining(f"{len(self.slots)} commands are under way")
+            else:
+                self.world.clock.after(20 * NS_PER_MS, lambda: self.on_loop(look))
+
+        self._later(4, lambda: self.on_loop(look))
+
+    def give_up_draining(self, why: str) -> None:
+        """Take requests again, and say so."""
+        self.draining = False
+        self._tell(seen.Drained(self.world.clock.now_ns, self.number, False, 0, why))
+
     def _answer_soon(self, request: "Request") -> None:
         self._later(2, lambda: self.on_loop(lambda: self._answer(request)))
 
@@ -412,7 +475,7 @@ class Life:
         self.asked = True
         if self.condition is FROZEN and by_guard:
             self.befall(WELL)  # the guard sends CONT with it
-        if self.stage is Stage.BORN:
+        if self.stage in {Stage.BORN, Stage.WARM}:
             self.signal(15)
         elif not self.ignores_term:
             if not by_guard:

@@ -21,6 +21,8 @@ from tests.simulation.quiet import calm_down
 from tests.simulation.world import World
 
 DEEDS_MAX = 10_000
+#: So many worlds are of the newer kind: one of the policies there keeps no spare.
+WARM = 0.75
 #: A world whose core never dies is looked at once in so many deeds.
 REST_EVERY = 2_000
 #: In one of so many worlds a second manager is asked the same, and takes over what the first remembers in the
@@ -49,6 +51,7 @@ POLICIES = (
     Policy(
         restart_delay_ms=200,
         max_restart_count=1,
+        spare=False,
         stop_timeout_ms=100,
         kill_timeout_ms=100,
         survey_interval_ms=1900,
@@ -65,11 +68,15 @@ POLICIES = (
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """What will happen to a world: its kind, its policy, and each fault by name with its moment."""
+    """What will happen to a world: its kind, its policy, and each fault by name with its moment.
+
+    `warm`: a spare may be kept, and a guard goes on with what an earlier one left.
+    """
 
     kind: str
     policy: int
     faults: tuple[tuple[int, str], ...] = ()
+    warm: bool = False
 
 
 @dataclass(slots=True)
@@ -94,15 +101,16 @@ def write_script(seed: int, only: tuple[str, ...] = ()) -> Script:
     dice = rng.random()
     kind = "crisis" if only else "fault-free" if dice < 0.04 else "load only" if dice < 0.2 else "crisis"
     policy = max(0, rng.randrange(8) - 3)
+    warm = rng.random() < WARM
     if kind == "fault-free":
-        return Script(kind, policy)
+        return Script(kind, policy, warm=warm)
     names = list(only or (FAULTS if kind == "crisis" else LOAD))
     faults, at_ms = [], rng.randrange(1500)
     for _ in range(rng.randrange(1, 8)):
         faults.append((at_ms, rng.choice(names)))
         # Often one fault in the middle of another's recovery, sometimes after it.
         at_ms += rng.choice([5, 60, 400, 1500, 8000]) * rng.randrange(1, 100) // 50
-    return Script(kind, policy, tuple(faults))
+    return Script(kind, policy, tuple(faults), warm)
 
 
 def run(seed: int, script: Script | None = None, *, tell: bool = False) -> Result:
@@ -111,7 +119,9 @@ def run(seed: int, script: Script | None = None, *, tell: bool = False) -> Resul
     policy = POLICIES[script.policy]
     if script.kind != "crisis":  # a boot under load has the shipped time, whatever else is made common
         policy = replace(policy, startup_timeout_ms=Policy().startup_timeout_ms)
-    world, result = World(seed, policy), Result(seed, script)
+    if not script.warm:
+        policy = replace(policy, spare=False)
+    world, result = World(seed, policy, warm=script.warm), Result(seed, script)
     for at_ms, name in script.faults:
         world.clock.after(at_ms * NS_PER_MS, partial(_strike, world, result, name, tell))
     try:
@@ -141,7 +151,11 @@ def _strike(world: World, result: Result, name: str, tell: bool) -> None:
 
 def _rests_in_vain(world: World) -> bool:
     """The kill of a core that never dies is repeated for ever: that is its rest."""
-    return world.quiet and world.stuck_for_ever and world.guard.phase is Phase.UNKILLABLE
+    return (
+        world.quiet
+        and world.stuck_for_ever
+        and (world.guard.phase is Phase.UNKILLABLE or world.guard.manager.reading().behind is not None)
+    )
 
 
 def _ms(world: World) -> int:
@@ -166,7 +180,7 @@ def _play(world: World, rng: Random) -> None:
 
 def _nobody_was_hurt(world: World) -> None:
     """Without a fault that hurts, nothing is killed, and nothing is told as an incident."""
-    if len(world.lives) != 1 or world.checkers.closed:
+    if len([life for life in world.lives if life.completed_boot]) != 1 or world.checkers.closed:
         raise Broken("a core was replaced in a world without a crisis")
 
 

@@ -30,6 +30,15 @@ class Looking(Enum):
     NEVER = "it never comes back"
 
 
+class Draining(Enum):
+    """How the next order to drain goes."""
+
+    OBEYED = "obeyed"
+    REFUSED = "refused"
+    NEVER = "never answered"
+    DIES = "the core dies of it"
+
+
 class Order(Enum):
     """How the next order to read only, or to write again, goes."""
 
@@ -56,6 +65,8 @@ class Switches:
     late_by_ns: int = 0
     orders_until_death: int | None = None
     safe_orders: deque[Order] = field(default_factory=deque)
+    spare_plans: deque[BootPlan] = field(default_factory=deque)
+    drains: deque[Draining] = field(default_factory=deque)
     looking: Looking = Looking.WORKS
     #: What a small write of the guard's own takes.
     own_write_ns: int = NS_PER_MS
@@ -66,6 +77,8 @@ class Switches:
         """Everything goes well from now on."""
         for prepared in (self.boot_plans, self.slow_spawns_ns, self.evidence, self.safe_orders):
             prepared.clear()
+        self.spare_plans.clear()
+        self.drains.clear()
         self.failing_spawns, self.tick_late_ns, self.orders_until_death = 0, 0, None
         self.own_write_ns, self.unseen_until_ns = NS_PER_MS, 0
 
@@ -80,6 +93,17 @@ class Switches:
         ms = NS_PER_MS
         plan = BootPlan(self.rng.randrange(20, 200) * ms, self.rng.randrange(1, 60) * ms)
         return self.boot_plans.popleft() if prepared and self.boot_plans else plan
+
+    def spare_plan(self) -> BootPlan:
+        """How the next spare warms up and takes over."""
+        if self.spare_plans:
+            return self.spare_plans.popleft()
+        ms = NS_PER_MS
+        return BootPlan(self.rng.randrange(20, 400) * ms, self.rng.randrange(1, 60) * ms)
+
+    def draining(self) -> Draining:
+        """How the next order to drain goes."""
+        return self.drains.popleft() if self.drains else Draining.OBEYED
 
     def spawn_takes_ns(self) -> int:
         """How long it takes to make a process, or to find out that none can be made."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from hardcore.model import observations as seen
 from hardcore.model.actions import Release
 from hardcore.model.phases import Face
+from hardcore.model.recorder import Witness
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import BLOCKED_TIMER
 from tests.simulation.machine import TOUCHED, Harm, Life
@@ -150,7 +151,27 @@ class Gateway:
     def answered(self, life: Life, request: Request) -> None:
         """A core has answered; only the serving one is believed."""
         if life is self.serving and request.at is At.FORWARDED and request.life is life:
+            if self.world.warm and not request.lied_to:
+                self._witness(life, request)
             self.settle(request, "done")
+
+    def _witness(self, life: Life, request: Request) -> None:
+        """Say what was passed on: its commit, if it is one of the serving epoch's."""
+        seq = self.world.store.keys[request.key]
+        epoch, _, _ = self.world.store.commits[seq - 1]
+        if epoch == life.epoch:
+            now_ns = self.world.clock.now_ns
+            told = seen.GatewayWitnessed(now_ns, Witness(seq, epoch, f"{seq:x}"))
+            self.world.clock.after(
+                self.world.rng.randrange(100) * NS_PER_MS, lambda: self.world.to_guard(told)
+            )
+
+    def postponed(self, life: Life, request: Request) -> None:
+        """A core that is drained has not run it: it waits as if it had never been sent."""
+        if request.at is At.FORWARDED and request.life is life:
+            request.tries -= 1
+            request.life, request.at = None, At.HELD
+            self.world.clock.after(HOLD_NS, lambda: self._hold_is_over(request))
 
     def refused(self, life: Life, request: Request) -> None:
         """A core that reads only, or whose store takes no write, has said that nothing was done."""

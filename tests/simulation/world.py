@@ -4,6 +4,7 @@ The world owns what outlives any process (the store, what a guard wrote to disk,
 the switches that faults turn. What it knows is the truth; the guard inside only hears what it would hear.
 """
 
+from dataclasses import replace
 from random import Random
 
 from hardcore.model import observations as seen
@@ -14,20 +15,26 @@ from tests.simulation.checkers import Checkers
 from tests.simulation.clock import NS_PER_MS, Clock
 from tests.simulation.conditions import WELL, Condition
 from tests.simulation.guard import Guard
-from tests.simulation.looks import Spoilt, page
-from tests.simulation.machine import Life
+from tests.simulation.looks import Spoilt, notes, page
+from tests.simulation.machine import TOUCHED, Life, Stage
 from tests.simulation.store import REFUSALS, Disk, Rot, Store
 from tests.simulation.switches import Looking, Switches
 from tests.simulation.workload import Gateway, Request
 
 #: How often nobody may look at stacks, and how often a look never comes back.
 DENIED, NEVER = 0.15, 0.1
+#: Memory for a spare, and to spare.
+FREE_BYTES = 8 << 30
 
 
 class World:
     """See the module."""
 
-    def __init__(self, seed: int, policy: Policy) -> None:
+    def __init__(self, seed: int, policy: Policy, *, warm: bool = False) -> None:
+        self.warm = warm
+        self.free_bytes = FREE_BYTES
+        self.build = "b1"
+        self.bad_builds: set[str] = set()
         self.clock = Clock()
         self.rng = Random(seed)
         self.policy = policy
@@ -59,19 +66,48 @@ class World:
 
     @property
     def core(self) -> Life | None:
-        """The living core, if there is one."""
-        return next((life for life in reversed(self.lives) if life.alive), None)
+        """The living core, if there is one: no spare, and nobody who was left behind."""
+        return next((x for x in reversed(self.lives) if x.alive and not x.waits and not x.drained), None)
+
+    @property
+    def spare(self) -> Life | None:
+        """The spare that waits or warms up, if there is one."""
+        return next((life for life in reversed(self.lives) if life.alive and life.waits), None)
 
     def begin_guard(self) -> None:
         """A sentinel starts, with what its predecessor left on disk and in the process table."""
+        before = self.guards[-1] if self.guards else None
         guard = Guard(self, len(self.guards) + 1, self.policy, self.disk_wanted, self.disk_deaths_ns)
         self.guards.append(guard)
         self.checkers.began(guard)
-        if guard.number > 1:
+        if before is not None and (before.halted or not self.warm):
             self.gateway.renewed()
         pages = [left for life in self.lives if (left := page(life)) is not None and left.witness]
         last = max(pages, key=lambda left: left.witness.seq if left.witness else 0, default=None)
-        guard.hear(seen.SentinelBegan(self.clock.now_ns, self.core is not None, last))
+        adopts = self.warm and self.disk_wanted is Wanted.UP
+        found = self._adoptable(before) if before is not None and adopts else None
+        others = any(life.alive and life is not found for life in self.lives)
+        guard.adopts = found
+        own = page(found) if found is not None else None
+        suspects = self._suspected(before) if before is not None and self.warm else ()
+        guard.hear(seen.SentinelBegan(self.clock.now_ns, others, last, own, suspects))
+
+    def _adoptable(self, before: Guard) -> Life | None:
+        """The core that serves under the highest epoch of all pages, and that nobody had begun to end."""
+        highest = max((life.epoch or 0 for life in self.lives if not life.page_lost), default=0)
+        for life in self.lives:
+            serves = life.stage is Stage.READY and life.epoch == highest and not life.draining
+            sound = not (life.page_lost or life.unfenced or life.safe)
+            if serves and sound and life.serial not in before.condemned:
+                return life
+        return None
+
+    def _suspected(self, before: Guard) -> tuple[str, ...]:
+        """What stands in the incident that the earlier guard left open, and in pages that it did not live to read."""
+        story = before.manager.open_incident()
+        unheard = [life for life in self.lives if not life.alive and life.serial in before.unheard]
+        touched = [n for life in unheard if not life.page_lost for n in notes(life) if n.stage in TOUCHED]
+        return (*(story.suspects if story else ()), *(note.key_hash for note in touched if note.key_hash))
 
     def kill_guard(self) -> None:
         """The sentinel dies; somebody starts another."""
@@ -80,9 +116,9 @@ class World:
             return
         guard.alive = False
         self.switches.orders_until_death = None
-        for _ in range(guard.lose_spawns()):
+        for spare in guard.lose_spawns():
             if self.rng.random() < 0.5:
-                self.make_life(0, None)
+                self.make_life(0, None, spare=spare)
         self.checkers.guard_died()
         self.clock.after(self.rng.randrange(50, 600) * NS_PER_MS, self.begin_guard)
 
@@ -97,10 +133,15 @@ class World:
 
     # ---- what the machine does for the guard ----
 
-    def make_life(self, number: int, expected: int | None, safe: Diagnosis | None = None) -> Life:
+    def make_life(
+        self, number: int, expected: int | None, safe: Diagnosis | None = None, *, spare: bool = False
+    ) -> Life:
         """A core process begins; one that reads only has no fence at which it could fail."""
-        plan = self.switches.boot_plan(prepared=safe is None)
-        life = Life(self, number, len(self.lives) + 1, expected, plan, safe)
+        plan = self.switches.spare_plan() if spare else self.switches.boot_plan(prepared=safe is None)
+        if self.build in self.bad_builds:
+            at = Stage.WARM if spare else Stage.BORN
+            plan = replace(plan, fails_at=at, end=seen.Exit(code=1), hangs=False)
+        life = Life(self, number, len(self.lives) + 1, expected, plan, safe, spare)
         life.guard = self.guard.number
         self.lives.append(life)
         return life
@@ -123,11 +164,19 @@ class World:
         else:
             self.gateway.answered(life, request)
 
+    def postponed(self, life: Life, request: Request) -> None:
+        """A core that is drained has not run it."""
+        self.gateway.postponed(life, request)
+
     def died(self, life: Life) -> None:
         """A core is gone."""
         self.gateway.died(life)
+        if self.store.holder is not None and self.store.holder.pid == 1000 + life.serial:
+            self.store.befall(self.clock.now_ns, self.store.disk)
         if self.guard.works:
             self.guard.died(life)
+        elif life.guard == self.guard.number:
+            self.guard.unheard.add(life.serial)
 
     @property
     def unseen_until_ns(self) -> int:
@@ -144,6 +193,15 @@ class World:
     def is_true(self, diagnosis: Diagnosis) -> None:
         """Remember that this was the matter just now."""
         self.truths[diagnosis] = self.clock.now_ns
+
+    def operator_asks(self, verb: seen.Verb) -> None:
+        """The operator speaks; what he wants is on disk before anybody hears it."""
+        if not self.guard.works and verb is not seen.Verb.STOP:
+            return
+        if verb is seen.Verb.STOP:
+            self.disk_wanted = Wanted.DOWN
+        image = verb is not seen.Verb.STOP and self.rng.random() < 0.3
+        self.guard.tell(seen.OperatorAsked(self.clock.now_ns, verb, "because", image=image))
 
     def note_truths(self) -> None:
         """Remember what is the matter with the store at this moment."""
