@@ -21,6 +21,8 @@ from hardcore.crisis.witness import Witness
 from hardcore.model.phases import Face
 
 _LOG = logging.getLogger(__name__)
+#: Connections to a core that was named, opened before it is released: as many as a browser waits with.
+WARM_CONNECTIONS = 3
 _HEALTH_REQUEST = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
 
@@ -95,6 +97,7 @@ class Outlook:
         self._probing: object = None  # marks the probe that is out; a newer one makes its answer void
         self._probe_connection: UpstreamConnection | None = None
         self._retry: asyncio.TimerHandle | None = None
+        self._retired: Pool | None = None  # the one before
         self._witness = Witness(loop, ties.teller, limits.witness_ms)
 
     @property
@@ -127,8 +130,7 @@ class Outlook:
         older, self.pool = self.pool, None
         self.standing = known
         self.posture = Face.HOLD
-        if older is not None:
-            older.close()
+        self._part_with(older, drained=known.planned)
         if known.serving is not None:
             self.pool = Pool(
                 self._loop,
@@ -138,6 +140,18 @@ class Outlook:
                 idle_ms=self._limits.upstream_idle_ms,
                 freed=self._ties.freed,
             )
+            self.pool.warm(WARM_CONNECTIONS)  # the first requests go out with the release
+
+    def _part_with(self, older: Pool | None, *, drained: bool) -> None:
+        """Hang up on a core at once, or soon if it was drained: its last answers may not be read yet."""
+        if self._retired is not None:
+            self._retired.close()
+        self._retired = older
+        if older is not None and drained:
+            older.retire()
+            self._loop.call_later(self._limits.retire_ms / 1000, older.close)
+        elif older is not None:
+            older.close()
 
     def _become(self, known: Standing, was: Standing | None = None) -> None:
         before, was = self.posture, was or self.standing
@@ -248,5 +262,4 @@ class Outlook:
         self._stop_probing()
         self._witness.close()
         pool, self.pool = self.pool, None
-        if pool is not None:
-            pool.close()
+        self._part_with(pool, drained=False)

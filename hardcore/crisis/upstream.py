@@ -1,7 +1,8 @@
 """Connections to one core: one request at a time each, kept open between requests, bounded in number.
 
 A pool belongs to one life of a core (socket and epoch) and ends with it: closing the pool tells every
-asker at once that no answer will come, before anything of a newer core is believed. HTTP/1.1 with one
+asker at once that no answer will come, before anything of a newer core is believed. Only a core that was drained
+for a planned switch is retired instead: it has answered everything, and the last words may still be on their way. HTTP/1.1 with one
 request per connection was chosen over pipelining to the core: one slow answer would hold up others, and
 a death would make all of them doubtful.
 """
@@ -262,8 +263,16 @@ class Pool:
         self._all.add(connection)
         then(connection)
 
+    def warm(self, count: int) -> None:
+        """Open connections before they are needed."""
+        for _ in range(min(count, self._connections_max)):
+            self.dial(lambda connection: self.give_back(connection) if connection is not None else None)
+
     def give_back(self, connection: UpstreamConnection) -> None:
         """A connection is free again."""
+        if self._closed or len(self._all) > self._connections_max:
+            connection.abandon()
+            return
         connection.idle_since = self._loop.time()
         self._idle.append(connection)
         self._freed()
@@ -280,6 +289,12 @@ class Pool:
         """Close connections that were not used for a while, before the core does."""
         limit = self._loop.time() - self._idle_s
         for connection in [c for c in self._idle if c.idle_since < limit]:
+            connection.abandon()
+
+    def retire(self) -> None:
+        """Ask this core nothing more, and hear what it still has to say."""
+        self._closed = True
+        for connection in list(self._idle):
             connection.abandon()
 
     def close(self) -> None:

@@ -167,6 +167,50 @@ def test_connections_to_an_older_core_are_closed_before_a_newer_one_serves(tmp_p
         assert client.read().json()["epoch"] == 2
 
 
+def test_what_a_drained_core_still_says_is_passed_on_and_what_came_meanwhile_waits_for_the_next(
+    tmp_path: Path,
+) -> None:
+    with world(tmp_path) as w:
+        first = w.serving(silent)
+        early = w.client().ask("POST", "/early", body=b"no key")
+        (call,) = first.wait("/early")
+        w.feed.phase("HOLD", phase="DRAINING", planned=True)
+        w.feed.wait("holding", count=2)
+        late = w.client().ask("GET", "/late")
+        w.wait_held(1)
+        second = w.core(2)
+        w.feed.phase("HOLD", phase="SWITCHING", planned=True)
+        w.feed.say("serving", socket=str(second.path), epoch=2)
+        until(lambda: second.connections > 0, "the gateway to have heard of the second core")
+        call.answer(201, b"done")
+        assert early.read().body == b"done"
+        assert second.targets() == []
+        w.feed.say("release", epoch=2, incident=None)
+        w.feed.phase("FORWARD", planned=True)
+        assert late.read().json()["epoch"] == 2
+        assert first.targets() == ["/early"]
+
+
+def test_a_drained_core_that_says_nothing_more_is_hung_up_on(tmp_path: Path) -> None:
+    with world(tmp_path, retire_ms=50) as w:
+        first = w.serving(silent)
+        client = w.client().ask("POST", "/early", body=b"no key")
+        (call,) = first.wait("/early")
+        w.feed.phase("HOLD", phase="SWITCHING", planned=True)
+        w.feed.serve(w.core(2))
+        assert client.read().json()["outcome"] == "unknown"
+        call.wait_closed()
+
+
+def test_a_core_that_is_named_is_connected_to_before_its_release(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        w.holding()
+        core = w.core(1)
+        w.feed.say("serving", socket=str(core.path), epoch=1)
+        until(lambda: core.connections > 0, "a connection before the release")
+        assert core.targets() == []
+
+
 def test_a_core_that_is_leaving_did_not_run_it(tmp_path: Path) -> None:
     with world(tmp_path) as w:
         first = w.serving(lambda call: call.answer(503, b"{}", headers=("X-Core-Draining: 1",)))
