@@ -38,6 +38,7 @@ from core.guarded.environment import GuardedEnvironment, LastSeen
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
 from core.imports.desk import Desk
+from core.journal import ballast
 from core.journal.proof import Witness
 from core.journal.store import LEDGER_FILE, StoreError, open_reading
 from core.journal.verify import GivenUp
@@ -278,10 +279,14 @@ class Life:
             await desk.start()
         if not self._obedience.build:
             self._obedience.build = await asyncio.to_thread(own_build)
-        audit = loop.create_task(audit_behind(service, self._beacon))
+        behind: list[asyncio.Task[Any]] = [loop.create_task(audit_behind(service, self._beacon))]
+        if isinstance(book, OpenBook):
+            rests = self._settings.verify_after_ms, self._settings.ballast_ms
+            behind.append(loop.create_task(ballast.keep_laid(self._data, *rests)))
         assert self._ended is not None
         left = await self._ended
-        audit.cancel()
+        for task in behind:
+            task.cancel()
         if left is not None:
             await self._leave_at_once(left, service)
         await self._leave(service, server, book, desk)

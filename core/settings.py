@@ -73,6 +73,9 @@ class Settings:
     import_preview_days: int = _setting(7, 1, 3_650, "days until a preview that nobody committed is removed")
     imports_bytes_max: int = _setting(1 << 29, 1 << 20, 1 << 40, "room for all files, the oldest go first")
     imports_max: int = _setting(200, 1, 100_000, "imports kept, the oldest go first")
+    ballast_ms: int = _setting(
+        60_000, 10, 3_600_000, "rest between two looks whether the room for a fence on a full disk is kept"
+    )
     safe_again_ms: int = _setting(
         5_000,
         10,

@@ -8,10 +8,11 @@ not done, and costs nobody his ledger; it would eat the ballast bit by bit and l
 *because* of the ledger has the same 8 MiB, once.
 """
 
+import asyncio
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, NoReturn
 
 from core.guarded.privilege import has_reserve
 from core.journal.room import free_bytes
@@ -48,6 +49,14 @@ def lay_down(data: Path) -> bool:
             path.unlink(missing_ok=True)  # half of it would only take room
         return False
     return True
+
+
+async def keep_laid(data: Path, after_ms: int, every_ms: int) -> NoReturn:
+    """See to it, while a core serves, that the ballast lies there: first after a rest, then again and again."""
+    await asyncio.sleep(after_ms / 1000)
+    while True:
+        await asyncio.to_thread(lay_down, data)
+        await asyncio.sleep(every_ms / 1000)
 
 
 def _allocate(path: Path) -> None:
