@@ -32,7 +32,7 @@ async def live(websocket: WebSocket) -> None:
     """WS /ws."""
     service: Service = websocket.app.state.service
     after = _after(websocket)
-    refused = _refused(websocket, after)
+    refused = Problem("leaving") if service.draining else _refused(websocket, after)
     seat = service.hub.sit() if refused is None else None
     if seat is None:
         await _refuse(websocket, refused or Problem("busy"), service)
