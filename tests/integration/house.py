@@ -33,6 +33,9 @@ COMMAND_S: Final = 50.0
 SWEEPS_MAX: Final = 50
 
 #: Waits made short, patience as people have it, and a budget that a module full of kills does not spend.
+#: Without a spare, because a second core beside each one costs a machine that runs many houses half of itself, and
+#: because the cold way is the one that has to hold when there is none. Where the spare is the subject, a test asks
+#: for one: `new_house(**WITH_SPARE)`.
 POLICY: Final[Mapping[str, Any]] = {
     "version": 1,
     "probation_ms": 300,
@@ -42,8 +45,12 @@ POLICY: Final[Mapping[str, Any]] = {
     "clean_after_ms": 500,
     "snapshot_budget_ms": 10_000,
     "max_restart_count": 1000,
+    "spare": False,
     "gateway": {"hold_ms": 25_000, "drain_ms": 1000},
 }
+
+#: A house that keeps a spare, whatever this machine has to spare.
+WITH_SPARE: Final[Mapping[str, Any]] = {"spare": True, "spare_memory_mb": 0}
 
 BANK: Final = "assets:bank:kb"
 SALARY: Final = "income:salary"
