@@ -37,7 +37,7 @@ from tests.unit.core.books import (
 )
 from tests.unit.core.test_verify import verdict
 
-OLD_LEDGER = Path(__file__).parent / "ledger_of_version_2.sql"
+OLD_LEDGERS = Path(__file__).parent
 
 
 def told(answer: Answer) -> Any:
@@ -359,9 +359,9 @@ def slot(made: Pen) -> int:
     return taken
 
 
-def old_ledger(path: Path) -> None:
+def old_ledger(path: Path, version: int = 2) -> None:
     connection = sqlite3.connect(path / LEDGER_FILE, isolation_level=None)
-    connection.executescript(OLD_LEDGER.read_text())
+    connection.executescript((OLD_LEDGERS / f"ledger_of_version_{version}.sql").read_text())
     connection.close()
 
 
@@ -395,16 +395,16 @@ def test_the_step_from_an_older_ledger_ends_at_the_layout_of_a_new_one(tmp_path:
         }
 
     layouts = []
-    for name in ("old", "new"):
-        folder = tmp_path / name
+    for version in (2, 3, None):
+        folder = tmp_path / str(version)
         folder.mkdir()
-        if name == "old":
-            old_ledger(folder)
+        if version is not None:
+            old_ledger(folder, version)
         pen(folder).__enter__().close()
         connection = sqlite3.connect(folder / LEDGER_FILE)
         layouts.append(layout(connection))
         connection.close()
-    assert layouts[0] == layouts[1]
+    assert layouts[0] == layouts[1] == layouts[2]
 
 
 def test_an_older_ledger_is_not_touched_by_a_core_that_is_fenced(tmp_path: Path) -> None:
