@@ -450,6 +450,8 @@ def _watch(c: Course, tick: seen.Sampled) -> None:
 def _exited(c: Course, fact: seen.CoreExited) -> None:
     if c.reader is None:
         c.store.saw(fact.page)
+        # Of an earlier guard's cores the one that raised the epoch last may have died before we began.
+        c.store.certain = c.store.certain and c.life != 0
     how = describe(fact.exit)
     if c.phase in BOOTING | phases.SERVING | {Phase.DRAINING}:
         words = fact.page.last_words if fact.page else None

@@ -22,10 +22,11 @@ class StoreKnowledge:
     witness: Witness | None = None
     passed_on: Witness | None = None
     proven: Witness | None = None  # where the ledger ended when the last core proved it
+    served: int | None = None  # the epoch of the last core that served, as far as anybody knows
 
     def forget(self) -> None:
         """Take the ledger as it stands: the operator has put another copy in its place and says so."""
-        self.epoch, self.certain = None, False
+        self.epoch, self.certain, self.served = None, False, None
         self.witness = self.passed_on = self.proven = None
 
     def witnesses(self) -> tuple[Witness, ...]:
@@ -35,6 +36,7 @@ class StoreKnowledge:
     def is_proven(self, witness: Witness) -> None:
         """A core has proven its ledger up to there: what was known before is part of that, if it is no later."""
         self.witness = self.proven = witness
+        self.served = witness.epoch
         if not self.misses(witness.seq):
             self.passed_on = None
 
@@ -49,7 +51,7 @@ class StoreKnowledge:
 
     def knows(self, witness: Witness) -> bool:
         """Return whether this commit is the last serving core's: of a ledger that was put back it would tell no truth."""
-        return witness.epoch == (self.proven.epoch if self.proven is not None else self.epoch)
+        return witness.epoch == self.served
 
     def told(self, witness: Witness) -> None:
         """The gateway has passed this commit on to a client."""
@@ -62,6 +64,7 @@ class StoreKnowledge:
             return
         if page.beats.epoch and page.beats.epoch >= (self.epoch or 0):
             self.epoch, self.certain = page.beats.epoch, True
+            self.served = page.beats.epoch if self.proven is None else self.served
         self.shown(page.witness)
 
     def shown(self, witness: Witness | None) -> None:

@@ -306,7 +306,10 @@ class Checkers:
 
     def _behind(self, life: Life) -> bool:
         """The truth of a core that was left behind: it has let go of the store, or others write since."""
-        told = self.world.guard.manager.reading().behind
+        guard = self.world.guard
+        if guard.adopts is not None and life.guard != guard.number:
+            return life.drained or (life.epoch or self.world.store.epoch) < self.world.store.epoch
+        told = guard.manager.reading().behind
         if life.guard != self.world.guard.number or told != life.number:
             return False
         return life.drained or (life.in_kernel and (life.epoch or 0) < self.world.store.epoch)
@@ -422,7 +425,7 @@ class Checkers:
         replaced = self._last is not Trigger.NOT_DRAINED
         if told.outcome == "recovered" and replaced and (told.deaths or told.planned):
             _hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
-            _hold(max(self._ready, default=-1) > told.life, "recovered means that a successor served")
+            _hold(bool(self._ready - {told.life}), "recovered means that a successor served")
         _hold(told.planned or told.deaths or troubled, "an incident nobody planned has a death or a trouble")
         self.closed[told.id] = told.outcome
         if told.diagnosis is Diagnosis.STORE_CORRUPT and not told.deaths:

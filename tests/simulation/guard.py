@@ -429,6 +429,7 @@ class Guard:
         assert life is not None, "only a core that was found is adopted"
         self.life = self._lives[number] = life
         life.guard, life.number = self.number, number
+        life.asked = life.blamed = False  # what the guard before had in mind nobody knows
         if not life.alive:  # it died in the moment that it was found
             self.died(life)
 

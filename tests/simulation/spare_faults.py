@@ -153,7 +153,14 @@ def _stuck_in_the_store(world: World) -> None:
 
 def _told_too_much(world: World) -> None:
     """A fault of the gateway's own: it says that it passed on what was never committed."""
-    if not world.warm or world.quiet or world.store.ill:
+    serving = world.gateway.serving
+    if (
+        not world.warm
+        or world.quiet
+        or world.store.ill
+        or serving is None
+        or serving.epoch != world.store.epoch
+    ):
         return
     seq, epoch = len(world.store.commits) + world.rng.randrange(1, 4), world.store.epoch
     world.is_true(Diagnosis.STORE_CORRUPT)
