@@ -3,16 +3,20 @@
 import re
 from typing import Any, Final
 
-from playwright.sync_api import Page, Request, Route, expect
+from playwright.sync_api import Browser, Page, Request, Route, expect
 
-from tests.browser.conftest import OpenTab
-from tests.browser.readers import a_bank, is_joined, save, write_entry
+from tests.browser.conftest import MakeHouse, OpenTab
+from tests.browser.outages import outage
+from tests.browser.readers import a_bank, answer_of, booked, is_joined, overlay, save, write_entry
 from tests.browser.tabs import Watch
 from tests.integration.house import House
 from tests.waiting import until
 
 #: A request is promised soon, so that an outage need not last as long as people's patience.
 POLICY: Final = {"spare": False, "gateway": {"hold_ms": 1_000, "drain_ms": 1_000}}
+
+#: Old for a promise, and long for the moment between a person's word and its deed.
+OLD_MS: Final = 3_000
 
 _RECEIPT: Final = re.compile(r"/__hc/receipts/([^/?]+)(?:/(\w+))?$")
 _KEPT_AT: Final = "2026-11-21T09:30:00Z"
@@ -131,3 +135,71 @@ def test_a_form_whose_wish_was_promised_needs_no_window_and_takes_no_second_pres
     page.reload()
     assert watch.leaving == 0
     expect(page.locator("#receipts section")).to_have_count(0)
+
+
+def test_a_wish_sent_into_a_long_outage_is_done_once_though_its_tab_was_closed(
+    house: House, open_tab: OpenTab
+) -> None:
+    a_bank(house)
+    first = open_tab(house)
+    is_joined(first)
+    form = write_entry(first, "Kept over the outage", "4500")
+    with outage(house):
+        form.locator("button.primary").click(no_wait_after=True)
+        expect(overlay(first).get_by_text("1 waiting", exact=True)).to_be_visible()
+        expect(overlay(first)).to_contain_text("You can close this window; the request stays.")
+        expect(form.locator("[data-said]")).to_contain_text("You can close this window")
+        first.close()
+        second = open_tab(house, "/register", beside=first)
+        expect(second.get_by_text("1 waiting", exact=True)).to_be_visible()
+        expect(second.get_by_text("You can close this window; the request stays.")).to_be_visible()
+    result = card(second, "What happened to your requests")
+    expect(result).to_contain_text("Done 1 / Was already done 0 / Not done 0")
+    expect(second.get_by_text("Kept over the outage")).to_be_visible()
+    assert booked(house, "Kept over the outage") == 1
+    result.get_by_role("button", name="Close").click()
+    second.reload()
+    is_joined(second)
+    expect(result).to_have_count(0)
+
+
+def test_a_form_posted_without_javascript_is_kept_by_the_button_and_done_once(
+    house: House, open_tab: OpenTab, scriptless: Browser
+) -> None:
+    a_bank(house)
+    page = open_tab(house, lang="ko-KR", of=scriptless)
+    form = write_entry(page, "맡긴 요청", "4500")
+    with outage(house):
+        save(form)
+        expect(page.get_by_text("방금 보낸 요청은 아직 처리하지 않았어요.")).to_be_visible()
+        page.get_by_role("button", name="요청 맡겨 두기").click()
+        expect(page.get_by_role("heading", name="기다리는 요청 1건")).to_be_visible()
+        expect(page.get_by_text("이 창을 닫아도 요청은 남아 있어요.")).to_be_visible()
+    expect(page.get_by_role("heading", name="요청을 처리했어요")).to_be_visible()
+    page.get_by_role("link", name="내역 보기").click()
+    expect(page.get_by_text("맡긴 요청")).to_be_visible()
+    assert booked(house, "맡긴 요청") == 1
+
+
+def test_a_wish_that_has_grown_old_is_asked_about_and_done_only_then(
+    new_house: MakeHouse, open_tab: OpenTab
+) -> None:
+    house = new_house(
+        spare=False, gateway={"hold_ms": 500, "drain_ms": 1_000, "receipt_ask_after_ms": OLD_MS}
+    ).up()
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    form = write_entry(page, "Grown old", "4500")
+    with outage(house):
+        form.locator("button.primary").click(no_wait_after=True)
+        expect(form.locator("[data-said]")).to_contain_text("You can close this window")
+        key = form.locator("[name=_idempotency_key]").input_value()
+        until(lambda: answer_of(house, f"/__hc/receipts/{key}")["age_ms"] > OLD_MS, "the promise to grow old")
+    asked = card(page, "Things changed meanwhile")
+    expect(asked).to_be_visible()
+    assert booked(house, "Grown old") == 0
+    asked.get_by_role("button", name="Run it").click()
+    expect(form.locator("[data-said]")).to_have_text("Saved")
+    expect(asked).to_have_count(0)
+    assert booked(house, "Grown old") == 1
