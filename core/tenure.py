@@ -12,8 +12,8 @@ import time
 from collections.abc import Awaitable, Callable
 from typing import Final
 
-#: Many beats, and far more than any successor needs to be promoted in: a shorter stop has had none.
-STOPPED_NS: Final = 1_000_000_000
+#: Ten beats. A guard that follows somebody it can't end waits for longer than that; and a doubt costs one short read.
+STOPPED_NS: Final = 250_000_000
 
 
 class Tenure:
