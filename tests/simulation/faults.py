@@ -123,6 +123,7 @@ def _freezes_in_boot(world: World) -> None:
     def freeze() -> None:
         if (core := world.core) is not None:
             core.befall(conditions.FROZEN, for_ns)
+            world.worry()  # with a spare the boot is over by then
 
     world.clock.after(wait_ns, freeze)
 
