@@ -265,6 +265,17 @@ class Doors(Premises):
         self.url = status["url"]
         return status
 
+    def spared(self) -> dict[str, Any]:
+        """Wait until a proven core serves, no incident is open, and a spare waits; return the status."""
+
+        def settled(status: dict[str, Any]) -> bool:
+            spare = status["spare"]
+            return (
+                status["phase"] == "RUNNING" and status["incident"] is None and bool(spare and spare["ready"])
+            )
+
+        return self.until(settled, "a spare")
+
     def hold(self, who: str) -> Victim:
         """Hold one of the processes by what the status calls it."""
         return self.hold_pid(self.until(lambda s: s[who]["pid"], f"a {who}")[who]["pid"])
