@@ -64,6 +64,17 @@ class Core:
         told = {name.lower(): value for name, value in response.getheaders()}
         return Answer(response.status, told, json.loads(raw) if raw else None)
 
+    def raw(self, method: str, path: str, body: bytes | None = None, **headers: str) -> bytes:
+        """Ask for anything, and return the bytes of the answer, whatever it is."""
+        connection = self.connect()
+        connection.request(
+            method, path, body, {name.replace("_", "-"): text for name, text in headers.items()}
+        )
+        try:
+            return connection.getresponse().read()
+        finally:
+            connection.close()
+
     def open(self, name: str, kind: str = "asset", currency: str = "KRW", *, locked: bool = False) -> Answer:
         body = {"id": name, "name": name, "type": kind, "currency": currency, "no_overdraft": locked}
         return self.ask("POST", "/api/ledger/accounts", body)

@@ -1,18 +1,22 @@
 """A spare and its promotion: the core's process alone, with the test in its guard's place."""
 
+import json
 import signal
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
+from websockets.sync.client import ClientConnection, unix_connect
+from websockets.typing import Subprotocol
 
 from core.build import own_build
 from hardcore.model.recorder import LifeState
 from tests.integration.lone_core import verify
+from tests.integration.test_imports import form, statement
 from tests.integration.wired_core import Guard, Wired, guarding
-from tests.waiting import until
+from tests.waiting import WAIT_S, until
 
 REFUSED = {
     "promoted": {"ok": False, "error": "The spare was told to take over before."},
@@ -35,6 +39,20 @@ def served(guard: Guard) -> Wired:
     assert first.core.open("food", "expense").status == 201
     assert first.core.move(5, "food", "cash").status == 201
     return first
+
+
+@contextmanager
+def page_socket(life: Wired) -> Iterator[ClientConnection]:
+    kind = [Subprotocol("hardcore.v1")]
+    with unix_connect(str(life.folder / "sock"), "ws://core/ws", subprotocols=kind) as page:
+        yield page
+
+
+def import_shown(life: Wired) -> str:
+    body, kind = form(statement(20, "row"), {"account": "cash"}, "bank.csv")
+    answer = life.core.raw("POST", "/api/ledger/imports", body, Content_Type=kind)
+    made: str = json.loads(answer)["id"]
+    return made
 
 
 def end(life: Wired) -> None:
@@ -184,3 +202,53 @@ def test_a_stopped_spare_takes_over_when_it_goes_on_unless_another_did(guard: Gu
     assert slow.promote(1) == {"ok": True}
     assert slow.core.ends_with() == 75
     assert quick.core.move(7, "food", "cash").status == 201
+
+
+def imported(life: Wired) -> list[str]:
+    """What it has imported since it began to wait, in its own words."""
+    after = life.core.said().split("waits, at event", 1)[1]
+    return [line for line in after.splitlines() if line.startswith("import time:")]
+
+
+def test_a_spare_imports_nothing_any_more_once_it_waits(guard: Guard, served: Wired) -> None:
+    spare = guard.spare(PYTHONPROFILEIMPORTTIME="1")
+    assert "import time:" in spare.core.said(), "it tells what it imports"
+    end(served)
+    spare.promote(1)
+    spare.hears("READY")
+    core = spare.core
+    for lang in ("ko", "en"):
+        for path in (
+            "/",
+            "/register?q=a",
+            "/accounts",
+            "/import",
+            "/entries/none",
+            "/nowhere",
+            "/api/openapi.json",
+        ):
+            core.raw("GET", path, Accept="text/html", Accept_Language=lang)
+    assert core.ask("POST", "/api/ledger/accounts", b"nonsense").status == 400
+    entry = {"date": "2026-11-21", "amount": "-5", "account": "cash", "category": "food", "description": "a"}
+    made = core.ask("POST", "/api/ledger/entries", entry).body["id"]
+    core.raw("GET", f"/entries/{made}", Accept="text/html")
+    assert core.ask("DELETE", f"/api/ledger/entries/{made}").status == 200
+    fields = {"Content_Type": "application/x-www-form-urlencoded", "Sec_Fetch_Site": "same-origin"}
+    core.raw("POST", "/accounts", b"name=more&type=asset&currency=KRW&key=k-9", **fields)
+    assert core.ask("GET", "/api/ledger/verify").body["ok"] is True
+    with page_socket(spare) as page:
+        assert core.move(5, "food", "cash").status == 201
+        assert json.loads(page.recv(timeout=WAIT_S))["type"] == "ledger.hello"
+        assert json.loads(page.recv(timeout=WAIT_S))["type"] == "ledger.transaction"
+    shown = import_shown(spare)
+    core.raw("GET", f"/import/{shown}", Accept="text/html")
+    assert core.ask("POST", f"/api/ledger/imports/{shown}/preview", {"encoding": "utf-8"}).status == 200
+    assert core.ask("POST", f"/api/ledger/imports/{shown}/commit", {}).status == 202
+    until(lambda: core.ask("GET", f"/api/ledger/imports/{shown}").body["state"] == "done", "it to be booked")
+    assert spare.order(verb="tasks")["ok"] is True
+    spare.hears("X_VERIFIED")
+    assert spare.drain()["ok"] is True
+    assert imported(spare) == []
+    core.process.terminate()
+    assert core.ends_with() == 0
+    assert imported(spare) == []
