@@ -57,5 +57,5 @@ class Clearing:
             life.let_go()
         self.leftovers = ()
         # Without a process there was nothing to kill: how that core ended, nobody saw.
-        how = seen.Exit(signal=signal.SIGKILL) if handles else seen.Exit()
+        how = seen.Exit(signal=int(signal.SIGKILL)) if handles else seen.Exit()
         self._tell(seen.CoreExited(clock.now_ns(), 0, how, last))

@@ -54,16 +54,23 @@ class Gatekeeper:
 
     async def begin(self, older: Sequence[Handle]) -> None:
         """Go on with a gateway that an earlier guard left, if it is as ours would be; else start one."""
-        kept: Handle | None = None
-        for handle in older:
-            if kept is None and await self._executor.in_hand(self._fits, handle):
-                kept = handle
-            else:
-                self._executor.begin(self.see_off(handle))
+        async with self._starting:
+            kept = await self._chosen(older)
+            if kept is not None:
+                self._watch(kept)
         if kept is None:
             await self.start()
         else:
-            await self._adopt(kept)
+            await self._confirm(kept)
+
+    async def _chosen(self, older: Sequence[Handle]) -> Handle | None:
+        kept: Handle | None = None
+        for handle in older:
+            if kept is None and await self._executor.in_hand(self._fits, handle) and self._wanted:
+                kept = handle
+            else:
+                self._executor.begin(self.see_off(handle))
+        return kept
 
     def dialled(self, pid: int) -> None:
         """Somebody has joined the feed: process `pid`, as the kernel says."""
@@ -71,13 +78,13 @@ class Gatekeeper:
         if self.handle is not None and self.handle.pid == pid:
             self._dialled.set()
 
-    async def _adopt(self, older: Handle) -> None:
-        self._watch(older)
+    async def _confirm(self, older: Handle) -> None:
+        """Keep a gateway for good once it has dialled; one that does not hangs, and is replaced."""
         self.dialled(self._dialled_pid)  # it may have been quicker than we
         if await _within(self._dialled, DIALS_S):
             await self._executor.in_hand(self._name, older)
             self._executor.note("gateway", adopted=older.pid)
-        elif self.handle is older:
+        elif self.handle is older and self._wanted:
             asyncio.get_running_loop().remove_reader(older.pidfd)
             self.handle = None
             self._executor.begin(self.see_off(older))
@@ -193,6 +200,7 @@ class Gatekeeper:
         # One that is just being made would be left behind by nobody's hand; but its making may hang.
         with suppress(TimeoutError):
             await asyncio.wait_for(self._starting.acquire(), MAKING_S)
+            self._starting.release()  # whoever comes to it now finds that none is wanted
         handle = self.handle
         if handle is None:
             return

@@ -96,6 +96,8 @@ class ControlServer:
                 await self._reply(request, writer)
         except (OSError, ValueError, TimeoutError):
             return  # the client is gone, or sent more than a line may hold
+        except asyncio.CancelledError:
+            return  # the guard ends: asyncio's streams would make a fault of the loop of it
         finally:
             writer.close()
 
