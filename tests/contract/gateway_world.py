@@ -271,6 +271,10 @@ class Feed:
                     self.heard.append(fields)
         connection.close()
 
+    @property
+    def subscribed(self) -> list[Any]:
+        return self._subscribed.all()
+
     def wait_subscribed(self, count: int = 1) -> dict[str, Any]:
         return dict(self._subscribed.wait(lambda _: True, count)[-1])
 
