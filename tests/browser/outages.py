@@ -7,8 +7,13 @@ Nothing is told to the guard; to it this is a slow start.
 
 import contextlib
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
+from typing import Final
 
+from hardcore.host import page
+from hardcore.model.recorder import CommandNote
 from tests.integration.house import House, Victim
 from tests.waiting import until
 
@@ -38,3 +43,46 @@ def held_start(house: House, known: set[int]) -> Iterator[None]:
 def cores(house: House) -> set[int]:
     """The pids of all cores of a house."""
     return {pid for pid, line in house.processes().items() if " -m core serve" in line}
+
+
+#: Longer than any test holds it: the lock is let go by the end of its holder.
+LOCK_S: Final = 60
+
+
+@contextlib.contextmanager
+def lost_answer(house: House, kind: str) -> Iterator[None]:
+    """Press a button inside. At the end a command of this kind is committed, and the gateway died with its answer.
+
+    The store's lock is held until the core has the command; then the gateway is stopped, the core commits and
+    answers, and the gateway ends without having read a byte of that.
+    """
+    argv = [sys.executable, "-m", "core", "hold-lock", "--data", str(house.data), "--seconds", str(LOCK_S)]
+    gateway = house.hold("gateway")
+    before = {one.command_id for one in _commands(house)[1]}
+    with subprocess.Popen(argv, env=house.environment(), stdout=subprocess.PIPE, text=True) as holder:
+        try:
+            assert holder.stdout is not None
+            assert "Holding the write lock" in holder.stdout.readline()
+            yield
+            until(
+                lambda: any(one.kind == kind for one in _commands(house)[0]), "the core to have the command"
+            )
+            gateway.hit(signal.SIGSTOP)
+        finally:
+            holder.kill()
+    until(
+        lambda: any(
+            one.kind == kind and one.outcome == 201 and one.command_id not in before
+            for one in _commands(house)[1]
+        ),
+        "the core to commit and answer",
+    )
+    gateway.hit(signal.SIGKILL)
+
+
+def _commands(house: House) -> tuple[tuple[CommandNote, ...], tuple[CommandNote, ...]]:
+    """The commands that the core has, and those that it has finished, as its recorder page says."""
+    pid = house.status()["core"]["pid"]
+    pages = [page.decode(path.read_bytes()) for path in house.folders.run.glob("recorder-*")]
+    (mine,) = [one for one in pages if one is not None and one.pid == pid]
+    return mine.in_flight, mine.finished

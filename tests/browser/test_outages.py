@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.browser.conftest import OpenTab
-from tests.browser.outages import cores, held_start, outage
+from tests.browser.outages import cores, held_start, lost_answer, outage
 from tests.browser.readers import (
     a_bank,
     booked,
@@ -19,6 +19,7 @@ from tests.browser.readers import (
     is_serving,
     overlay,
     post_entry,
+    save,
     told,
     write_entry,
 )
@@ -161,6 +162,35 @@ def test_what_is_booked_after_the_death_appears_in_the_open_page_once_and_withou
     for name in names:
         expect(page.get_by_text(name)).to_have_count(1)
     assert page.evaluate("window.sameDocument") is True
+
+
+def test_an_answer_that_died_with_the_gateway_is_asked_for_again_and_booked_once(
+    house: House, open_tab: OpenTab
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    form = write_entry(page, "Lost answer", "4500")
+    with lost_answer(house, "entry.record"):
+        save(form)
+    expect(form.locator("[data-said].good")).to_be_visible()
+    expect(page.locator("[data-live]").get_by_text("Lost answer").first).to_be_visible()
+    assert booked(house, "Lost answer") == 1
+
+
+def test_a_form_whose_answer_died_with_the_gateway_is_booked_once_however_often_it_is_sent(
+    house: House, open_tab: OpenTab, scriptless: Browser
+) -> None:
+    a_bank(house)
+    page = open_tab(house, of=scriptless)
+    form = write_entry(page, "Lost page", "4500")
+    with page.expect_event("load"), lost_answer(house, "entry.record"):
+        form.locator("button.primary").click(no_wait_after=True)
+    # The browser sends a form again by itself where its connection had served before, else it shows its own page.
+    if page.url.startswith("chrome-error:"):
+        page.reload()
+    expect(page.get_by_text("Lost page")).to_be_visible()
+    assert booked(house, "Lost page") == 1
 
 
 def test_a_planned_restart_is_called_one(house: House, open_tab: OpenTab) -> None:
