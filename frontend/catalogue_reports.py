@@ -275,6 +275,7 @@ REQUEST_OUTCOMES: Mapping[str, Text] = {
     ),
     "done": _text("이미 처리돼 있었음", "was already done"),
     "not_done": _text("처리하지 않음", "not done"),
+    "promised": _text("접수해 두고 나중에 처리하기로 함", "kept, to be done later"),
     "unknown": _text("결과를 모름", "outcome unknown"),
     "gone": _text("요청자가 떠남", "the client had left"),
     "refused": _text("거절함", "refused"),

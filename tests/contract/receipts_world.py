@@ -65,10 +65,14 @@ class Ledger:
             tell(call, known[1] if known[0] == digest(call) else 422, known[2])
 
 
-def digest(call: Call) -> str:
+def name_of(method: str, path: str, body: bytes) -> str:
     """The name of a request in a look-up."""
-    path = call.request.target.split("?")[0]
-    return hashlib.sha256(f"{call.request.method} {path}\n".encode() + call.request.body).hexdigest()
+    return hashlib.sha256(f"{method} {path}\n".encode() + body).hexdigest()
+
+
+def digest(call: Call) -> str:
+    """The name of a request that came."""
+    return name_of(call.request.method, call.request.target.split("?")[0], call.request.body)
 
 
 def tell(call: Call, status: int, fields: Any, *headers: str) -> None:

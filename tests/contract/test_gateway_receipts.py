@@ -1,6 +1,5 @@
 """Promises: given once they are on the disk, kept once, over the death of everybody in between."""
 
-import hashlib
 import resource
 import sqlite3
 import subprocess
@@ -21,6 +20,7 @@ from tests.contract.receipts_world import (
     becomes,
     hold,
     kill,
+    name_of,
     promised,
     promising,
     reborn,
@@ -431,14 +431,9 @@ def test_an_old_promise_that_is_done_already_is_not_asked_about(tmp_path: Path) 
         hold(w)
         ledger = Ledger()
         promised(w, "k1")
-        reference = hash_of("POST", PATH, b'{"a":1}')
-        ledger.kept["k1"] = (reference, 201, {"id": "t"})
+        ledger.kept["k1"] = (name_of("POST", PATH, b'{"a":1}'), 201, {"id": "t"})
         serve(w, ledger, 2)
         assert becomes(w, "k1", "already_done")["answer"] == {"id": "t"}
-
-
-def hash_of(method: str, path: str, body: bytes) -> str:
-    return hashlib.sha256(f"{method} {path}\n".encode() + body).hexdigest()
 
 
 @pytest.mark.parametrize("foreign", ["Sec-Fetch-Site: cross-site", "Origin: http://elsewhere.example"])
