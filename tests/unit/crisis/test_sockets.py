@@ -6,6 +6,7 @@ import time
 from types import SimpleNamespace
 from typing import Any, cast
 
+from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
 from hardcore.crisis.heads import RequestHead, read_request
 from hardcore.crisis.limits import GatewayLimits
@@ -73,7 +74,7 @@ async def _begin_badly() -> None:
     ours, theirs = socket.socketpair()
     theirs.setblocking(False)
     transport, _ = await loop.connect_accepted_socket(asyncio.Protocol, ours)
-    census = Census(set(), time.monotonic_ns, lambda: None, set())
+    census = Census(set(), time.monotonic_ns, lambda: None, Burden(0))
     sockets = _sockets(Faulty())
     sockets.arrived(transport, _head(LIVE_PATH), census)
     with theirs:

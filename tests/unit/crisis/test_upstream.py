@@ -42,6 +42,9 @@ class Question:
     def lost(self) -> None:
         self.outcome.set_result("lost")
 
+    def dropped(self) -> None:
+        self.outcome.cancel()
+
     def garbled(self) -> None:
         self.outcome.set_result("garbled")
 

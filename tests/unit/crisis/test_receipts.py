@@ -1,0 +1,223 @@
+"""Promises as values: who may have one, whose turn it is, and what a core's word means for them."""
+
+import itertools
+import json
+from dataclasses import replace
+
+import pytest
+
+from hardcore.crisis.receipts import (
+    OPEN,
+    RUNNING_MAX,
+    SETTLED_MAX,
+    Book,
+    Case,
+    Moment,
+    Outcome,
+    Receipt,
+    Reply,
+    Settled,
+    Sign,
+    Turn,
+    Wish,
+    Word,
+    after_look_up,
+    after_word,
+    age_ms,
+    found,
+    is_old,
+    read_answer,
+    read_look_up,
+)
+from hardcore.settings import Limits
+
+MINUTE_MS = 60_000
+DAY_MS = 24 * 60 * MINUTE_MS
+START = Moment("boot-1", 1_000_000_000, 1_000_000_000_000)
+
+
+def later(ms: int, *, slept_ms: int = 0, boot: str = "boot-1") -> Moment:
+    return Moment(boot, START.awake_ns + ms * 1_000_000, START.wall_ns + (ms + slept_ms) * 1_000_000)
+
+
+def a_wish(key: str, browser: bytes | None = b"me", size_bytes: int = 100) -> Wish:
+    return Wish(key, "0" * 32, "d", browser, "POST", b"/t", b"localhost", (), size_bytes)
+
+
+def a_receipt(number: int, browser: bytes | None = b"me", outcome: Outcome = Outcome.WAITING) -> Receipt:
+    return Receipt(number, a_wish(f"k{number}", browser), START, START, START, outcome)
+
+
+def said(**fields: object) -> bytes:
+    return json.dumps(fields).encode()
+
+
+# -- age -------------------------------------------------------------------------------------------------
+
+
+def test_a_machine_that_sleeps_makes_no_promise_old() -> None:
+    assert age_ms(START, later(1000, slept_ms=DAY_MS)) == 1000
+    assert not is_old(START, later(1000, slept_ms=DAY_MS), 15 * MINUTE_MS)
+
+
+def test_over_a_reboot_the_wall_clock_counts_and_one_that_ran_backwards_proves_no_youth() -> None:
+    assert not is_old(START, later(14 * MINUTE_MS, boot="boot-2"), 15 * MINUTE_MS)
+    assert is_old(START, later(15 * MINUTE_MS, boot="boot-2"), 15 * MINUTE_MS)
+    backwards = Moment("boot-2", 5, START.wall_ns - 1)
+    assert is_old(START, backwards, 15 * MINUTE_MS)
+    assert age_ms(START, backwards) == 0
+
+
+# -- what a look-up leads to -----------------------------------------------------------------------------
+
+
+CASES = [
+    Case(old=old, suspected=suspected, sendable=sendable)
+    for old, suspected, sendable in itertools.product((False, True), repeat=3)
+]
+
+
+@pytest.mark.parametrize("sign", [Sign.ABSENT, Sign.TAKEN, Sign.SILENT])
+@pytest.mark.parametrize("case", CASES)
+def test_nothing_is_sent_to_a_core_that_may_still_be_running_it(sign: Sign, case: Case) -> None:
+    if not case.sendable:
+        assert after_look_up(sign, case) is Turn.WAIT
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_absent_and_old_or_suspected_is_never_sent(case: Case) -> None:
+    turn = after_look_up(Sign.ABSENT, case)
+    assert (turn is Turn.SEND) is (case.sendable and not case.old and not case.suspected)
+    if case.sendable and case.suspected:
+        assert turn is Turn.SET_ASIDE
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_look_up_that_taught_nothing_changes_nothing(case: Case) -> None:
+    assert after_look_up(Sign.SILENT, case) is Turn.WAIT
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "meant"),
+    [
+        (404, said(outcome="not_done"), Sign.ABSENT),
+        (404, b"no such page", Sign.SILENT),
+        (200, said(outcome="unknown"), Sign.TAKEN),
+        (200, said(outcome="done", status=201, answer={"id": 1}), found(201, {"id": 1}, sent=False)),
+        (
+            200,
+            said(outcome="done", status=422, answer={"detail": "no"}),
+            Settled(Outcome.REFUSED, 422, {"detail": "no"}),
+        ),
+        (200, said(outcome="done", status=99), Sign.SILENT),
+        (200, b"[" * 100_000, Sign.SILENT),
+        (503, said(outcome="unknown"), Sign.SILENT),
+        (503, said(outcome="not_done"), Sign.SILENT),
+    ],
+)
+def test_only_the_two_answers_of_the_contract_are_believed(
+    status: int, body: bytes, meant: Settled | Sign
+) -> None:
+    assert read_look_up(status, body) == meant
+
+
+def test_what_this_gateway_had_sent_is_done_and_not_done_already() -> None:
+    assert found(201, None, sent=True).outcome is Outcome.DONE
+    assert found(201, None, sent=False).outcome is Outcome.ALREADY_DONE
+    assert found(409, None, sent=True).outcome is Outcome.REFUSED
+
+
+# -- what an answer means --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "meant"),
+    [
+        (201, said(id=1), Settled(Outcome.DONE, 201, {"id": 1})),
+        (303, b"", Settled(Outcome.DONE, 303, None)),
+        (422, said(detail="no"), Settled(Outcome.REFUSED, 422, {"detail": "no"})),
+        (429, b"", Reply.LATER),
+        (503, said(outcome="not_done"), Reply.LATER),
+        (503, said(outcome="unknown"), Reply.DOUBTFUL),
+        (504, b"", Reply.ODD),
+        (500, said(outcome="not_done"), Reply.ODD),
+    ],
+)
+def test_an_answer_settles_only_what_it_says(status: int, body: bytes, meant: Settled | Reply) -> None:
+    assert read_answer(status, body) == meant
+
+
+# -- a person's word -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("outcome", Outcome)
+def test_a_word_counts_only_where_it_fits(outcome: Outcome) -> None:
+    one = a_receipt(1, outcome=outcome)
+    ran, cancelled, seen = (after_word(one, word, later(5)) for word in (Word.RUN, Word.CANCEL, Word.SEEN))
+    assert (ran is not None) is (outcome is Outcome.ASK)
+    assert (cancelled is not None) is (outcome in {Outcome.ASK, Outcome.SET_ASIDE})
+    assert (seen is not None) is (outcome not in OPEN)
+
+
+def test_what_runs_again_is_young_and_what_is_cancelled_is_not_done() -> None:
+    one = a_receipt(1, outcome=Outcome.ASK)
+    ran = after_word(one, Word.RUN, later(DAY_MS))
+    assert ran is not None
+    assert (ran.outcome, ran.since, ran.kept) == (Outcome.WAITING, later(DAY_MS), START)
+    cancelled = after_word(one, Word.CANCEL, later(5))
+    assert cancelled is not None
+    assert (cancelled.outcome, cancelled.open) == (Outcome.NOT_DONE, False)
+
+
+# -- the book --------------------------------------------------------------------------------------------
+
+
+def test_a_promise_takes_its_room_from_the_moment_it_is_being_stored() -> None:
+    book = Book(Limits(receipts_max=1))
+    book.expect(a_wish("k1"))
+    assert not book.admits(a_wish("k2"))
+    book.expected_no_more("k1")
+    assert book.admits(a_wish("k2"))
+
+
+def test_one_browser_and_all_bytes_have_bounds_and_what_is_settled_takes_none() -> None:
+    book = Book(Limits(receipts_per_browser_max=1, receipt_bytes_max=1024), [a_receipt(1)])
+    assert not book.admits(a_wish("k2", b"me"))
+    assert book.admits(a_wish("k2", b"you"))
+    assert book.admits(a_wish("k2", None))
+    assert not book.admits(a_wish("k2", b"you", 1000))
+    book.put(a_receipt(1, outcome=Outcome.DONE))
+    assert book.admits(a_wish("k2", b"me", 1000))
+
+
+def test_the_oldest_of_each_browser_has_its_turn_and_holds_the_next_back() -> None:
+    book = Book(Limits(), [a_receipt(3, b"b"), a_receipt(1, b"a"), a_receipt(2, b"a")])
+    assert [one.number for one in book.turns((), ())] == [1, 3]
+    assert [one.number for one in book.turns(("k1",), ())] == [3]
+    assert [one.number for one in book.turns((), ("k1",))] == [3]
+    book.put(a_receipt(1, b"a", Outcome.ASK))
+    assert [one.number for one in book.turns((), ())] == [2, 3]
+
+
+def test_no_more_run_than_may() -> None:
+    book = Book(Limits(), [a_receipt(n, b"%d" % n) for n in range(RUNNING_MAX + 3)])
+    assert len(list(book.turns((), ()))) == RUNNING_MAX
+    assert list(book.turns([f"k{n}" for n in range(RUNNING_MAX)], ())) == []
+
+
+def test_a_page_that_opens_is_told_what_is_open_or_was_not_seen() -> None:
+    seen = replace(a_receipt(3, outcome=Outcome.DONE), seen=True)
+    book = Book(Limits(), [a_receipt(1), a_receipt(2, outcome=Outcome.REFUSED), seen, a_receipt(4, b"you")])
+    assert [one.number for one in book.untold(b"me")] == [1, 2]
+
+
+def test_what_is_settled_is_kept_for_a_day_and_what_nobody_answered_is_given_up_then() -> None:
+    book = Book(Limits(), [a_receipt(n, outcome=outcome) for n, outcome in enumerate(Outcome)])
+    assert book.forgettable(later(DAY_MS - 1), DAY_MS) == []
+    assert {one.outcome for one in book.forgettable(later(DAY_MS), DAY_MS)} == set(Outcome) - OPEN
+    assert {one.outcome for one in book.given_up(later(DAY_MS), DAY_MS)} == {Outcome.ASK, Outcome.SET_ASIDE}
+
+
+def test_the_oldest_settled_ones_make_room() -> None:
+    many = [replace(a_receipt(n, outcome=Outcome.DONE), changed=later(n)) for n in range(SETTLED_MAX + 2)]
+    assert [one.number for one in Book(Limits(), many).forgettable(later(0), DAY_MS)] == [0, 1]
