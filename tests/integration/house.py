@@ -257,9 +257,8 @@ class Doors(Premises):
         """Wait until a core serves, has proven itself, and no incident is open."""
 
         def settled(status: dict[str, Any]) -> bool:
-            return (
-                status["phase"] == "RUNNING" and status["incident"] is None and status["gateway"]["pid"] > 0
-            )
+            at_rest = status["phase"] == "RUNNING" and status["incident"] is None
+            return at_rest and status["gateway"]["pid"] is not None
 
         status = self.until(settled, "the house to run")
         self.url = status["url"]
