@@ -185,6 +185,7 @@ class Executor:
             self.note("fault", where=getattr(work, "__qualname__", "?"), error=_said(error))
 
     async def _spawn(self, number: int, terms: Terms) -> None:
+        self._handover.over()
         try:
             living = {life.nonce for life in self.lives.values()}  # here: the loop changes them meanwhile
             life = await self.in_hand(self._make, number, terms, living)
@@ -269,7 +270,8 @@ class Executor:
         """Tell the spare to take over, at once: on this path each turn of the loop is one that somebody waits."""
         life = self._living(order.life)
         if life is None:
-            self._tell(seen.PromoteRefused(clock.now_ns(), order.life, "it is gone"))
+            refused = seen.PromoteRefused(clock.now_ns(), order.life, "it is gone")
+            asyncio.get_running_loop().call_soon(self._tell, refused)  # not within the step that ordered it
             return
         self.begin(self._handover.promote(life, order))
 
@@ -403,6 +405,7 @@ class Executor:
                 subject, order.budget_ms, self.pool, self.tools, stop=order.stop, image=image
             )
         else:
+            await self._handover.calm()
             taken = await writer.take_dead(subject, order.budget_ms, self.pool, life.sample)
         whole = isinstance(taken, Evidence) and taken.complete
         if not isinstance(taken, Evidence):
@@ -420,6 +423,7 @@ class Executor:
         )
 
     def _release(self, order: orders.Release) -> None:
+        self._handover.over()
         life = self.lives[order.life]
         self.serving = (
             *_suspect_lines(order.suspects),
@@ -447,6 +451,7 @@ class Executor:
         self.begin(self._open(incident))
 
     async def _open(self, incident: orders.Incident) -> None:
+        await self._handover.calm()
         life = self.lives.get(incident.life)
         pid = life.handle.pid if life and life.handle else None
         evidence = list(self._evidence.get(incident.id, ()))
@@ -475,6 +480,7 @@ class Executor:
             handle.close()
 
     async def _keep(self, order: orders.KeepBudget) -> None:
+        await self._handover.calm()
         async with self._keeping:  # in their order: an older count must not be written over a newer one
             await self.in_hand(deaths.write_deaths, self._folders, order.deaths_ns)
 

@@ -3,9 +3,12 @@
 Both are words over the core's own control socket, under this guard's generation. To promote is the urgent one: its
 order leaves within the turn of the loop in which the death was heard of, before any evidence and any file of the old
 core is looked at; only then is the answer waited for. What comes of it is said on the notify socket, as at any start.
+Until then nothing else is written: the fence waits for the same disk, and each fsync beside it makes it wait longer.
 """
 
+import asyncio
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from typing import Any
 
 from hardcore.host import clock
@@ -20,6 +23,8 @@ from hardcore.model.actions import Drain, Promote
 PROMOTE_S = 0.5
 #: The core keeps the time of a drain itself; its answer may come this much later.
 DRAIN_MORE_S = 0.5
+#: What is not urgent waits this long for a switch to be over, and not longer: a slow proof must not cost evidence.
+CALM_S = 1.0
 
 
 class Handover:
@@ -32,9 +37,21 @@ class Handover:
         self._generation = generation
         self._steps = steps
         self._tell = tell
+        self._calm = asyncio.Event()
+        self._calm.set()
+
+    async def calm(self) -> None:
+        """Wait until no spare is on its way to serving, or not much longer."""
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._calm.wait(), CALM_S)
+
+    def over(self) -> None:
+        """The switch has come to its end, whichever."""
+        self._calm.set()
 
     def promote(self, life: Life, order: Promote) -> Coroutine[Any, Any, None]:
         """Tell the spare to take over, here and now; what is returned only waits for its answer."""
+        self._calm.clear()
         life.spare = False
         self._steps.mark("promote", expected_epoch=order.expected_epoch, **life.named())
         words = {
@@ -50,6 +67,7 @@ class Handover:
         """Only that it refuses, or says nothing, is worth telling."""
         answer = await told.answer(PROMOTE_S)
         if answer.refused:
+            self.over()
             self._tell(seen.PromoteRefused(clock.now_ns(), life.number, answer.refused))
 
     async def drain(self, life: Life, order: Drain) -> None:

@@ -52,6 +52,7 @@ from hardcore.snapshot import writer
 FEED_EVERY_S = 1.0
 #: A spare that waits has nothing to do but to beat; what was seen of it holds for some seconds.
 SPARE_EVERY_TICKS = 3
+SWITCH_INTERVAL_S = 0.0005
 EXIT_ANOTHER_WATCHES = 3
 EXIT_UNREACHABLE = 4
 EXIT_UNUSABLE = 78
@@ -173,6 +174,18 @@ class Runtime:
             _die(f"the fact {type(fact).__name__} could not be taken in", error)
 
     def _obey(self) -> None:
+        # The moment first: the gateway must hold before the hands begin.
+        self._publish_reading()
+        given = self.manager.take_actions()
+        self.tape.ordered(given)
+        # Then who takes over: people wait for that, and for nothing else that may be ordered with it.
+        for action in sorted(given, key=lambda each: not isinstance(each, orders.Promote)):
+            self.executor.carry_out(action)
+            if isinstance(action, orders.CloseIncident):
+                self.door.last_incident = action.incident.id
+                self._keep_recording(action.incident.id)
+        self._keep_open()
+        self._set_timer()
         for change in self.manager.take_transitions():
             self.executor.note(
                 "phase",
@@ -182,17 +195,6 @@ class Runtime:
                 reason=change.reason,
                 at_ns=change.at_ns,
             )
-        # The moment first: the gateway must hold before the hands begin.
-        self._publish_reading()
-        given = self.manager.take_actions()
-        self.tape.ordered(given)
-        for action in given:
-            self.executor.carry_out(action)
-            if isinstance(action, orders.CloseIncident):
-                self.door.last_incident = action.incident.id
-                self._keep_recording(action.incident.id)
-        self._keep_open()
-        self._set_timer()
 
     def _keep_open(self) -> None:
         """Have the open incident written down when there is more to tell of it: it may last for hours."""
@@ -464,6 +466,8 @@ def main() -> int:
     # The terminal's signals go to everybody in the foreground; the launcher passes on what is meant for us.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    # The hands' threads give way to the loop at once: at the usual 5 ms a switch waited for the log's thread.
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     # Inherited by all we start: a core file would hold the ledger's memory, and the policy says never.
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     setup = _set_up(asked.data, asked.listen_fd, asked.url)

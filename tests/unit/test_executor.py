@@ -1,6 +1,7 @@
 """The hands alone: what becomes a fact, what is only a hint, what is waited for and what is not."""
 
 import asyncio
+import dataclasses
 import json
 import os
 import signal
@@ -270,8 +271,15 @@ def test_a_spare_that_does_not_say_ok_has_refused(house: Folders, core: Core | N
 
 
 def test_a_spare_that_is_gone_or_never_was_can_not_be_promoted(house: Folders) -> None:
-    (told,) = at_work(house, lambda e: e.carry_out(PROMOTE))
-    assert isinstance(told, seen.PromoteRefused)
+    async def play(scene: Scene) -> None:
+        scene.executor.carry_out(dataclasses.replace(PROMOTE, life=4))
+        assert scene.facts == [], "a step of the manager is never told of within itself"
+        await condition(lambda: scene.facts != [])
+        (told,) = scene.facts
+        assert isinstance(told, seen.PromoteRefused)
+        assert told.life == 4
+
+    on_stage(house, None, play)
 
 
 def test_a_core_that_drains_is_not_to_be_gone_on_with_unless_it_could_not_be_drained(house: Folders) -> None:
