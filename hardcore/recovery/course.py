@@ -87,6 +87,7 @@ class Course:
     reader: Diagnosis | None = None  # it was started to serve reads only, because of this
     epoch: int | None = None  # what it serves under
     promoted: bool = False  # it was a spare
+    there: bool = False  # its process exists, as far as anybody said
     challenge: Witness | None = None  # what it has to prove its ledger against
     blame: Diagnosis = Diagnosis.OPERATOR  # what its end is called
     heard_ns: int = 0  # its loop's last beat that was seen

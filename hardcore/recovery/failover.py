@@ -273,6 +273,7 @@ def _restart(c: Course, fact: seen.OperatorAsked) -> Trigger:
 def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
     match fact:
         case seen.CoreSpawned():
+            c.there = True
             mark(c, "spawned", fact.at_ns)
             fire(c, Trigger.SPAWNED, fact.at_ns, "it was told to leave before it was there")
         case seen.SpawnFailed():

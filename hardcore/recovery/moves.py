@@ -104,7 +104,9 @@ def _holds(c: Course, question: Trigger, now_ns: int) -> bool:
             return c.hopeless is not None and not plan.passes(c.policy, c.hopeless)
         case Trigger.SPARE_READY:
             unhurried = c.phase is Phase.BACKOFF and c.delay_ns > 0
-            return not unhurried and c.behind is None and c.life != 0 and c.spare.fit(now_ns)
+            # One that is still being made has no kill waiting for it: it would begin beside the spare.
+            killed = c.phase is not Phase.UNKILLABLE or c.there
+            return killed and not unhurried and c.behind is None and c.life != 0 and c.spare.fit(now_ns)
         case Trigger.NO_DELAY:
             return c.delay_ns == 0
         case _:
@@ -157,6 +159,7 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             _spawn(c, _reads_for(c) if name is Step.SPAWN_READER else None)
         case Step.ADOPT:
             _born(c, next_life(c), None)
+            c.there = True
             order(c, Adopt(c.life))
         case Step.DRAIN:
             order(c, Drain(c.life, c.policy.drain_timeout_ms))
@@ -166,7 +169,7 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             _leave_behind(c, now_ns)
         case Step.REJOIN:
             assert c.behind is not None, "somebody was left behind"
-            c.life, c.behind, c.hopeless = c.behind.life, None, None
+            c.life, c.there, c.behind, c.hopeless = c.behind.life, True, None, None
         case Step.RETIRE:
             _retire(c, now_ns)
         case Step.DISMISS:
@@ -226,7 +229,7 @@ def _promote(c: Course, busy_ms: int | None) -> None:
     if c.switching is not None and c.switching.build in {"", c.spare.build}:
         c.switching = None  # what was asked for is being done
     _born(c, c.spare.leave(), None)
-    c.promoted = True
+    c.promoted = c.there = True
     order(c, Promote(c.life, *_challenge(c), busy_ms=busy_ms))
 
 
@@ -252,7 +255,7 @@ def _retire(c: Course, now_ns: int) -> None:
 
 def _born(c: Course, life: int, reader: Diagnosis | None) -> None:
     """Let `life` be the core from now on: what was known of the one before is over."""
-    c.life, c.promoted, c.later = life, False, ()
+    c.life, c.promoted, c.there, c.later = life, False, False, ()
     c.drill.cancel()  # a drill is one life's
     c.blame = Diagnosis.OPERATOR
     if plan.passes(c.policy, c.hopeless):

@@ -87,7 +87,8 @@ def lacking(c: Course, fact: seen.GatewayWitnessed) -> None:
     """Take in that a client was told of a commit that the core which serves did not find when it began."""
     c.store.told(fact.witness)
     proven = c.store.proven
-    if c.phase in SERVING and c.reader is None and proven is not None:
+    known = c.safety.locked and c.story is None  # a person has been told that it is damaged
+    if c.phase in SERVING and c.reader is None and proven is not None and not known:
         why = (
             f"a client was told of event {fact.witness.seq}, and the ledger ended at {proven.seq} after that"
         )

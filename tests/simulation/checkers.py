@@ -77,6 +77,7 @@ class Checkers:
         self._spawned_ns = 0
         self._newest = 0
         self._ready: set[int] = set()
+        self._spares: set[int] = set()
         self._exited: set[int] = set()
         self._evidence: dict[int, int] = {}
         self._taken: set[int] = set()
@@ -114,7 +115,7 @@ class Checkers:
                 self._ready.add(fact.life)
             case seen.CoreExited():
                 self._heard_exit(guard, fact)
-            case seen.SpawnFailed():
+            case seen.SpawnFailed() if fact.life not in self._spares:
                 self._counts = fact.life not in self._sent_away or fact.life in self._judged
                 if self._counts and fact.life not in self._judged:
                     self._deaths_ns.append(fact.at_ns)
@@ -319,6 +320,7 @@ class Checkers:
         _hold(not own, "one spare at most")
         _hold(guard.manager.wanted is Wanted.UP, "no spare is started against the operator's will")
         _hold(order.life not in self._exited | self._ready, "each life has a number of its own")
+        self._spares.add(order.life)
 
     def _promote(self, guard: "Guard", order: orders.Promote) -> None:
         spare = guard.numbered(order.life)

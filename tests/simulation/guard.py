@@ -141,6 +141,8 @@ class Guard:
         self.world.checkers.heard(self, fact)
         self.manager.receive(fact)
         self._pump()
+        if isinstance(fact, seen.CoreExited | seen.SpawnFailed) and self.works:
+            self.watch_if_needed()  # it was the spare, or one that was left behind
 
     def _ring(self, due_ns: int) -> None:
         if not self.works or self.manager.next_deadline_ns() != due_ns:
@@ -200,9 +202,11 @@ class Guard:
             self._tick()
 
     def watch_if_needed(self) -> None:
-        """Begin to watch a core that is not well."""
+        """Begin to watch a core that is not well, or that is to have a spare."""
         if self.life is not None and self.life.alive and self.life.condition is not WELL:
             self.watch()
+        elif self._wants_spare():
+            self.watch(1)
 
     def _tick(self) -> None:
         now_ns = self.world.clock.now_ns

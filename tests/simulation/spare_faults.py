@@ -214,6 +214,28 @@ def _dies_in_a_switch(world: World) -> None:
     later(world, 1, 300, strikes)
 
 
+def _promoted_unseen(world: World) -> None:
+    """The next spare takes over and its word of the epoch is lost."""
+    plan = BootPlan(world.rng.randrange(20, 400) * MS, 20 * MS, tells_epoch=False)
+    world.switches.spare_plans.append(plan)
+    if (spare := world.spare) is not None:
+        spare.signal(9)
+        world.worry()
+    later(world, 3000, 5000, partial(_switch, world))
+
+
+def _told_too_much_unseen(world: World) -> None:
+    """The same while the core that takes over does not say its epoch."""
+    world.switches.boot_plans.append(BootPlan(50 * MS, 20 * MS, tells_epoch=False))
+    _promoted_unseen(world)
+    later(world, 2900, 5100, partial(_told_too_much, world))
+
+
+def _spare_dies_in_the_drain(world: World) -> None:
+    ask_for_switch(world)
+    later(world, 1, 12, lambda: spare.signal(9) if (spare := world.spare) is not None else None)
+
+
 SPARE_LOAD: Mapping[str, Fault] = {
     "spare dies": _to_spare(_spare_dies),
     "spare falls silent": _to_spare(_spare_falls_silent),
@@ -238,6 +260,9 @@ SPARE_CRISIS: Mapping[str, Fault] = {
     "drain never answered": _drains(Draining.NEVER),
     "dies of the drain": _drains(Draining.DIES),
     "drain held up": _drains_in_vain,
+    "promoted unseen": _promoted_unseen,
+    "spare dies in the drain": _spare_dies_in_the_drain,
+    "gateway says too much, unseen": _told_too_much_unseen,
     "stuck with the store's lock": _stuck_in_the_store,
     "gateway says too much": _told_too_much,
     "two deaths in a row": _two_in_a_row,

@@ -105,7 +105,8 @@ class World:
     def _suspected(self, before: Guard) -> tuple[str, ...]:
         """What stands in the incident that the earlier guard left open, and in pages that it did not live to read."""
         story = before.manager.open_incident()
-        unheard = [life for life in self.lives if not life.alive and life.serial in before.unheard]
+        ended = before.unheard | {life.serial for life in self.lives if life.alive} & before.condemned
+        unheard = [life for life in self.lives if life.serial in ended]
         touched = [n for life in unheard if not life.page_lost for n in notes(life) if n.stage in TOUCHED]
         return (*(story.suspects if story else ()), *(note.key_hash for note in touched if note.key_hash))
 
