@@ -45,6 +45,21 @@ def test_a_core_that_was_told_nothing_runs_alone() -> None:
     assert not found.guarded
 
 
+def test_a_spare_needs_a_door_for_its_order_and_is_there_to_write() -> None:
+    door = {"HARDCORE_SPARE": "1", "HARDCORE_CONTROL": "/run/core.ctl"}
+    found = GuardedEnvironment.read(door)
+    assert isinstance(found, GuardedEnvironment)
+    assert found.spare
+    for wrong in (
+        {"HARDCORE_SPARE": "1"},
+        {**door, "HARDCORE_SPARE": "0"},
+        {**door, "HARDCORE_SAFE": "DISK_FULL"},
+    ):
+        faults = GuardedEnvironment.read(wrong)
+        assert isinstance(faults, list)
+        assert "HARDCORE_SPARE" in faults[0]
+
+
 @pytest.mark.parametrize(
     "name", ["HARDCORE_SOCKET", "HARDCORE_RECORDER", "HARDCORE_CONTROL", "NOTIFY_SOCKET"]
 )

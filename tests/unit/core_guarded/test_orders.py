@@ -7,10 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
+from core.guarded.environment import WITNESSES_MAX, LastSeen
 from core.guarded.orders import (
     DISK_FULL_S_MAX,
+    WAIT_MS_MAX,
+    DrainOrder,
     DrillOrder,
     Order,
+    PromoteOrder,
     Refused,
     SafeOrder,
     StatusOrder,
@@ -26,6 +30,56 @@ def drill(fault: object = "crash", generation: object = 4, **more: object) -> by
 
 def safe(on: object = True, reason: object = "DISK_FULL", generation: object = 4) -> bytes:
     return json.dumps({"verb": "safe", "on": on, "reason": reason, "generation": generation}).encode()
+
+
+SEEN = f"12:7:{'0f' * 32}"
+
+
+def promote(**said: object) -> bytes:
+    whole = {"expected_epoch": 7, "witnesses": [SEEN], "busy_ms": 100, "generation": 4}
+    return json.dumps({"verb": "promote", **whole, **said}).encode()
+
+
+def drain(within_ms: object = 2_000, generation: object = 4) -> bytes:
+    return json.dumps({"verb": "drain", "within_ms": within_ms, "generation": generation}).encode()
+
+
+def test_an_order_to_take_over_says_from_whom_and_what_was_seen() -> None:
+    seen = LastSeen(12, 7, bytes.fromhex("0f" * 32))
+    assert read_order(promote(), 4) == PromoteOrder(7, (seen,), 100, 4)
+    assert read_order(promote(expected_epoch=None, witnesses=[], busy_ms=None), 4) == PromoteOrder(
+        None, (), None, 4
+    )
+    assert read_order(promote(witnesses=[SEEN] * WITNESSES_MAX), 4) == PromoteOrder(
+        7, (seen,) * WITNESSES_MAX, 100, 4
+    )
+    assert read_order(drain(), 4) == DrainOrder(2_000, 4)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        promote(expected_epoch=-1),
+        promote(expected_epoch="7"),
+        promote(expected_epoch=True),
+        promote(busy_ms=0),
+        promote(busy_ms=WAIT_MS_MAX + 1),
+        promote(witnesses=None),
+        promote(witnesses=SEEN),
+        promote(witnesses=[SEEN, "12:7"]),
+        promote(witnesses=[12]),
+        promote(witnesses=[SEEN] * (WITNESSES_MAX + 1)),
+        promote(generation=3),
+        promote(generation=None),
+        drain(0),
+        drain(WAIT_MS_MAX + 1),
+        drain("2000"),
+        drain(generation=3),
+        drain(generation=None),
+    ],
+)
+def test_half_an_order_to_switch_is_none(line: bytes) -> None:
+    assert isinstance(read_order(line, 4), Refused)
 
 
 def test_orders_are_read() -> None:
@@ -50,7 +104,7 @@ def test_memory_is_used_up_only_where_the_guard_has_bounded_it() -> None:
 
 
 def test_only_what_changes_something_has_a_generation() -> None:
-    assert [generation_of(read_order(line, 0)) for line in (drill(), safe())] == [4, 4]
+    assert [generation_of(read_order(line, 0)) for line in (drill(), safe(), promote(), drain())] == [4] * 4
     questions: list[Order] = [StatusOrder(), TasksOrder(), Refused("")]
     assert {generation_of(order) for order in questions} == {0}
 
