@@ -22,6 +22,7 @@ from pathlib import Path
 
 import uvloop
 
+from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
 from hardcore.crisis.client import ClientConnection
 from hardcore.crisis.desk import Desk
@@ -73,7 +74,9 @@ class Gateway:
         self._all_gone = asyncio.Event()
         self._stats: tuple[int, int, int, int] | None = None
         names = frozenset(name.lower() for name in (*LOOPBACK_NAMES, *_address(listener), *hosts))
-        self._census = Census(names, time.monotonic_ns, self._connections_changed, set())
+        self._census = Census(
+            names, time.monotonic_ns, self._connections_changed, Burden(limits.answers_bytes_max)
+        )
         self._link = FeedLink(loop, control, os.getpid(), limits)
         drills = DrillDoor(loop, control) if demo else None
         self._history = History(loop, recoveries)

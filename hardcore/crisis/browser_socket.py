@@ -17,7 +17,7 @@ from websockets.typing import Subprotocol
 
 from hardcore.crisis.alarm import Alarm
 from hardcore.crisis.burden import Burden
-from hardcore.crisis.census import Census
+from hardcore.crisis.census import Census, address_of
 from hardcore.crisis.heads import RequestHead, answer_bytes, browser_of
 from hardcore.crisis.lifeline import TRY_LATER
 from hardcore.crisis.limits import GatewayLimits
@@ -69,7 +69,7 @@ class BrowserSocket(asyncio.Protocol):
         self._ends = False  # our last bytes were written
         self._heard = True  # since it was asked last
         self._slowed = False  # what it says is not read for now
-        census.connections.add(self)
+        census.enter(self, address_of(transport))
         # Reading stops meanwhile: the loop takes up another kind of protocol only when it begins to read.
         transport.pause_reading()
         transport.set_protocol(self)
@@ -202,8 +202,7 @@ class BrowserSocket(asyncio.Protocol):
         self._ending.close()
         self._unfinished.weighs(0)
         self._unsent.weighs(0)
-        self._census.connections.discard(self)
-        self._census.changed()
+        self._census.leave(self)
         party, self.party = self.party, None
         if party is not None:
             said = self._ws.close_rcvd if self._ws is not None else None

@@ -1,8 +1,19 @@
-"""Who is connected: what all connections of clients share, whatever protocol they speak."""
+"""Who is connected: what all connections of clients share, whatever protocol they speak, and how many come from where.
 
+One address may have most of the places and never all of them: whoever floods from a device at home leaves room for
+the other devices. What clients leave unread is weighed here too, all of them together (see `burden`).
+"""
+
+import asyncio
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
+
+from hardcore.crisis.burden import Burden
+from hardcore.crisis.limits import GatewayLimits
+
+#: The address of whoever has none, or takes no place of its own.
+NOWHERE = ""
 
 
 class Guest(Protocol):
@@ -12,6 +23,12 @@ class Guest(Protocol):
         """The gateway leaves: end now if nothing is going on, else as soon as it is over."""
 
 
+def address_of(transport: asyncio.BaseTransport) -> str:
+    """The address at the other end."""
+    peer = transport.get_extra_info("peername")
+    return str(peer[0]) if isinstance(peer, tuple) and peer else NOWHERE
+
+
 @dataclass(slots=True)
 class Census:
     """Who is open, and the names this server answers to. `changed` is called when somebody comes or leaves."""
@@ -19,4 +36,31 @@ class Census:
     hosts: Collection[str]
     now_ns: Callable[[], int]
     changed: Callable[[], None]
-    connections: set[Guest]
+    unread: Burden  # answers that were written and not taken
+    connections: dict[Guest, str] = field(default_factory=dict)  # and their addresses
+    _by_address: dict[str, int] = field(default_factory=dict)
+
+    def enter(self, guest: Guest, address: str) -> None:
+        """One more."""
+        self.connections[guest] = address
+        self._by_address[address] = self._by_address.get(address, 0) + 1
+        self.changed()
+
+    def leave(self, guest: Guest) -> None:
+        """One less, if it was there."""
+        address = self.connections.pop(guest, None)
+        if address is None:
+            return
+        left = self._by_address.pop(address) - 1
+        if left:
+            self._by_address[address] = left
+        self.changed()
+
+    def is_full(self, address: str, limits: GatewayLimits) -> bool:
+        """Whether there is no place for one more from this address."""
+        mine = self._by_address.get(address, 0) if address != NOWHERE else 0
+        return len(self.connections) >= limits.connections_max or mine >= limits.connections_per_address_max
+
+    def is_crowded(self, limits: GatewayLimits) -> bool:
+        """Whether even those who are turned away are too many to be heard out."""
+        return len(self.connections) >= limits.connections_max + limits.turned_away_max

@@ -10,20 +10,20 @@ import asyncio
 import logging
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum, auto
 from typing import cast
 
 from hardcore.crisis import pages
 from hardcore.crisis.alarm import Alarm
-from hardcore.crisis.census import Census
+from hardcore.crisis.census import NOWHERE, Census, address_of
 from hardcore.crisis.desk import Desk
 from hardcore.crisis.drills import is_near
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.heads import AnswerHead, RequestHead, answer_bytes
 from hardcore.crisis.mishap import describe
+from hardcore.crisis.pace import Pace, takes
 from hardcore.crisis.parsing import RequestParser
 from hardcore.crisis.problems import PLAIN, Outcome, Problem
+from hardcore.crisis.turns import Mode, Refused
 
 _LOG = logging.getLogger(__name__)
 
@@ -32,29 +32,9 @@ READ_BYTES = 64 << 10
 #: Parsed at a time outside a body of known length: bounds how many pipelined requests wait parsed.
 SLICE_BYTES = 4 << 10
 #: Unsent bytes of an answer above which its client counts as slow.
-WRITE_HIGH_BYTES = 256 << 10
+WRITE_HIGH_BYTES = 64 << 10
 
 _SCRATCH = memoryview(bytearray(READ_BYTES))
-
-
-class Mode(Enum):
-    """What the connection waits for; its deadline belongs to it."""
-
-    IDLE = auto()  # the next request
-    HEAD = auto()  # the rest of a head
-    BODY = auto()  # the rest of a body
-    DESK = auto()  # an answer; the deadline is the desk's
-    STALLED = auto()  # the client, which does not take its answer
-    LEAVING = auto()  # our last bytes to go out, and (after an early answer) the client to have said all
-
-
-@dataclass(frozen=True, slots=True)
-class Refused:
-    """A request refused by its head, answered in its turn; the connection ends with it."""
-
-    problem: Problem
-    accept_language: str = ""
-    no_body: bool = False
 
 
 class ClientConnection(asyncio.BufferedProtocol):
@@ -78,6 +58,8 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._reading = True
         self._begun: AnswerHead | None = None  # of the answer that is being streamed
         self._chunked = False
+        self._pace = Pace(desk.limits.header_timeout_ms, desk.limits.body_bytes_per_s_min)
+        self._unread = census.unread.share()
         self._unsent_bytes = 0
         self._left_ns = 0
 
@@ -89,19 +71,20 @@ class ClientConnection(asyncio.BufferedProtocol):
         self.is_near = is_near(transport.get_extra_info("peername"))
         self._transport.set_write_buffer_limits(high=WRITE_HIGH_BYTES)
         self._watch.set(self._limits.keepalive_ms)
-        full = len(self._census.connections) >= self._limits.connections_max
-        self._census.connections.add(self)
-        self._census.changed()
+        address = address_of(transport)
+        full, crowded = self._census.is_full(address, self._limits), self._census.is_crowded(self._limits)
+        self._census.enter(self, NOWHERE if full else address)
         if full:
-            self._parser.refuse(Problem.TOO_BUSY)
-            self._guarded(self._advance)
+            self._parser.deaf = True
+            self._write_problem(Refused(Problem.TOO_BUSY), Outcome.NOT_DONE)
+            self._leave(linger=not crowded)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Let go of everything."""
         del exc  # why a client left makes no difference
         self._transport = None
-        self._census.connections.discard(self)
-        self._census.changed()
+        self._unread.weighs(0)
+        self._census.leave(self)
         self._drop_queue()
         self._watch.close()
         self.limit.close()
@@ -127,17 +110,23 @@ class ClientConnection(asyncio.BufferedProtocol):
         return True
 
     def pause_writing(self) -> None:
-        """The client takes its answer slowly."""
-        if self._mode is Mode.LEAVING or self._transport is None:
+        """The client takes its answer slowly: what waits for it counts."""
+        if self._transport is None:
+            return
+        self._unsent_bytes = self._transport.get_write_buffer_size()
+        if not self._unread.weighs(self._unsent_bytes):
+            self.cut()
+            return
+        if self._mode is Mode.LEAVING:
             return
         self._mode = Mode.STALLED
-        self._unsent_bytes = self._transport.get_write_buffer_size()
         self._watch.set(self._limits.client_stall_ms)
         if (current := self._current()) is not None:
             self._desk.slow_reader(current, slow=True)
 
     def resume_writing(self) -> None:
         """The client has caught up."""
+        self._unread.weighs(0)
         if self._mode is not Mode.STALLED:
             return
         self._mode = Mode.DESK
@@ -163,6 +152,7 @@ class ClientConnection(asyncio.BufferedProtocol):
             exchange.kept_bytes = length
         self._queue.append(exchange)
         self._parsing = exchange
+        self._pace.begin(exchange.arrived_ns)
 
     def refused(self, problem: Problem, accept_language: str, *, no_body: bool) -> None:
         """Nothing more can be read here: say so in its turn."""
@@ -180,6 +170,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         if exchange is None:
             return
         exchange.received_bytes += len(data)
+        self._pace.moved(len(data))
         if exchange.received_bytes > self._limits.body_bytes_max:
             self._parser.refuse(Problem.BODY_TOO_LARGE)
         elif exchange.streamed and exchange.started:
@@ -202,7 +193,7 @@ class ClientConnection(asyncio.BufferedProtocol):
                 return
             exchange.kept_bytes += len(data)
             exchange.streamed = exchange.received_bytes > self._limits.replay_body_bytes_max
-        exchange.body.append(data)
+        exchange.keep(data)
 
     # -- the order of things ---------------------------------------------------------------------------
 
@@ -328,7 +319,11 @@ class ClientConnection(asyncio.BufferedProtocol):
         if self._mode is Mode.STALLED:
             return
         before, self._mode = self._mode, self._waits_for()
-        if self._mode is Mode.BODY or (self._mode is Mode.HEAD and before is not Mode.HEAD):
+        if self._mode is Mode.BODY:
+            if before is not Mode.BODY:
+                self._pace.go_on(self._census.now_ns())
+            self._watch.set(self._pace.left_ms(self._census.now_ns()))
+        elif self._mode is Mode.HEAD and before is not Mode.HEAD:
             self._watch.set(self._limits.header_timeout_ms)
         elif self._mode is Mode.IDLE and before is not Mode.IDLE:
             self._watch.set(self._limits.keepalive_ms)
@@ -370,11 +365,11 @@ class ClientConnection(asyncio.BufferedProtocol):
                 pass
 
     def _look_at_progress(self) -> None:
-        """A client that takes a little is slow; one that takes nothing has lost its connection."""
+        """A client that takes enough is slow; one that takes next to nothing keeps the place of others."""
         if self._transport is None:
             return
-        unsent = self._transport.get_write_buffer_size()
-        if 0 < unsent < self._unsent_bytes:
+        unsent, limits = self._transport.get_write_buffer_size(), self._limits
+        if takes(self._unsent_bytes, unsent, limits.client_stall_ms, limits.body_bytes_per_s_min):
             self._unsent_bytes = unsent
             self._watch.set(self._limits.client_stall_ms)
         else:

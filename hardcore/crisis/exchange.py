@@ -12,6 +12,9 @@ from hardcore.crisis.holding import Life, Plea
 from hardcore.crisis.problems import Problem
 from hardcore.crisis.upstream import UpstreamConnection
 
+#: Pieces of a body kept apart.
+PIECES_MAX = 256
+
 
 class Client(Protocol):
     """What the desk may do with the connection a request came from. All of it is safe after its end."""
@@ -97,6 +100,12 @@ class Exchange:
         self.lost_epoch = 0
         self.met_outage = False
         self.answer_status = 0
+
+    def keep(self, data: bytes) -> None:
+        """Keep a piece of the body. Thousands of tiny ones would take far more memory than their bytes."""
+        self.body.append(data)
+        if len(self.body) >= PIECES_MAX:
+            self.body = [b"".join(self.body)]
 
     def plea(self) -> Plea:
         """What decides about it after a death."""

@@ -10,12 +10,16 @@ not chosen: half an answer can be neither repeated nor taken back. A page for a 
 import secrets
 from typing import Protocol
 
-from hardcore.crisis.exchange import Exchange
+from hardcore.crisis.burden import Share
+from hardcore.crisis.exchange import PIECES_MAX, Exchange
 from hardcore.crisis.heads import AnswerHead
 from hardcore.crisis.holding import Life
 from hardcore.crisis.injection import WITHIN_BYTES, fitted, is_page
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.upstream import Pool, UpstreamConnection
+
+#: So much of an answer is kept without being counted: most are shorter.
+UNCOUNTED_BYTES = 64 << 10
 
 
 class Reader(Protocol):
@@ -47,6 +51,7 @@ class Forwarding:
         "_connection",
         "_exchange",
         "_head",
+        "_kept",
         "_limits",
         "_over",
         "_page",
@@ -63,6 +68,7 @@ class Forwarding:
         pool: Pool,
         connection: UpstreamConnection,
         limits: GatewayLimits,
+        kept: Share,
     ) -> None:
         self._reader = reader
         self._exchange = exchange
@@ -72,6 +78,7 @@ class Forwarding:
         self._head: AnswerHead | None = None
         self._parts: list[bytes] = []
         self._size = 0
+        self._kept = kept
         self._page = False  # what came is a page whose head is not fitted yet
         self._over = False
 
@@ -100,12 +107,15 @@ class Forwarding:
             self._reader.continued(self._exchange, data)
             return
         self._parts.append(data)
+        if len(self._parts) >= PIECES_MAX:
+            self._parts = [b"".join(self._parts)]
         self._size += len(data)
+        room = self._size <= UNCOUNTED_BYTES or self._kept.weighs(self._size)
         if not self._exchange.head.safe:
-            if self._size > self._limits.unsafe_answer_bytes_max:
+            if self._size > self._limits.unsafe_answer_bytes_max or not room:
                 self._stop()
                 self._reader.answer_garbled(self._exchange)
-        elif self._size > self._kept_bytes_max():
+        elif self._size > self._kept_bytes_max() or not room:
             self._begin()
 
     def ended(self) -> None:
@@ -117,14 +127,19 @@ class Forwarding:
     def lost(self) -> None:
         """The connection ended first."""
         if not self._over:
-            self._over = True
+            self.dropped()
             self._reader.core_lost(self._exchange, self._pool)
 
     def garbled(self) -> None:
         """The connection brought something else."""
         if not self._over:
-            self._over = True
+            self.dropped()
             self._reader.answer_garbled(self._exchange)
+
+    def dropped(self) -> None:
+        """Nobody waits for it any more."""
+        self._over = True
+        self._kept.weighs(0)
 
     def flowing(self, *, on: bool) -> None:
         """Pass the core's pace on to whoever sends the body."""
@@ -145,11 +160,12 @@ class Forwarding:
         assert self._head is not None, "an answer ended that never began"
         head, body = self._head, b"".join(self._parts)
         self._parts = []
+        self._kept.weighs(0)
         if not self._page:
             return head, body
         self._page = False
         return fitted(self._exchange.head, head, body, secrets.token_hex(16).encode())
 
     def _stop(self) -> None:
-        self._over = True
+        self.dropped()
         self._connection.abandon()

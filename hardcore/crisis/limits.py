@@ -32,6 +32,18 @@ class GatewayLimits(Limits):
     )
     receipt_store_ms: int = setting(5_000, "the disk must have stored a promise by then", low=10, high=60_000)
     receipt_pause_ms: int = setting(1_000, "a promise not kept yet is tried again", low=5, high=3_600_000)
+    connections_per_address_max: int = setting(
+        1536, "client connections from one address at a time", low=1, high=100_000
+    )
+    turned_away_max: int = setting(
+        256, "connections above the limit that are heard out with their answer", low=1, high=10_000
+    )
+    body_bytes_per_s_min: int = setting(
+        1_000, "a body that comes or is taken slower ends", low=1, high=1 << 20
+    )
+    answers_bytes_max: int = setting(
+        64 << 20, "kept and untaken of all answers together", low=1 << 10, high=1 << 34
+    )
     client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
     flush_ms: int = setting(500, "at the end: how long the last answers may leave", low=0, high=60_000)
     linger_ms: int = setting(2_000, "hears a client out that says nothing more", low=10, high=60_000)

@@ -67,6 +67,9 @@ class Errand:
         """No answer either."""
         self._then(None, b"")
 
+    def dropped(self) -> None:
+        """Whoever asked does not wait any more."""
+
     def flowing(self, *, on: bool) -> None:
         """A question has no body to slow down."""
 

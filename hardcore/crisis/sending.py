@@ -11,6 +11,7 @@ from typing import Protocol
 from urllib.parse import quote
 
 from hardcore.crisis import pages
+from hardcore.crisis.burden import Burden
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.forwarding import Forwarding, Reader
 from hardcore.crisis.heads import AnswerHead, RequestDigest, request_bytes
@@ -37,6 +38,7 @@ class Courier:
         self._outlook = outlook
         self._limits = limits
         self._sender = sender
+        self._kept = Burden(limits.answers_bytes_max)
 
     def send(self, exchange: Exchange) -> None:
         """Give a request to the serving core."""
@@ -79,7 +81,8 @@ class Courier:
         head = exchange.head
         exchange.sends += 1
         exchange.upstream = connection
-        asker = Forwarding(self._sender, exchange, pool, connection, self._limits)
+        kept = self._kept.share()
+        asker = Forwarding(self._sender, exchange, pool, connection, self._limits, kept)
         no_body = head.method == "HEAD"
         if not exchange.streamed:
             data = request_bytes(head, length=exchange.received_bytes)

@@ -20,7 +20,7 @@ HEAD_BYTES_MAX = 256 << 10
 
 
 class Asker(Protocol):
-    """Who asks the core something. Exactly one of `ended`, `lost` and `garbled` comes last, and once."""
+    """Who asks the core something. Exactly one of `ended`, `lost`, `garbled` and `dropped` comes last."""
 
     def headed(self, head: AnswerHead) -> None:
         """The answer's head is here."""
@@ -36,6 +36,9 @@ class Asker(Protocol):
 
     def garbled(self) -> None:
         """What came is no answer that can be read."""
+
+    def dropped(self) -> None:
+        """Nobody waits for the answer any more. Nothing else comes."""
 
     def flowing(self, *, on: bool) -> None:
         """The core takes more of the request's body (`on`), or wants no more for now."""
@@ -87,9 +90,11 @@ class UpstreamConnection(asyncio.Protocol):
             self._transport.resume_reading()
 
     def abandon(self) -> None:
-        """Nobody waits for the answer any more: close, and tell nobody."""
-        self._asker = None
+        """Nobody waits for the answer any more: close."""
+        asker, self._asker = self._asker, None
         self._end()
+        if asker is not None:
+            asker.dropped()
 
     def hang_up(self) -> None:
         """The core is not to be believed any more: close, and tell the asker that its answer is lost."""

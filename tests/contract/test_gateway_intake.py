@@ -1,10 +1,12 @@
 """What a gateway refuses at the door: ambiguous, foreign, endless or slow requests."""
 
+import select
 from pathlib import Path
 
 import pytest
 
-from tests.contract.gateway_world import world
+from tests.contract.gateway_world import Client, World, echo, world
+from tests.waiting import until
 
 HOST = b"Host: localhost\r\n"
 
@@ -173,3 +175,77 @@ def test_a_slow_reader_loses_its_own_connection_only(tmp_path: Path) -> None:
         w.feed.wait("stats", lambda line: line["connections"] == 1 and line["forwarded"] == 0)
         assert w.ask("GET", "/small").body == b"small"
         slow.close()
+
+
+def _drips_until_answered(client: Client) -> bool:
+    client.socket.sendall(b"x")
+    readable, _, _ = select.select([client.socket], [], [], 0.02)
+    return bool(readable)
+
+
+@pytest.mark.parametrize("kept", [True, False], ids=["kept", "streamed"])
+def test_a_body_that_drips_is_ended_though_it_is_never_silent(tmp_path: Path, *, kept: bool) -> None:
+    limits = {"header_timeout_ms": 200, "replay_body_bytes_max": 1 << 20 if kept else 2}
+    with world(tmp_path, **limits) as w:
+        w.serving()
+        client = w.client().send(b"POST /b HTTP/1.1\r\n" + HOST + b"Content-Length: 100000\r\n\r\n")
+        until(lambda: _drips_until_answered(client), "an answer to a body that drips")
+        answer = client.read()
+        assert (answer.status, answer.json()["outcome"]) == (408, "not_done" if kept else "unknown")
+
+
+def test_there_is_one_bound_for_what_all_clients_leave_unread(tmp_path: Path) -> None:
+    with world(tmp_path, answers_bytes_max=100_000, answer_buffer_bytes_max=1000) as w:
+        core = w.serving(lambda call: call.answer(200, b"x" * (32 << 20)))
+        slow = w.client().ask("GET", "/huge")
+        core.wait("/huge")[0].wait_closed()
+        core.script = echo
+        assert w.ask("GET", "/small").status == 200
+        slow.close()
+
+
+def test_a_safe_answer_for_which_there_is_no_room_is_streamed_and_an_unsafe_one_is_unknown(
+    tmp_path: Path,
+) -> None:
+    body = b"x" * 300_000
+    with world(tmp_path, answers_bytes_max=100_000) as w:
+        w.serving(lambda call: call.answer(200, body))
+        assert w.ask("GET", "/r").body == body
+        refused = w.ask("POST", "/w", body=b"")
+        assert (refused.status, refused.json()["outcome"]) == (502, "unknown")
+        assert w.ask("GET", "/r").body == body  # and nothing is left of either in the count
+
+
+def test_a_body_in_many_tiny_chunks_arrives_whole(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        core = w.serving()
+        head = b"POST /t HTTP/1.1\r\n" + HOST + b"Transfer-Encoding: chunked\r\n\r\n"
+        client = w.client().send(head + b"2\r\nab\r\n" * 3000 + b"0\r\n\r\n")
+        assert client.read().status == 200
+        assert core.wait("/t")[0].request.body == b"ab" * 3000
+
+
+def _is_served(w: World) -> bool:
+    client = w.client()
+    status = client.ask("GET", "/livez").read().status
+    client.close()
+    return status == 200
+
+
+def test_one_address_never_has_all_the_places(tmp_path: Path) -> None:
+    with world(tmp_path, connections_per_address_max=2) as w:
+        w.serving()
+        clients = [w.client() for _ in range(3)]
+        assert [client.ask("GET", "/livez").read().status for client in clients] == [200, 200, 503]
+        clients[0].close()
+        until(lambda: _is_served(w), "a place to be free again")
+
+
+def test_whoever_comes_to_a_crowd_is_told_so_and_takes_no_place(tmp_path: Path) -> None:
+    with world(tmp_path, connections_max=1, turned_away_max=1) as w:
+        w.serving()
+        clients = [w.client() for _ in range(6)]
+        answers = [client.read() for client in clients[1:]]
+        assert [answer.status for answer in answers] == [503] * 5
+        assert {answer.json()["outcome"] for answer in answers} == {"not_done"}
+        assert clients[0].ask("GET", "/livez").read().status == 200
