@@ -1,11 +1,11 @@
 """The ballast: 8 MiB that lie allocated beside the ledger, for one write that must not fail for want of room.
 
-A core that can't raise the epoch can't write, and a disk may be full at that very moment, because of somebody else's
-files. The ballast is dropped then and the fence tried once more: what was a night of reading only is a core that goes on, in
-the room of the ballast, and refuses entries by its own look (`room.py`) before that is used up. A serving core lays it
-down again when there is plenty. Only the fence drops it: an ordinary write that finds no room is refused, is certainly
-not done, and costs nobody his ledger; it would eat the ballast bit by bit and leave the fence none. A disk that is full
-*because* of the ledger has the same 8 MiB, once.
+A disk may be full at the very moment when a core has to raise the epoch, because of somebody else's files. Without that
+nobody may be told what became of his last request: what the dead core wrote last may not last. The ballast is dropped
+then and the fence tried once more. What comes of it is a core that knows, and takes entries as soon as there is room,
+or at once where nobody wants more room than is left of the ballast. A serving core lays it down again when there is
+plenty. Only the fence drops it: an ordinary write that finds no room is refused, is certainly not done, and costs nobody
+his ledger; it would eat the ballast bit by bit and leave the fence none.
 """
 
 import asyncio
@@ -19,8 +19,9 @@ from core.journal.room import free_bytes
 
 BALLAST_FILE: Final = "ballast"
 BALLAST_BYTES: Final = 8 << 20
-#: It is laid down only where as much again stays free.
-ROOM_BYTES: Final = 2 * BALLAST_BYTES
+#: It is laid down only where so much is free: what stays free beside it is twice what a guard calls a full disk
+#: (16 MiB, `sentinel/patience.py`), so that the ballast itself never makes one.
+ROOM_BYTES: Final = BALLAST_BYTES + (32 << 20)
 
 
 def drop(data: Path) -> bool:

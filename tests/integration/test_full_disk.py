@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from core.journal.ballast import BALLAST_BYTES
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import House
+from tests.waiting import until
 
 UNSHARE = shutil.which("unshare")
-MOUNT = 'mount -t tmpfs -o size=32m,mode=700 none "$1" && exec "$2" -m hardcore.cli --data "$1" up --port 0'
+MOUNT = 'mount -t tmpfs -o size=96m,mode=700 none "$1" && exec "$2" -m hardcore.cli --data "$1" up --port 0'
 
 
 def own_mounts() -> bool:
@@ -23,7 +25,7 @@ pytestmark = pytest.mark.skipif(not own_mounts(), reason="no mounts of one's own
 
 
 def begin_on_a_small_disk(house: House) -> Path:
-    """Start it with its data on a file system of 32 MiB that only it sees; return the way in from outside."""
+    """Start it with its data on a file system of 96 MiB that only it sees; return the way in from outside."""
     house.data.mkdir()
     argv = [UNSHARE or "unshare", "--mount", "sh", "-c", MOUNT, "sh", str(house.data), sys.executable]
     house.begin_as(argv)
@@ -60,7 +62,41 @@ def test_without_room_the_serving_core_reads_only_and_takes_writes_again_once_th
     assert house.status()["core"]["pid"] == core
 
 
-def test_without_room_at_the_fence_a_core_is_started_to_read_only_until_there_is_some(
+def with_ballast(disk: Path) -> Path:
+    """Wait until the serving core has laid it down."""
+    ballast = disk / "ballast"
+    until(lambda: ballast.exists() and ballast.stat().st_size == BALLAST_BYTES, "the ballast to be laid down")
+    return ballast
+
+
+def test_the_ballast_pays_for_the_fence_of_a_full_disk_and_is_laid_down_again_when_there_is_room(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house()
+    disk = begin_on_a_small_disk(house)
+    house.open_accounts()
+    assert house.book("before-the-disk-was-full").status == 201
+    ballast = with_ballast(disk)
+    epoch = house.status()["core"]["epoch"]
+    fill(disk)
+    house.hit("core")
+    status = house.until(lambda s: s["core"]["ready"] and s["core"]["epoch"] == epoch + 1, "a fenced core")
+    assert not ballast.exists()
+    known = house.book("before-the-disk-was-full")
+    assert (known.status, known.headers.get("idempotent-replayed")) == (201, "true"), (
+        "it may say so: it has fenced"
+    )
+    (disk / "filler").unlink()
+    house.until(lambda s: s["safe"] is None and s["state"] == "OPERATIONAL", "the core to take writes")
+    assert house.book("room-again").status == 201
+    assert house.status()["core"]["pid"] == status["core"]["pid"]
+    house.hit("core")
+    house.running()
+    with_ballast(disk)
+    assert sorted(house.booked()) == ["before-the-disk-was-full", "room-again"]
+
+
+def test_without_room_or_ballast_at_the_fence_a_core_is_started_to_read_only_until_there_is_some(
     new_house: MakeHouse,
 ) -> None:
     house = new_house()
@@ -68,6 +104,7 @@ def test_without_room_at_the_fence_a_core_is_started_to_read_only_until_there_is
     house.open_accounts()
     assert house.book("before-the-disk-was-full").status == 201
     epoch = house.status()["core"]["epoch"]
+    with_ballast(disk).unlink()
     fill(disk)
     house.hit("core")
     status = house.until(lambda s: s["safe"] == "DISK_FULL" and s["core"]["ready"], "a core that reads only")

@@ -31,7 +31,7 @@ def test_what_a_death_left_half_allocated_is_completed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("free", "laid"), [(ROOM_BYTES - 1, False), (ROOM_BYTES, True), (None, True)])
-def test_it_is_laid_down_only_where_as_much_again_stays_free(
+def test_it_is_laid_down_only_where_it_makes_no_full_disk_itself(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free: int | None, *, laid: bool
 ) -> None:
     monkeypatch.setattr(ballast, "free_bytes", lambda *_, **__: free)
