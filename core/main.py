@@ -125,7 +125,8 @@ def verify(data: Path, *, as_json: bool) -> None:
         print(msgspec.json.encode(verdict).decode())
     elif verdict.ok:
         print(
-            f"The ledger is whole: {verdict.events} events, head {verdict.head}, all currencies add up to zero."
+            f"The ledger is whole: {verdict.events} events, head {verdict.head}, all currencies add up to zero,"
+            f" balances attested up to event {verdict.attested}."
         )
     if verdict.ok:
         return
@@ -228,8 +229,9 @@ class Life:
         if self._environment.safe is not None:
             return functools.partial(open_to_read, self._data, self._environment, self._settings)
         telling = Telling(self._recorder, self._beacon)
-        ahead = self._spare.ahead if self._spare is not None else None
-        return functools.partial(open_book, self._data, terms, self._settings, telling, ahead)
+        opening = functools.partial(open_book, self._data, terms, self._settings, telling)
+        spare = self._spare
+        return opening if spare is None else functools.partial(opening, spare.ahead, spare.engine)
 
     async def _wait(self, loop: asyncio.AbstractEventLoop) -> Terms | Departure | None:
         """Load and read everything and wait for the order; None if the end was asked for before it came."""

@@ -281,9 +281,10 @@ class Journal:
 
 def _attested(connection: Connection, batch: Batch) -> list[dict[str, Any]]:
     """Return the attestations that fall due within a batch that was laid down; as a rule there is none."""
-    hashes = {row["seq"]: row["hash"] for row in batch.events}
+    due = due_between(batch.head_seq - len(batch.events), batch.head_seq)
+    hashes = {row["seq"]: row["hash"] for row in batch.events if row["seq"] in due}
     made = []
-    for seq in due_between(batch.head_seq - len(batch.events), batch.head_seq):
+    for seq in due:
         moved: dict[str, int] = {}
         for row in batch.postings:
             if row["seq"] > seq:

@@ -37,7 +37,11 @@ SLICE_EVENTS: Final = 2_000
 
 
 class Verdict(msgspec.Struct, frozen=True):
-    """What came of proof B. `head` is the hash of the last event seen, `events` how many were whole."""
+    """What came of proof B.
+
+    `head` is the hash of the last event seen, `events` how many were whole, `attested` the last of them after which
+    the balances were attested and are what its writer said (0: none was yet).
+    """
 
     ok: bool
     events: int
@@ -45,6 +49,7 @@ class Verdict(msgspec.Struct, frozen=True):
     trial_balance: dict[str, str]
     first_bad_seq: int | None
     reason: str | None
+    attested: int = 0
 
 
 class GivenUp:
@@ -135,10 +140,10 @@ def _check_attested(replay: _Replay, row: EventRow, found: Attestation | None) -
         if replay.attested and is_due(row.seq):
             return Broken(row.seq, f"nothing is attested after event {row.seq}")
         return None
+    if found != attest(row.seq, row.hash, standing(_balances(replay.book), {})):
+        return Broken(row.seq, f"what is attested after event {row.seq} is not what its events have led to")
     replay.attested = row.seq
-    if found == attest(row.seq, row.hash, standing(_balances(replay.book), {})):
-        return None
-    return Broken(row.seq, f"what is attested after event {row.seq} is not what its events have led to")
+    return None
 
 
 def _check_readings(connection: Connection, replay: _Replay) -> Broken | None:
@@ -176,6 +181,7 @@ def _verdict(replay: _Replay, broken: Broken | None) -> Verdict:
         trial_balance={currency: format_amount(total, currency) for currency, total in sorted(sums.items())},
         first_bad_seq=broken.seq if broken else None,
         reason=broken.sentence if broken else None,
+        attested=replay.attested,
     )
 
 

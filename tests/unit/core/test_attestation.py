@@ -160,7 +160,7 @@ def test_a_falsified_attestation_is_found_by_the_whole_proof(
     with pen(tmp_path) as made:
         accounts(made)
         book(made, 23)
-    assert verdict(tmp_path).ok
+    assert (verdict(tmp_path).ok, verdict(tmp_path).attested) == (True, 20)
     tamper(tmp_path, statement)
     found = verdict(tmp_path)
     assert (found.ok, found.first_bad_seq) == (False, place), found.reason
