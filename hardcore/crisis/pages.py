@@ -85,12 +85,12 @@ def plain(what: Problem, head: RequestHead) -> Answer:
     seconds = RETRY_AFTER_S.get(what)
     again = f'<meta http-equiv="refresh" content="{seconds}">' if head.safe and seconds else ""
     body = _PLAIN.format(lang=tongue, again=again, title=title, detail=detail).encode()
-    return whole(STATUS[what], HTML, body, of_a_page(tongue, _PLAIN_POLICY, what))
+    return whole(STATUS[what], HTML, body, _of_a_page(tongue, _PLAIN_POLICY, what))
 
 
 def recovery(sheet: Sheet, what: Problem, head: RequestHead, form: KeptForm | None = None) -> Answer:
     """The recovery page on the URL that was asked for. `form`: the wish that it offers to keep."""
-    extra = of_a_page(language(head.accept_language), sheet.policy, what)
+    extra = _of_a_page(language(head.accept_language), sheet.policy, what)
     way = way_back(head)
     if form is None and (head.safe or way is None):
         body = _packed(sheet, head, extra)
@@ -116,7 +116,7 @@ def way_back(head: RequestHead) -> str | None:
     return parts.path + (f"?{parts.query}" if parts.query else "")
 
 
-def of_a_page(tongue: str, policy: str, what: Problem | None = None) -> list[Header]:
+def _of_a_page(tongue: str, policy: str, what: Problem | None = None) -> list[Header]:
     """The headers of a page of our own."""
     extra: list[Header] = [
         (b"Content-Language", tongue.encode()),
@@ -136,9 +136,14 @@ def _packed(sheet: Sheet, head: RequestHead, extra: list[Header]) -> bytes:
     return sheet.zipped
 
 
+def filled(sheet: Sheet, head: RequestHead, body: bytes) -> Answer:
+    """A page of the gateway's own with what is this reader's alone put into it, as `body`."""
+    return whole(200, sheet.kind, body, _of_a_page(language(head.accept_language), sheet.policy))
+
+
 def own_page(sheet: Sheet, head: RequestHead) -> Answer:
     """A page of the gateway's own, as it always is."""
-    extra = of_a_page(language(head.accept_language), sheet.policy)
+    extra = _of_a_page(language(head.accept_language), sheet.policy)
     body = _packed(sheet, head, extra)
     return whole(200, sheet.kind, body, extra)
 

@@ -262,14 +262,13 @@ class Book:
         """The receipt under a key."""
         return self._by_key.get(key)
 
-    @property
-    def empty(self) -> bool:
-        """Whether no key has a receipt."""
-        return not self._by_key
+    def __len__(self) -> int:
+        """How many keys have a receipt."""
+        return len(self._by_key)
 
-    def any_open(self) -> bool:
-        """Whether anything may still change."""
-        return any(one.open for one in self._by_key.values())
+    def open(self) -> list[Receipt]:
+        """Those that may still change."""
+        return [one for one in self._by_key.values() if one.open]
 
     def coming(self, key: str) -> Wish | None:
         """The wish that is being stored under a key."""
@@ -277,7 +276,7 @@ class Book:
 
     def admits(self, wish: Wish) -> bool:
         """Whether there is room for one more promise."""
-        known = [one.wish for one in self._by_key.values() if one.open] + list(self._coming.values())
+        known = [one.wish for one in self.open()] + list(self._coming.values())
         mine = sum(1 for one in known if one.browser == wish.browser) if wish.browser is not None else 0
         kept_bytes = sum(one.size_bytes for one in known)
         return (
@@ -330,25 +329,17 @@ class Book:
                 room -= 1
                 yield one
 
-    def set_aside(self) -> list[Receipt]:
-        """Those that are only looked up."""
-        return [one for one in self._by_key.values() if one.outcome is Outcome.SET_ASIDE]
-
-    def given_up(self, now: Moment, limit_ms: int) -> list[Receipt]:
-        """Those that a person was asked about for too long."""
-        return [
-            one
-            for one in self._by_key.values()
-            if one.outcome in {Outcome.ASK, Outcome.SET_ASIDE} and _stale(one, now, limit_ms)
+    def stale(self, now: Moment, limit_ms: int) -> tuple[list[Receipt], list[Receipt]]:
+        """Those that a person was asked about for too long; and settled ones that are too old, or too many, to keep."""
+        unanswered = [
+            one for one in self.open() if one.outcome is not Outcome.WAITING and _stale(one, now, limit_ms)
         ]
-
-    def forgettable(self, now: Moment, limit_ms: int) -> list[Receipt]:
-        """Settled ones that are kept no longer: too old, or too many."""
-        settled = sorted(
-            (one for one in self._by_key.values() if not one.open), key=lambda one: one.changed.wall_ns
-        )
+        settled = [one for one in self._by_key.values() if not one.open]
+        settled.sort(key=lambda one: one.changed.wall_ns)
         over = len(settled) - SETTLED_MAX
-        return [one for place, one in enumerate(settled) if place < over or _stale(one, now, limit_ms)]
+        return unanswered, [
+            one for place, one in enumerate(settled) if place < over or _stale(one, now, limit_ms)
+        ]
 
 
 def _stale(receipt: Receipt, now: Moment, limit_ms: int) -> bool:

@@ -121,10 +121,11 @@ class Promises:
         if self._file is None or not self.usable or now.awake_ns - self._swept_ns < SWEEP_MS * 1_000_000:
             return
         self._swept_ns = now.awake_ns
-        for receipt in self._book.given_up(now, self._limits.receipt_keep_ms):
+        unanswered, settled = self._book.stale(now, self._limits.receipt_keep_ms)
+        for receipt in unanswered:
             if self._free(receipt.wish.key):
                 self._change(self._file, settle(receipt, Settled(Outcome.NOT_DONE), now), lambda _: None)
-        gone = [one.wish.key for one in self._book.forgettable(now, self._limits.receipt_keep_ms)]
+        gone = [one.wish.key for one in settled]
         if gone:
             self._soon(self._forget(self._file, gone))
 
@@ -156,7 +157,7 @@ class Promises:
 
     def _changed(self, receipt: Receipt) -> None:
         self.told(receipt)
-        if self._file is not None and not receipt.open and not self._book.any_open():
+        if self._file is not None and not receipt.open and not self._book.open():
             self._soon(self._file.tidy())
 
     def _soon(self, deed: Coroutine[object, object, None]) -> None:
@@ -222,7 +223,7 @@ class Promises:
     def knows(self, exchange: Exchange) -> pages.Answer | None:
         """The answer to a request that was promised before, or whose key was; None: it goes its way."""
         head = exchange.head
-        if not self.usable or head.safe or self._book.empty or not exchange.whole or exchange.streamed:
+        if not self.usable or head.safe or not self._book or not exchange.whole or exchange.streamed:
             return None
         body = b"".join(exchange.body)
         form = form_in(head, body, "/") if head.key is None else None

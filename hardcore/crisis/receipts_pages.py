@@ -10,9 +10,8 @@ import json
 import re
 from urllib.parse import quote
 
-from frontend.render import language
 from hardcore.crisis.heads import RequestHead
-from hardcore.crisis.pages import Answer, of_a_page, whole
+from hardcore.crisis.pages import Answer, filled, whole
 from hardcore.crisis.receipts import Moment, Receipt, age_ms
 from hardcore.crisis.routing import RECEIPT_PREFIX
 from hardcore.crisis.shelf import KEY_MARK, NUMBER_MARK, WHY_MARK, Sheet
@@ -68,7 +67,7 @@ def as_page(receipt: Receipt, sheet: Sheet, head: RequestHead) -> Answer:
     }
     body = _filled(sheet.plain, fills)
     body = body.replace(_HOME, b' href="%s">' % html.escape(receipt.wish.back).encode())
-    return whole(200, sheet.kind, body, of_a_page(language(head.accept_language), sheet.policy))
+    return filled(sheet, head, body)
 
 
 def frame_fields(receipt: Receipt) -> dict[str, object]:

@@ -106,12 +106,17 @@ class Runner:
             return
         for receipt in self.book.turns(self._running, self._resting):
             self._begin(receipt)
-        for receipt in self.book.set_aside():
-            past = self._past.setdefault(receipt.wish.key, _Past())
-            free = receipt.wish.key not in self._running and receipt.wish.key not in self.worded
-            if free and past.looked_epoch < self._outlook.epoch:
-                past.looked_epoch = self._outlook.epoch
-                self._begin(receipt)
+        for receipt in self.book.open():
+            if receipt.outcome is Outcome.SET_ASIDE:
+                self._look_again(receipt)
+
+    def _look_again(self, receipt: Receipt) -> None:
+        """Look up one that is set aside, once in each epoch."""
+        key = receipt.wish.key
+        past = self._past.setdefault(key, _Past())
+        if key not in self._running and key not in self.worded and past.looked_epoch < self._outlook.epoch:
+            past.looked_epoch = self._outlook.epoch
+            self._begin(receipt)
 
     def runs(self, key: str) -> bool:
         """Whether the receipt under a key is being looked up or sent just now."""

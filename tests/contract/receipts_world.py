@@ -80,6 +80,27 @@ def tell(call: Call, status: int, fields: Any, *headers: str) -> None:
     call.answer(status, json.dumps(fields).encode(), headers=("Content-Type: application/json", *headers))
 
 
+def hangs_up(call: Call) -> bool:
+    """As a core that dies does."""
+    call.hang_up()
+    return True
+
+
+def saying(status: int, fields: Any) -> Callable[[Call], bool]:
+    """A core that says this and does nothing."""
+
+    def say(call: Call) -> bool:
+        tell(call, status, fields)
+        return True
+
+    return say
+
+
+def sent(core: Core, key: str) -> list[str]:
+    """The requests themselves that a core was given under a key."""
+    return [c.request.target for c in core.calls.all() if c.request.header("Idempotency-Key") == key]
+
+
 @contextlib.contextmanager
 def promising(folder: Path, file: Path | None = None, /, **limits: int) -> Iterator[World]:
     """A world whose gateway keeps receipts; short waits, unless a test says otherwise."""
@@ -124,7 +145,7 @@ def reborn(w: World, core: Core | None = None) -> None:
     known = len(w.feed.subscribed)
     w.start()
     w.feed.wait_subscribed(known + 1)
-    assert w.ask("GET", "/__hc/receipts/none").status == 404  # answered once they are read
+    has_read(w)
     if core is None:
         w.feed.hold()
     else:
@@ -134,7 +155,12 @@ def reborn(w: World, core: Core | None = None) -> None:
 def hold(w: World) -> None:
     """An outage, and a gateway that has read its receipts."""
     w.holding()
-    assert w.ask("GET", "/__hc/receipts/none").status in {404, 503}  # answered once they are read
+    has_read(w)
+
+
+def has_read(w: World) -> None:
+    """Wait until the gateway has read its receipts, or has given that up: only then is it asked for one."""
+    assert w.ask("GET", "/__hc/receipts/none").status in {404, 503}
 
 
 def serve(w: World, ledger: Callable[[Call], None], epoch: int, *suspects: str) -> Core:

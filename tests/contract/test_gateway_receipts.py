@@ -3,14 +3,13 @@
 import resource
 import sqlite3
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.contract.gateway_world import Call, Core, World, key_hash
+from tests.contract.gateway_world import World, key_hash
 from tests.contract.receipts_world import (
     ASYNC,
     FORM,
@@ -18,6 +17,8 @@ from tests.contract.receipts_world import (
     TAB,
     Ledger,
     becomes,
+    hangs_up,
+    has_read,
     hold,
     kill,
     name_of,
@@ -25,8 +26,9 @@ from tests.contract.receipts_world import (
     promising,
     reborn,
     receipt,
+    saying,
+    sent,
     serve,
-    tell,
     wish,
 )
 from tests.contract.socket_world import live
@@ -36,33 +38,12 @@ ME = ("Cookie", "__hc=me")
 PATH = "/api/ledger/t"
 
 
-def hangs_up(call: Call) -> bool:
-    """As a core that dies does."""
-    call.hang_up()
-    return True
-
-
-def saying(status: int, fields: Any) -> Callable[[Call], bool]:
-    """A core that says this and does nothing."""
-
-    def say(call: Call) -> bool:
-        tell(call, status, fields)
-        return True
-
-    return say
-
-
 @pytest.fixture
 def w(tmp_path: Path) -> Iterator[World]:
     """A world in an outage."""
     with promising(tmp_path) as made:
         hold(made)
         yield made
-
-
-def sent(core: Core, key: str) -> list[str]:
-    """The requests themselves that a core was given under a key."""
-    return [c.request.target for c in core.calls.all() if c.request.header("Idempotency-Key") == key]
 
 
 # -- who gets a promise ----------------------------------------------------------------------------------
@@ -349,6 +330,7 @@ def test_a_request_that_was_at_the_core_is_promised_and_looked_up(tmp_path: Path
     with promising(tmp_path) as w:
         ledger = Ledger(after=lambda _: True)
         core = w.serving(ledger)
+        has_read(w)
         client = wish(w, "k1")
         until(lambda: ledger.booked, "the commit")
         w.die(core)

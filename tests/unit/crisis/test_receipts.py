@@ -213,11 +213,13 @@ def test_a_page_that_opens_is_told_what_is_open_or_was_not_seen() -> None:
 
 def test_what_is_settled_is_kept_for_a_day_and_what_nobody_answered_is_given_up_then() -> None:
     book = Book(Limits(), [a_receipt(n, outcome=outcome) for n, outcome in enumerate(Outcome)])
-    assert book.forgettable(later(DAY_MS - 1), DAY_MS) == []
-    assert {one.outcome for one in book.forgettable(later(DAY_MS), DAY_MS)} == set(Outcome) - OPEN
-    assert {one.outcome for one in book.given_up(later(DAY_MS), DAY_MS)} == {Outcome.ASK, Outcome.SET_ASIDE}
+    assert book.stale(later(DAY_MS - 1), DAY_MS) == ([], [])
+    unanswered, settled = book.stale(later(DAY_MS), DAY_MS)
+    assert {one.outcome for one in settled} == set(Outcome) - OPEN
+    assert {one.outcome for one in unanswered} == {Outcome.ASK, Outcome.SET_ASIDE}
 
 
 def test_the_oldest_settled_ones_make_room() -> None:
     many = [replace(a_receipt(n, outcome=Outcome.DONE), changed=later(n)) for n in range(SETTLED_MAX + 2)]
-    assert [one.number for one in Book(Limits(), many).forgettable(later(0), DAY_MS)] == [0, 1]
+    _, settled = Book(Limits(), many).stale(later(0), DAY_MS)
+    assert [one.number for one in settled] == [0, 1]
