@@ -83,9 +83,43 @@ class Play:
         self.ready(epoch).ring()
         return self
 
-    def ask(self, verb: seen.Verb, reason: str = "") -> list[orders.Action]:
+    def spared(self, build: str = "b1") -> "Play":
+        """A spare waits beside the present core."""
+        look(self, 0)
+        self.tell(seen.Surveyed(self.now_ns, self.life, free_bytes=8 << 30))
+        look(self, 0)
+        at, spare = self.now_ns, self.spare
+        self.tell(seen.CoreSpawned(at, spare, 10), seen.SpareReady(at, spare, build, 4))
+        return self
+
+    @property
+    def spare(self) -> int:
+        """The life of the spare; 0: none."""
+        return self.manager.reading().spare
+
+    def glance(self, silent_ms: int = 0, state: str = "S") -> list[orders.Action]:
+        """A look at the spare."""
+        beat_ns = self.now_ns - silent_ms * MS
+        beats = Beats(loop_ns=beat_ns, thread_ns=beat_ns, state=LifeState.SPARE)
+        process = seen.ProcessSample(state, 1, 1 << 20, 3)
+        return self.tell(seen.Sampled(self.now_ns, self.spare, beats, Threads(1, 3, 2), process))
+
+    def drained(self, *, done: bool = True) -> list[orders.Action]:
+        """The present core answers an order to drain."""
+        return self.tell(seen.Drained(self.now_ns, self.life, done, 7, "" if done else "it takes too long"))
+
+    def raised(self, epoch: int) -> list[orders.Action]:
+        """The present core has committed its fence."""
+        return self.tell(seen.EpochRaised(self.now_ns, self.life, epoch))
+
+    def proven(self, epoch: int, seq: int = 7) -> list[orders.Action]:
+        """The present core is ready; its ledger ends at `seq`."""
+        proof = seen.Proof("witness", 3, seq, f"h{seq}")
+        return self.tell(seen.CoreReady(self.now_ns, self.life, epoch, proof))
+
+    def ask(self, verb: seen.Verb, reason: str = "", build: str = "") -> list[orders.Action]:
         """The operator speaks."""
-        return self.tell(seen.OperatorAsked(self.now_ns, verb, reason))
+        return self.tell(seen.OperatorAsked(self.now_ns, verb, reason, build=build))
 
     def die(self, how: seen.Exit | None = None, page: Page | None = None) -> list[orders.Action]:
         """The present core ends."""
