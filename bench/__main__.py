@@ -26,6 +26,7 @@ from bench import (
     rates,
     restarts,
     switches,
+    tabs,
     weight,
 )
 from bench.figures import Figure
@@ -87,6 +88,11 @@ PARTS: dict[str, Part] = {
         "what the gateway costs by itself",
         lambda folder: bench_gateway.measure(folder, rounds=5, seconds=2, say=note),
         lambda folder: bench_gateway.measure(folder, rounds=1, seconds=0.5, say=note),
+    ),
+    "tabs": Part(
+        "a thousand open tabs over a death",
+        lambda folder: tabs.measure(folder, tabs=1000, kills=5),
+        lambda folder: tabs.measure(folder, tabs=100, kills=1),
     ),
     "page": Part(
         "what a person at the page waits for",

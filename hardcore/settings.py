@@ -74,7 +74,7 @@ class Limits:
         10_000, "without the sentinel's feed for so long: not alive", low=100, high=600_000
     )
     connections_max: int = setting(2048, "client connections at a time", low=1, high=100_000)
-    sockets_max: int = setting(512, "WebSockets at a time", low=1, high=10_000)
+    sockets_max: int = setting(1024, "WebSockets at a time", low=1, high=10_000)
     overlay_after_ms: int = setting(
         400, "a page covers itself when an outage lasts this long", low=0, high=60_000
     )
