@@ -30,7 +30,6 @@ RECEIPTS: Final[dict[str, tuple[str, str]]] = {
     "R4.close": ("닫기", "Close"),
     # A single one, on its own page and below its form.
     "done": ("요청을 처리했어요", "Your request was done"),
-    "done.line": ("장부에 적혀 있어요.", "It is in the ledger."),
     "already_done": ("이 요청은 이미 처리됐어요", "This request was already done"),
     "already_done.line": ("응답만 전달하지 못했어요.", "Only the reply was lost."),
     "not_done": ("요청을 처리하지 않았어요", "Your request was not done"),

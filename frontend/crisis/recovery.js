@@ -39,7 +39,7 @@ live.className = "unseen";
 link.className = "button";
 notice.className = "muted";
 card.acts.prepend(link);
-if (wish) card.acts.before(wish);
+if (wish) card.element.querySelector(".strong").after(wish);
 document.querySelector("main").replaceChildren(card.element, notice, live);
 
 function other() {

@@ -45,7 +45,7 @@ async function submit(form) {
     type: "application/x-www-form-urlencoded",
     key: field.value,
     onWaiting: () => tell(form, say("waiting")),
-    onPromise: () => promised(form, field.value),
+    onPromise: (outcome) => promised(form, field.value, outcome),
   });
   ended(form, field, sent, answer);
 }
@@ -57,37 +57,39 @@ function ended(form, field, sent, answer) {
   else refused(form, field, answer);
 }
 
-function promised(form, key) {
-  form.dataset.promised = key;
-  tell(form, sayKept(key));
+function promised(form, key, outcome) {
+  if (form.dataset.promised === key + outcome) return; // also where it was pressed twice since
+  form.dataset.promised = key + outcome;
+  tell(form, sayKept(key, outcome));
 }
 
-/** What is said of a wish that was promised: the window may be closed. */
-export function sayKept(key) {
+/** What is said of a wish that was promised: the window may be closed; or that a person has to decide (on the card). */
+export function sayKept(key, outcome) {
+  if (outcome === "ask") return say("receipt.R5");
+  if (outcome === "set_aside") return `${say("receipt.set_aside")} · ${say("receipt.set_aside.line")}`;
   return `${say("receipt.R1b.line")} ${say("receipt.R1c", { id: numberOf(key) })}`;
 }
 
 function pressedTwice(form, sent) {
-  const key = form.dataset.promised;
-  if (key && wishOf(form)?.sent === sent) tell(form, say("receipt.R14", { id: numberOf(key) }));
+  const wish = wishOf(form);
+  if (form.dataset.promised && wish?.sent === sent) tell(form, say("receipt.R14", { id: numberOf(wish.key) }));
 }
 
 // A page that was loaded again while its wish was on its way: if it was promised, its end is told here as ever. If not,
 // nothing is sent; whoever sends the same once more means the same wish.
-async function goOn(form, wish, outcome) {
+async function goOn(form, wish) {
   const field = form.elements._idempotency_key;
   field.value = wish.key;
   busy(form, true);
-  if (outcome === "waiting") promised(form, wish.key);
-  const answer = await settled(wish.key);
+  const answer = await settled(wish.key, (outcome) => promised(form, wish.key, outcome));
   if (answer) ended(form, field, wish.sent, answer);
   else busy(form, false);
 }
 
-function heard({ key, outcome }) {
+function heard({ key }) {
   for (const form of document.querySelectorAll("form[data-send]:not([data-busy])")) {
     const wish = wishOf(form);
-    if (wish?.key === key) void goOn(form, wish, outcome);
+    if (wish?.key === key) void goOn(form, wish);
   }
 }
 

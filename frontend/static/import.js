@@ -210,7 +210,7 @@ async function held(form, sentence, sending) {
   const key = form.elements._idempotency_key?.value ?? newKey();
   // A file takes its time to be read: what is said of it stays until the server is known to be away.
   const answer = await sending({
-    key, onWaiting: () => tell(form, say("waiting")), onLate: () => {}, onPromise: () => tell(form, sayKept(key)),
+    key, onWaiting: () => tell(form, say("waiting")), onLate: () => {}, onPromise: (outcome) => tell(form, sayKept(key, outcome)),
   });
   delete form.dataset.busy;
   tell(form, "");

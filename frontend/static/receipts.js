@@ -19,8 +19,11 @@ export function numberOf(key) {
   return key.slice(-8);
 }
 
-/** Wait for the end of what was promised under this key, and return {status, body} as its answer; null if nothing was. */
-export async function settled(key) {
+/**
+ * Wait for the end of what was promised under this key, and return {status, body} as its answer; null if nothing was.
+ * `onOpen` gets what it is meanwhile: waiting, ask or set_aside.
+ */
+export async function settled(key, onOpen) {
   mine.add(key);
   try {
     for (;;) {
@@ -30,6 +33,7 @@ export async function settled(key) {
         void give(key, "seen");
         return answerOf(receipt);
       }
+      if (receipt) onOpen(receipt.outcome);
       await news(key);
     }
   } finally {

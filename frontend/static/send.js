@@ -26,7 +26,7 @@ export function newKey() {
 /**
  * Send and return {status, body} once there is an answer. `onWaiting` is called each time the wish has to wait,
  * `onLate` when its answer takes long: a gateway that holds it would forget it together with this page. `onPromise`
- * when it was promised, and needs this page no longer.
+ * once it was promised and needs this page no longer: gets what became of it so far.
  */
 export async function send(url, { method = "POST", body, key, type, onWaiting = () => {}, onLate = onWaiting, onPromise = () => {} }) {
   const headers = {
@@ -47,8 +47,8 @@ export async function send(url, { method = "POST", body, key, type, onWaiting = 
         letGo(wish);
         if (counted) count(-1);
         counted = false;
-        onPromise();
-        const end = await settled(key);
+        onPromise("waiting");
+        const end = await settled(key, onPromise);
         if (end) return end;
       } else if (answer && !isOpen(answer)) return answer;
       if (!counted) {

@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
 
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from examples.line import Line
 from examples.sample_household import book, household
 from tests.browser.conftest import ARGUMENTS, PATIENCE_MS
 from tests.browser.outages import cores, held_start, outage
-from tests.browser.readers import first_sign, is_joined, overlay, write_entry
+from tests.browser.readers import first_sign, is_joined, overlay, send_now, write_entry
 from tests.integration.house import House
 
 ROOT: Final = Path(__file__).parents[2]
@@ -141,6 +141,77 @@ def reads_only(album: Album) -> None:
     album.house.running()
 
 
+def promised(album: Album) -> None:
+    """A wish that was promised: on the page that sent it, on the one that offers to keep it, on its own, and its end."""
+    for dark, phone in ((False, False), (True, False), (False, True)):
+        name = f"{'-dark' if dark else ''}{'-phone' if phone else ''}"
+        with album.tab("/", dark=dark, phone=phone) as page:
+            is_joined(page)
+            form = write_entry(page, album.say("점심 김치찌개", "Lunch, kimchi stew"), "9,000")
+            with outage(album.house):
+                send_now(form)
+                expect(form.locator("[data-said]")).to_contain_text(
+                    album.say("이 창을 닫아도", "You can close")
+                )
+                album.take(page, f"promised{name}")
+                _post_by_itself(album, form)
+                expect(page.locator("form[action='/__hc/keep']")).to_be_visible()
+                album.take(page, f"keepable{name}")
+                page.locator("form[action='/__hc/keep'] button").click()
+                expect(page.locator("body[data-outcome=waiting]")).to_be_visible()
+                album.take(page, f"receipt{name}")
+            expect(page.locator("body[data-outcome=done]")).to_be_visible()
+            album.take(page, f"receipt-done{name}")
+            page.goto("/register")  # where no form tells it itself
+            expect(page.locator("#receipts section")).to_be_visible()
+            album.take(page, f"results{name}")
+            album.house.running()
+
+
+def _post_by_itself(album: Album, form: Locator) -> None:
+    """Send another entry as a browser without scripts would."""
+    form.evaluate(
+        """(form, what) => {
+          form.elements._idempotency_key.value = crypto.getRandomValues(new Uint32Array(4)).join("-");
+          form.elements.description.value = what;
+          form.submit();
+        }""",
+        album.say("저녁 국수", "Dinner, noodles"),
+    )
+
+
+def asked_again(album: Album) -> None:
+    """A promise that has grown old: a person is asked."""
+    for dark, phone in ((False, False), (True, False), (False, True)):
+        with album.tab("/", dark=dark, phone=phone) as page:
+            is_joined(page)
+            form = write_entry(page, album.say("점심 김치찌개", "Lunch, kimchi stew"), "9,000")
+            with outage(album.house):
+                send_now(form)
+                expect(form.locator("[data-said]")).to_contain_text(
+                    album.say("이 창을 닫아도", "You can close")
+                )
+            asked = page.locator("#receipts section")
+            expect(asked).to_be_visible()
+            album.take(page, f"asked-again{'-dark' if dark else ''}{'-phone' if phone else ''}")
+            asked.locator("button").last.click()
+            expect(form.locator("[data-said].wrong")).to_be_visible()
+            album.take(page, f"cancelled{'-dark' if dark else ''}{'-phone' if phone else ''}")
+            album.house.running()
+
+
+def short_break(album: Album) -> None:
+    """A crash with a spare behind it: a strip."""
+    with album.tab("/") as page:
+        is_joined(page)
+        album.house.until(lambda s: (s["spare"] or {}).get("ready"), "a spare to be ready")
+        album.house.hit("core")
+        strip = page.locator(".strip[data-tone=good]:popover-open")
+        expect(strip).to_be_visible()
+        expect(strip).to_contain_text(album.say("잃은 내역은 없어요", "Nothing was lost"))
+        album.take(page, "short-break")
+
+
 def planned(album: Album) -> None:
     """A restart that somebody asked for, from its first sign."""
     with album.tab("/") as page:
@@ -230,19 +301,27 @@ def contact_sheet(folder: Path) -> Path:
     return sheet
 
 
-def take_all(browser: Browser, folder: Path) -> None:
-    """Take every picture, in both languages."""
-    weary = {"max_restart_count": 1, "probation_ms": 60_000}
+def take_all(browser: Browser, folder: Path, only: str | None = None) -> None:
+    """Take every picture, in both languages; or those of one home."""
+    # Without a spare an outage can be looked at: the next core is one that can be stopped.
+    alone = {"spare": False}
+    weary = {**alone, "max_restart_count": 1, "probation_ms": 60_000}
+    soon = {"hold_ms": 600, "drain_ms": 1_000}
     homes: list[tuple[str, list[Callable[[Album], None]], dict[str, Any]]] = [
         ("empty", [empty], {}),
-        ("full", [pages, crisis, reads_only, planned, demo], {}),
+        ("full", [pages, crisis, reads_only, planned, demo], alone),
+        ("patient", [promised], {**alone, "gateway": soon}),
+        ("old", [asked_again], {**alone, "gateway": {**soon, "receipt_ask_after_ms": 1}}),
+        ("ready", [short_break], {"spare": True, "gateway": {"overlay_after_ms": 60_000}}),
         ("weary", [stopped_trying], weary),
     ]
     with tempfile.TemporaryDirectory(prefix="pictures-") as made:
         for lang in ("ko", "en"):
             for name, acts, policy in homes:
+                if only not in {None, name}:
+                    continue
                 with at_home(Path(made), f"{name}-{lang}", "--demo", **policy) as house:
-                    if name == "full":
+                    if name not in {"empty", "weary"}:
                         _fill(house, lang)
                     for act in acts:
                         act(Album(browser, house, folder, lang))
@@ -271,6 +350,7 @@ def main() -> int:
     """Take the pictures and say where they are."""
     parser = argparse.ArgumentParser(prog="screenshots", description="Pictures of every state.")
     parser.add_argument("--into", type=Path, default=ROOT / "var" / "screenshots")
+    parser.add_argument("--only", help="the pictures of one home alone")
     parser.add_argument("--tour", action="store_true", help="also write the pictures of the README")
     asked = parser.parse_args()
     found = subprocess.run(
@@ -283,7 +363,7 @@ def main() -> int:
     expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found.stdout.strip(), args=ARGUMENTS)
-        take_all(browser, asked.into)
+        take_all(browser, asked.into, asked.only)
         browser.close()
     if asked.tour:
         for name, shown in TOUR.items():

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests import waiting
 from tests.browser.scripted_gateway import SERVING, ScriptedGateway, back, down
 from tests.browser.scripted_pages import OpenLedger, is_over, marks, overlay, shows
 
@@ -20,6 +21,41 @@ def table(page: Page, told: Sequence[tuple[Mapping[str, Any], int]]) -> Any:
         }""",
         [list(one) for one in told],
     )
+
+
+def test_a_switch_that_was_asked_for_and_is_over_at_once_is_not_shown(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    page = open_ledger()
+    said = """async ([view, now_ms]) => {
+      const { face } = await import("/source/wording.js");
+      const { words } = await import("/__hc/words.en.js");
+      const facts = { pending: 1, receipt: null, draft: null, slow: false, alive: true, unheard: false, request: null };
+      const { strip, card, title } = face(view, facts, now_ms, words);
+      return [strip, card && card.head, title];
+    }"""
+    asked = down("R2", phase="DRAINING", stage=2, eta={"low_s": 2, "high_s": 4, "samples": 7}, samples=7)
+    ended = {**back(380), "planned": True}
+    for end in ([ended, SERVING], [SERVING, ended]):
+        for so_far in range(4):
+            told: list[tuple[Mapping[str, Any], int]] = [
+                (SERVING, 0),
+                (asked, 1000),
+                (end[0], 1380),
+                (end[1], 1381),
+            ]
+            view = table(page, told[: so_far + 1])
+            assert page.evaluate(said, [view, 1390]) == [None, None, None]
+    late = table(page, [(SERVING, 0), (asked, 1000), ({"type": "tick"}, 1400)])
+    assert page.evaluate(said, [late, 1400])[1] == "The administrator is restarting the server"
+    assert (
+        table(page, [(SERVING, 0), (asked, 1000), ({**ended, "verified": False}, 1380)])["mode"] == "unsound"
+    )
+    page.evaluate("window.told = []; document.addEventListener('hc:back', () => window.told.push('back'))")
+    gateway.say(asked)
+    gateway.say(ended)
+    gateway.say(SERVING)
+    waiting.until(lambda: page.evaluate("told") == ["back"], "the page to be told that it may send again")
 
 
 def test_a_ledger_that_is_not_whole_is_said_however_late_and_until_it_is_put_aside(

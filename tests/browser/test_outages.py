@@ -20,6 +20,7 @@ from tests.browser.readers import (
     overlay,
     post_entry,
     save,
+    send_now,
     told,
     write_entry,
 )
@@ -93,7 +94,7 @@ def test_a_request_sent_into_the_outage_is_answered_once(house: House, open_tab:
     is_joined(page)
     form = write_entry(page, "Into the outage", "4500")
     with outage(house):
-        form.locator("button.primary").click(no_wait_after=True)
+        send_now(form)
         is_down(page)
         expect(overlay(page).get_by_text("1 waiting", exact=True)).to_be_visible()
     is_serving(page)

@@ -7,7 +7,7 @@ from playwright.sync_api import Browser, Page, Request, Route, expect
 
 from tests.browser.conftest import MakeHouse, OpenTab
 from tests.browser.outages import outage
-from tests.browser.readers import a_bank, answer_of, booked, is_joined, overlay, save, write_entry
+from tests.browser.readers import a_bank, answer_of, booked, is_joined, overlay, save, send_now, write_entry
 from tests.browser.tabs import Watch
 from tests.integration.house import House
 from tests.waiting import until
@@ -119,13 +119,13 @@ def test_a_form_whose_wish_was_promised_needs_no_window_and_takes_no_second_pres
     save(form)
     expect(said).to_contain_text("You can close this window; the request stays.")
     expect(said).to_contain_text(f"Receipt: {keys[0][-8:]}")
-    form.evaluate("form => form.requestSubmit()")
+    send_now(form)
     expect(said).to_have_text(f"Already received · Receipt: {keys[0][-8:]}")
     assert len(keys) == 1
     receipts.say(keys[0], "refused", status=422, answer={"detail": "There is not enough money in it."})
     expect(said).to_have_text("There is not enough money in it.")
     expect(form.locator("[name=description]")).to_have_value("Promised")
-    form.evaluate("form => form.requestSubmit()")
+    send_now(form)
     until(lambda: len(keys) == 2, "the corrected wish to be sent under a key of its own")
     assert keys[0] != keys[1]
     receipts.say(keys[1], "done", status=201, answer={"location": "/", "said": "Saved"})
@@ -145,7 +145,7 @@ def test_a_wish_sent_into_a_long_outage_is_done_once_though_its_tab_was_closed(
     is_joined(first)
     form = write_entry(first, "Kept over the outage", "4500")
     with outage(house):
-        form.locator("button.primary").click(no_wait_after=True)
+        send_now(form)
         expect(overlay(first).get_by_text("1 waiting", exact=True)).to_be_visible()
         expect(overlay(first)).to_contain_text("You can close this window; the request stays.")
         expect(form.locator("[data-said]")).to_contain_text("You can close this window")
@@ -192,7 +192,7 @@ def test_a_wish_that_has_grown_old_is_asked_about_and_done_only_then(
     is_joined(page)
     form = write_entry(page, "Grown old", "4500")
     with outage(house):
-        form.locator("button.primary").click(no_wait_after=True)
+        send_now(form)
         expect(form.locator("[data-said]")).to_contain_text("You can close this window")
         key = form.locator("[name=_idempotency_key]").input_value()
         until(lambda: answer_of(house, f"/__hc/receipts/{key}")["age_ms"] > OLD_MS, "the promise to grow old")

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Request, Route, expect
 
 from tests import waiting
 from tests.browser.scripted_gateway import ScriptedGateway, back, down
@@ -38,6 +38,30 @@ def test_a_recovery_page_for_a_form_sends_nothing_and_shows_the_way_back(
     is_over(gateway, back(2000))
     expect(page.get_by_role("link", name="Open the page again")).to_be_visible()
     assert [path for path in gateway.asked[asked:] if path == "/en"] == []
+
+
+def test_a_recovery_page_that_can_keep_a_form_offers_it_in_the_card_and_after_the_end(
+    open_ledger: OpenLedger, gateway: ScriptedGateway
+) -> None:
+    gateway.recovering = ("ko", "recovering", "keepable")
+    gateway.say(down())
+    page = open_ledger("/ko")
+    kept: list[str | None] = []
+
+    def keep(route: Route, request: Request) -> None:
+        kept.append(request.method)
+        route.fulfill(status=200, body="kept")
+
+    page.route("**/__hc/keep", keep)
+    shows(page, "방금 보낸 요청은 아직 처리하지 않았어요.")
+    offer = page.locator("section.card form[action='/__hc/keep'] button")
+    expect(offer).to_have_text("요청 맡겨 두기")
+    page.get_by_role("button", name="English").click()
+    expect(offer).to_have_text("Keep it for me")
+    is_over(gateway, back(2000))
+    shows(page, "Leave it here and it will be handled once, now.")
+    offer.click()
+    waiting.until(lambda: kept == ["POST"], "the form to be posted")
 
 
 def test_what_became_of_a_form_is_said_also_after_the_line_was_lost(

@@ -12,7 +12,7 @@ from tests.integration.house import House
 from tests.waiting import until
 
 #: No switch here is too slow for this overlay, however much else the machine does.
-POLICY: Final = {"gateway": {"hold_ms": 25_000, "overlay_after_ms": 60_000, "drain_ms": 1_000}}
+POLICY: Final = {"spare": True, "gateway": {"hold_ms": 25_000, "overlay_after_ms": 60_000, "drain_ms": 1_000}}
 
 #: Writes down every strip and overlay that the crisis script shows from now on.
 WATCH: Final = """() => {

@@ -114,7 +114,7 @@ def test_a_receipts_page_says_what_became_of_it_and_nothing_else(lang: Language,
     text = page.body.decode().partition("<body")[2].partition("<script")[0]
     which = LANGUAGES.index(lang)
     for other in RECEIPT_OUTCOMES:
-        head = RECEIPTS[{"waiting": "R1c", "ask": "R5.line"}.get(other, f"{other}.line")][which]
+        head = RECEIPTS[{"waiting": "R1c", "ask": "R5.line", "done": "done"}.get(other, f"{other}.line")][which]
         assert (head.partition("{")[0] in text) == (other == outcome)
     assert text.count("<!--id-->") == 1
     assert ("<!--why-->" in text) == (outcome == "refused")
