@@ -6,6 +6,7 @@ request it concerns. Everything runs in one thread, and nothing here waits.
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import assert_never
 
@@ -21,6 +22,7 @@ from hardcore.crisis.live import Live
 from hardcore.crisis.mishap import contained
 from hardcore.crisis.moves import TURNED_AWAY, Moves
 from hardcore.crisis.problems import Problem
+from hardcore.crisis.receipts_form import form_in
 from hardcore.crisis.routing import Route
 from hardcore.crisis.sockets import Sockets
 from hardcore.crisis.standing import Standing
@@ -63,6 +65,8 @@ class Desk:
         """A request is here (whole, or to be streamed): decide its way."""
         exchange.browser = browser_of(exchange.head.cookie)
         way = self.moves.way(exchange.head.path)
+        if way in _TO_CORE:
+            _read_key(exchange)
         if way in _TO_CORE and (known := self.promises.knows(exchange)) is not None:
             self._is_ours(exchange)
             exchange.client.answer(known.head, known.body)
@@ -164,3 +168,12 @@ class Desk:
         contained("telling pages", lambda: self.live.look(was, self.moves.outlook.standing))
         contained("moving sockets", self.sockets.look)
         contained("running receipts", self.promises.look)
+
+
+def _read_key(exchange: Exchange) -> None:
+    """A page's form says its key in a field, because a browser alone can't say it in a header."""
+    head = exchange.head
+    if head.navigation and not head.safe and head.key is None and exchange.whole and not exchange.streamed:
+        form = form_in(head, b"".join(exchange.body), "/")
+        if form is not None:
+            exchange.head = replace(head, key=form.key.encode("ascii"))

@@ -210,6 +210,8 @@ class Moves:
                 assert answer is not None
                 word = "done" if deed is Deed.SAY_STORED else _how(exchange)
                 self._settle(exchange, word, answer.head.status)
+                if deed is Deed.SAY_STORED and exchange.head.navigation:
+                    answer = pages.stored_for_tab(answer, exchange.head)
                 exchange.client.answer(answer.head, answer.body)
             case Deed.FINISH:
                 self._settle(exchange, _how(exchange), exchange.answer_status)
@@ -230,6 +232,9 @@ class Moves:
             case Deed.SAY_NOT_DONE:
                 why = exchange.fault or Problem.RECOVERING
                 self._say(exchange, why, Outcome.NOT_DONE, "refused" if early else None)
+            case Deed.SAY_ABSENT if exchange.head.navigation:
+                # A form may be several commands, each under a key of its own made from the form's.
+                self._say(exchange, Problem.OUTCOME_UNKNOWN, Outcome.UNKNOWN)
             case Deed.SAY_ABSENT:
                 self._say(exchange, Problem.NOT_DONE, Outcome.NOT_DONE)
             case Deed.SAY_PROMISE_UNKNOWN:

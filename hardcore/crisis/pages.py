@@ -175,6 +175,18 @@ def stored(status: int, answer: object) -> Answer:
     return whole(status, kind, body, [(b"Idempotent-Replayed", b"true")])
 
 
+def stored_for_tab(answer: Answer, head: RequestHead) -> Answer:
+    """The same to a tab, which can show no JSON: lead it back to where it came from, or say the ledger's no."""
+    if answer.head.status < 400:
+        return whole(303, b"text/plain", b"", [(b"Location", (way_back(head) or "/").encode())])
+    tongue = language(head.accept_language)
+    told = json.loads(answer.body)
+    told = told if isinstance(told, dict) else {}
+    title, detail = (html.escape(str(told.get(name, ""))) for name in ("title", "detail"))
+    body = _PLAIN.format(lang=tongue, again="", title=title, detail=detail).encode()
+    return whole(answer.head.status, HTML, body, _of_a_page(tongue, _PLAIN_POLICY))
+
+
 def live(*, heard: bool) -> Answer:
     """Whether the guard is alive: this process, and a sentinel that was heard lately."""
     extra = [] if heard else [(b"Retry-After", b"1")]

@@ -225,9 +225,7 @@ class Promises:
         head = exchange.head
         if not self.usable or head.safe or not self._book or not exchange.whole or exchange.streamed:
             return None
-        body = b"".join(exchange.body)
-        form = form_in(head, body, "/") if head.key is None else None
-        key = form.key if form is not None else _key_of(head)
+        key = _key_of(head)
         receipt = self._book.get(key) if key is not None else None
         if receipt is None:
             return None
@@ -237,7 +235,7 @@ class Promises:
             return None  # the ledger itself knows the key
         if receipt.wish.digest != request_digest(head, exchange.body):
             return _refusal(Problem.KEY_REUSED, head)
-        if form is not None:
+        if head.navigation:
             return receipts_pages.shown_at(receipt.wish.key)
         return receipts_pages.promised(receipt) if head.respond_async else None
 

@@ -9,14 +9,16 @@ from urllib.parse import urlencode
 
 import pytest
 
-from tests.contract.gateway_world import Response, World
+from tests.contract.gateway_world import Client, Response, World, key_hash, silent
 from tests.contract.receipts_world import (
     COOKIE,
     FORM,
+    LOOK_UP,
     TAB,
     Ledger,
     becomes,
     hold,
+    name_of,
     promising,
     reborn,
     receipt,
@@ -125,3 +127,48 @@ def test_a_person_answers_for_an_old_one_with_a_form(tmp_path: Path) -> None:
         assert (answer.status, answer.header("Location")) == (303, "/__hc/receipts/f1")
         assert receipt(w, "f1")["outcome"] == "not_done"
         assert ledger.booked == []
+
+
+# -- a form whose core dies under it ---------------------------------------------------------------------
+
+
+def post_form(w: World) -> Client:
+    return w.client().ask("POST", "/entries", TAB, FORM, "Referer: http://localhost/register", body=ENTRY)
+
+
+def test_a_form_that_says_its_key_is_one_slow_click(tmp_path: Path) -> None:
+    with promising(tmp_path, hold_ms=20_000, navigation_hold_ms=20_000) as w:
+        core = w.serving(silent)
+        client = post_form(w)
+        core.wait("/entries")
+        w.die(core)
+        second = w.core(2, lambda call: call.answer(303, b"", headers=("Location: /",)))
+        w.feed.serve(second, incident="i1")
+        assert client.read().status == 303
+        assert second.wait("/entries")[0].request.body == ENTRY
+
+
+def test_a_suspected_form_is_only_looked_up_and_told_as_a_page(tmp_path: Path) -> None:
+    with promising(tmp_path, hold_ms=20_000, navigation_hold_ms=20_000) as w:
+        core = w.serving(silent)
+        client = post_form(w)
+        core.wait("/entries")
+        w.die(core)
+        ledger = Ledger()
+        ledger.kept["f1"] = (name_of("POST", "/entries", ENTRY), 201, {"id": "t"})
+        serve(w, ledger, 2, key_hash("f1"))
+        answer = client.read()
+        assert (answer.status, answer.header("Location")) == (303, "/register")
+        assert ledger.booked == []
+
+
+def test_of_a_form_that_is_not_found_nobody_says_that_it_was_not_done(tmp_path: Path) -> None:
+    with promising(tmp_path, hold_ms=20_000, navigation_hold_ms=20_000) as w:
+        core = w.serving(silent)
+        client = post_form(w)
+        core.wait("/entries")
+        w.die(core)
+        second = serve(w, Ledger(), 2, key_hash("f1"))
+        page = client.read()
+        assert (page.status, b'action="/__hc/keep"' in page.body) == (503, False)
+        assert second.targets() == [f"{LOOK_UP}f1"]
