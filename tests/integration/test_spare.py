@@ -50,7 +50,11 @@ def test_whatever_ends_a_core_its_spare_is_the_next_one_and_another_spare_comes(
         told = len(clients.told)
         until(lambda: len(clients.told) > told + 10, "answers of the next core")
     assert after["core"]["pid"] == before["spare"]["pid"]
-    assert {told.status for told in clients.told} == {201}, "each had a key: it was sent again, or looked up"
+    refused = [told for told in clients.told if told.status != 201]
+    # A fatal signal of its own makes suspects of the commands that it died in: those are looked up, and never run.
+    suspects = refused if number == signal.SIGSEGV else []
+    assert refused == suspects, "each had a key: it was sent again"
+    assert {(told.status, told.outcome) for told in suspects} <= {(503, "not_done")}
     assert_exactly_once(house, clients)
     story = house.closed(1)
     assert (story["outcome"], story["proof"]["kind"]) == ("recovered", "witness")
