@@ -6,6 +6,9 @@ from frontend.catalogue import label, next_step, spare_lack, state_words
 from frontend.catalogue_policy import diagnosis_words
 from hardcore.lines import cells, wrapped
 
+#: Of somebody's last words so many characters are shown; all of them stand in the log.
+WORDS_MAX = 160
+
 
 def printed_status(told: dict[str, Any], lang: str) -> str:
     """Return the status as lines of a terminal."""
@@ -61,10 +64,15 @@ def _spare(told: dict[str, Any], lang: str) -> str:
     spare = told["spare"]
     if spare is None:
         lack = told["spare_lack"]
-        return spare_lack(lack, lang, told["spare_off"]) if lack else label("none", lang)
+        return spare_lack(lack, lang, _cut(told["spare_off"])) if lack else label("none", lang)
     ready = label("spare_ready" if spare["ready"] else "spare_starting", lang)
     outdated = f", {label('spare_outdated', lang)}" if spare["build_fits"] is False else ""
     return f"pid {spare['pid']}, {ready}{outdated}"
+
+
+def _cut(words: str) -> str:
+    """Return the beginning of last words, which may be a whole traceback."""
+    return words if len(words) <= WORDS_MAX else f"{words[: WORDS_MAX - 1]}…"
 
 
 def _gateway(gateway: dict[str, Any], lang: str) -> str:

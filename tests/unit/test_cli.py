@@ -74,3 +74,32 @@ def test_columns_are_aligned_where_letters_are_wide(tmp_path: Path) -> None:
         width = sum(2 if "가" <= letter <= "힣" else 1 for letter in label)
         starts.add(width + len(line) - len(label) - len(value.lstrip()))
     assert len(starts) == 1
+
+
+SPARE = {"pid": 102, "ready": True, "build_fits": True}
+
+
+@pytest.mark.parametrize(
+    ("spare", "lack", "said"),
+    [
+        (SPARE, None, "pid 102, ready"),
+        (SPARE | {"ready": False, "build_fits": None}, None, "pid 102, being started"),
+        (SPARE | {"build_fits": False}, None, "pid 102, ready, not the code that is on the disk"),
+        (None, "off", "none: it is turned off"),
+        (None, "memory", "none: too little memory is free"),
+        (None, "died", f"Why: {'x' * 159}…"),
+    ],
+)
+def test_the_spare_is_shown_or_why_there_is_none(
+    tmp_path: Path, spare: dict[str, object] | None, lack: str | None, said: str
+) -> None:
+    told = status.from_files(Folders(tmp_path, tmp_path)) | {"spare": spare, "spare_lack": lack}
+    told |= {"spare_off": "x" * 500 if lack == "died" else "", "switch_waits": True}
+    told["sentinel"] |= {"pid": 7, "rss_bytes": 1 << 20}
+    told["budget"] |= {"limit": 5, "window_s": 60}
+    told["core"] |= {"pid": 101, "old_pid": 100}
+    lines = printed_status(told, "en").splitlines()
+    assert any(line.startswith("Spare") and said in line for line in lines), lines
+    assert any(line.startswith("Old core") and "pid 100, can write no more" in line for line in lines)
+    assert any(line.startswith("Switch") for line in lines)
+    assert "예비 서버" in printed_status(told, "ko")

@@ -2,6 +2,8 @@
 
 import asyncio
 import dataclasses
+import signal
+import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,9 +13,10 @@ import pytest
 
 from hardcore.control.protocol import Ask, Request
 from hardcore.door import Door
+from hardcore.host import build, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
-from hardcore.host.processes import Handle
+from hardcore.host.processes import Handle, Identity
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase
 from hardcore.model.verdicts import Diagnosis
@@ -36,6 +39,7 @@ class House:
     generation: int = 1
     adopted: bool = False
     told: list[seen.Observation] = field(default_factory=list)
+    others: dict[int, Life] = field(default_factory=dict)
 
     def feed(self, fact: seen.Observation) -> None:
         self.told.append(fact)
@@ -45,6 +49,9 @@ class House:
 
     def life(self) -> Life | None:
         return self.core
+
+    def numbered(self, number: int) -> Life | None:
+        return self.others.get(number)
 
     def gateway(self) -> Handle | None:
         return None
@@ -105,3 +112,63 @@ def test_a_ledger_that_nothing_is_the_matter_with_is_not_accepted(house: House) 
     assert house.told == []
     house.moment = dataclasses.replace(house.moment, safe=Diagnosis.STORE_CORRUPT, in_question=True)
     assert ask(house, Request(Ask.RESUME, accept_ledger=True))["ok"] is True
+
+
+def test_a_restart_names_the_code_that_lies_on_the_disk(house: House) -> None:
+    assert ask(house, Request(Ask.RESTART))["ok"] is True
+    assert [fact.build for fact in house.told if isinstance(fact, seen.OperatorAsked)] == [build.build_id()]
+
+
+def test_a_hard_restart_asks_for_no_code(house: House) -> None:
+    assert ask(house, Request(Ask.RESTART, hard=True))["ok"] is True
+    assert [fact.build for fact in house.told if isinstance(fact, seen.OperatorAsked)] == [""]
+
+
+@pytest.mark.parametrize(("runs", "updates"), [("", False), ("0123456789abcdef", True)])
+def test_who_asks_for_a_restart_is_told_whether_a_spare_with_the_new_code_is_waited_for(
+    house: House, runs: str, *, updates: bool
+) -> None:
+    house.moment = dataclasses.replace(house.moment, switch_waits=True, spare_build=runs)
+    answer = ask(house, Request(Ask.RESTART))
+    assert (answer["waits"], answer["updates"]) == (True, updates)
+
+
+@pytest.mark.parametrize("ready", [False, True])
+def test_a_drill_of_a_spare_that_is_not_there_is_refused(house: House, *, ready: bool) -> None:
+    house.moment = dataclasses.replace(house.moment, spare=2 if ready else 0, spare_ready=ready)
+    assert ask(house, Request(Ask.DRILL, fault="spare"))["code"] == "no-spare"
+    assert house.told == []
+
+
+def test_a_drill_of_the_spare_ends_it_and_counts_on_nothing(house: House) -> None:
+    process = subprocess.Popen(["sleep", "60"], start_new_session=True)
+    handle = processes.find(Identity(process.pid, processes.start_of(process.pid) or 0))
+    assert handle is not None
+    house.others[2] = Life(2, "2" * 16, house.folders, handle=handle)
+    house.moment = dataclasses.replace(house.moment, spare=2, spare_ready=True)
+    assert ask(house, Request(Ask.DRILL, fault="spare"))["ok"] is True
+    assert process.wait(10) == -signal.SIGKILL
+    handle.close()
+    assert [(fact.fault, fact.life) for fact in house.told if isinstance(fact, seen.DrillStarted)] == [
+        ("spare", 2)
+    ]
+
+
+def test_the_gateways_witness_is_taken_in(house: House) -> None:
+    Door(house).listen({"type": "witness", "epoch": 3, "seq": 12, "hash": "ab" * 32})
+    told = [fact.witness for fact in house.told if isinstance(fact, seen.GatewayWitnessed)]
+    assert [(one.seq, one.epoch, one.hash) for one in told] == [(12, 3, "ab" * 32)]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        {"epoch": 3, "seq": 12},
+        {"epoch": 3, "seq": "12", "hash": "ab" * 32},
+        {"epoch": 3, "seq": 12, "hash": "ab"},
+        {"epoch": None, "seq": 12, "hash": "AB" * 32},
+    ],
+)
+def test_a_witness_that_makes_no_sense_is_dropped(house: House, line: dict[str, object]) -> None:
+    Door(house).listen({"type": "witness", **line})
+    assert house.told == []

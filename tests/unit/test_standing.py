@@ -52,3 +52,14 @@ def test_an_identity_that_cannot_be_read_leaves_the_pages_where_they_are(folders
     (folders.state / "instance.json").write_text("{")
     standing.own_run_folder(folders)
     assert has_page(folders)
+
+
+def test_without_a_spare_by_the_command_line_is_no_part_of_the_policy_that_is_kept(
+    folders: Folders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders.policy.write_text('{"spare": true}')
+    monkeypatch.setenv(standing.NO_SPARE_SWITCH, "1")
+    assert standing.policy_in_force(folders).policy.spare is False
+    monkeypatch.delenv(standing.NO_SPARE_SWITCH)
+    assert standing.policy_in_force(folders).policy.spare is True
+    assert folders.good_policy.read_text() == folders.policy.read_text()
