@@ -22,11 +22,11 @@ class StoreKnowledge:
     witness: Witness | None = None
     passed_on: Witness | None = None
     proven: Witness | None = None  # where the ledger ended when the last core proved it
-    served: int | None = None  # the epoch of the last core that served, as far as anybody knows
+    served: int | None = None  # the epoch of the last core that served; 0: no word of any that served counts
 
     def forget(self) -> None:
         """Take the ledger as it stands: the operator has put another copy in its place and says so."""
-        self.epoch, self.certain, self.served = None, False, None
+        self.epoch, self.certain, self.served = None, False, 0
         self.witness = self.passed_on = self.proven = None
 
     def witnesses(self) -> tuple[Witness, ...]:
@@ -50,8 +50,11 @@ class StoreKnowledge:
         return last is not None and witness.epoch < last.epoch and witness.seq > last.seq
 
     def knows(self, witness: Witness) -> bool:
-        """Return whether this commit is the last serving core's: of a ledger that was put back it would tell no truth."""
-        return witness.epoch == self.served
+        """Return whether this commit is the last serving core's: of a ledger that was put back it would tell no truth.
+
+        Where no page says which core that was, it is the only witness left.
+        """
+        return self.served is None or witness.epoch == self.served
 
     def told(self, witness: Witness) -> None:
         """The gateway has passed this commit on to a client."""

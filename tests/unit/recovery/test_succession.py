@@ -407,6 +407,25 @@ def test_a_late_word_of_what_the_ledger_has_is_no_news() -> None:
     assert _told(play, 9, 4) == []
 
 
+def test_without_any_page_the_gateways_word_is_the_only_witness() -> None:
+    play = Play().begin()
+    play.tell(seen.GatewayWitnessed(play.now_ns, Witness(11, 4, "h11")))
+    play.raised(5)
+    assert "Release" not in kinds(play.proven(5, 9))
+
+
+def test_who_accepts_the_ledger_hears_no_more_of_the_one_before() -> None:
+    play = _spared()
+    play.die(page=a_page(4, seq=9))
+    play.die(seen.Exit(code=65), a_page(0, words="STORE_CORRUPT"))
+    play.tell(seen.CoreReady(play.now_ns, play.life, 4, seen.Proof("none", 0, 9, "")))
+    play.ring()
+    play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESUME, accept_ledger=True))
+    _told(play, 11, 4)
+    play.die(seen.Exit(code=0))
+    assert play.spawned().witnesses == ()
+
+
 def test_who_accepts_the_ledger_forgets_both_witnesses() -> None:
     play = _spared()
     _told(play, 11, 4)
