@@ -432,9 +432,15 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._guarded(self._advance)
 
     def depart(self) -> None:
-        """The gateway leaves: an idle connection ends now, any other with its answer."""
-        if self._mode in {Mode.IDLE, Mode.HEAD} and not self._queue:
+        """The gateway leaves: an idle connection ends now, any other with its answer.
+
+        Half a request is answered as well: whoever is still saying it would otherwise be left without a word.
+        """
+        if self._mode is Mode.IDLE and not self._queue:
             self._leave(linger=False)
+        elif self._mode in {Mode.HEAD, Mode.BODY} and self._current() is None:
+            self._parser.refuse(Problem.SHUTTING_DOWN)
+            self._guarded(self._advance)
 
     def _ends_after(self, exchange: Exchange) -> bool:
         return not (exchange.head.keep_alive and exchange.whole) or self._desk.moves.leaving

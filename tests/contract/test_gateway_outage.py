@@ -312,6 +312,24 @@ def test_a_gateway_that_is_told_to_leave_answers_everybody_and_exits_with_0(tmp_
         assert w.process.wait(20) == 0
 
 
+def test_half_a_request_is_answered_when_the_gateway_leaves(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        core = w.serving()
+        start = b"POST /t HTTP/1.1\r\nHost: localhost\r\n"
+        halves = [w.client().send(half) for half in (start, start + b"Content-Length: 3\r\n\r\na")]
+        w.feed.wait("stats", lambda line: line["connections"] == 2)
+        asked = w.client().ask("GET", "/livez")
+        assert asked.read().status == 200  # so both halves have been read
+        w.terminate()
+        for client in halves:
+            answer = client.read()
+            assert (answer.status, answer.json()["outcome"]) == (503, "not_done")
+            assert client.closed()
+        assert w.process is not None
+        assert w.process.wait(20) == 0
+        assert core.targets() == []
+
+
 def test_what_does_not_finish_in_time_is_answered_too(tmp_path: Path) -> None:
     with world(tmp_path, drain_ms=50) as w:
         core = w.serving(silent)
