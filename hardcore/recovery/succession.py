@@ -9,6 +9,8 @@ Not chosen: a spare that takes over by itself when the core is silent. Two judge
 would be all that stood between them.
 """
 
+import dataclasses
+
 from hardcore.model import observations as seen
 from hardcore.model.actions import Kill, SpawnSpare
 from hardcore.model.phases import SERVING, Phase, Wanted
@@ -149,7 +151,7 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
         dismiss(c, now_ns)  # other code lies on the disk now
     if c.spare.fit(now_ns):
         wish.drains += 1
-        c.pending = wish.trouble
+        c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
         fire(c, Trigger.SWITCH, now_ns, wish.reason)
     elif not c.spare.comes or now_ns >= wish.give_up_ns:
         _give_up(c, wish, now_ns)
@@ -174,7 +176,7 @@ def _give_up(c: Course, wish: Switching, now_ns: int) -> None:
         )
         telling.alert(c, Diagnosis.PLANNED_SWITCH, text)
         return
-    c.pending = wish.trouble
+    c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
     fire(c, Trigger.RESTART, now_ns, wish.reason)
 
 
