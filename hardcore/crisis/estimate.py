@@ -92,9 +92,12 @@ def of_way(samples: Sequence[Sample], way: Way) -> tuple[Sample, ...]:
 
 def youngest(samples: Sequence[Sample]) -> tuple[Sample, ...]:
     """What is remembered: the last of each way, so that many of one do not push out the few of the other."""
-    kept = [*of_way(samples, Way.COLD)[-SAMPLES_MAX:], *of_way(samples, Way.SPARE)[-SAMPLES_MAX:]]
-    wanted = set(map(id, kept))
-    return tuple(one for one in samples if id(one) in wanted)
+    places, kept = dict.fromkeys(Way, SAMPLES_MAX), []
+    for one in reversed(samples):
+        if places[one.way]:
+            places[one.way] -= 1
+            kept.append(one)
+    return tuple(reversed(kept))
 
 
 def score(samples: Sequence[Sample]) -> Score:
