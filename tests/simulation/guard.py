@@ -17,10 +17,10 @@ from hardcore.model.recorder import Beats, CommandNote, SlotStage
 from hardcore.model.verdicts import Colour, Diagnosis
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.policy import Policy
-from tests.simulation.clock import NS_PER_MS
+from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import FROZEN, WELL
 from tests.simulation.looks import THREADS, beats, notes, page, process, stacks
-from tests.simulation.machine import Life
+from tests.simulation.machine import Life, Stage
 from tests.simulation.store import REFUSALS, Disk
 from tests.simulation.switches import Draining, Looking, Order, Taking
 
@@ -243,12 +243,13 @@ class Guard:
         """Whether a spare is to come, or to be ended."""
         if not (self.world.warm and self.policy.spare and self.phase in {Phase.RUNNING, Phase.SUSPECT}):
             return False
+        spare = self._lives.get(self._spare)
+        if spare is not None and spare.alive:  # its word comes by itself, unless something is the matter
+            late = spare.stage is Stage.BORN and (spare.plan.hangs or spare.plan.fence_ns > NS_PER_S)
+            return spare.condition is not WELL or late
         told = self.manager.reading()
-        spare = self._lives.get(told.spare)
-        if spare is not None:
-            return not told.spare_ready or spare.condition is not WELL
         never = told.spare_fault or told.behind is not None or told.safe is not None
-        return told.spare != 0 or not never
+        return not never and self._spare not in self._spawning
 
     @property
     def always_worried(self) -> bool:
