@@ -134,6 +134,10 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "바꾸지 못했어요. 지금 서버가 그대로 일하고 있고 잃은 것은 없어요.\n  까닭: {why}\n{log} 파일을 보고 고친 뒤 `hardcore restart`를 다시 하세요.",
         "Not switched. The core that served goes on, and nothing is lost.\n  Why: {why}\nLook at {log}, mend it, then `hardcore restart` again.",
     ),
+    "switch_forgotten": (
+        "감시자가 바뀌면서 이 부탁이 사라졌어요. 지금 서버가 그대로 일하고 있어요. `hardcore restart`를 다시 하세요.",
+        "The guard was replaced meanwhile, and the wish is gone. The core goes on: `hardcore restart` again.",
+    ),
     "restarted": (
         "새 서버로 바꿨어요. 응답을 기다리게 한 시간: {ms} ms. 사건 번호: {incident}",
         "A new core serves. Nobody was served for {ms} ms. Incident: {incident}",

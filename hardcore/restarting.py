@@ -30,16 +30,21 @@ SWITCH_S = 180.0
 @operator
 def restart(asked: Asked, reason: str, *, hard: bool, image: bool) -> None:
     """Start a new core, with the code that lies on the disk now. Requests wait meanwhile; none is lost."""
-    before = _core_of(status_of(asked))
+    first = status_of(asked)
+    before, sentinel = _core_of(first), first["sentinel"]["pid"]
     answer = asked.ask(verb="restart", reason=reason, hard=hard or image, image=image)
     asked.say(_begun(answer))
     told = come_back(
-        asked, lambda told: _is_another(told, before) or _given_up(told), SWITCH_S, "switch_left"
+        asked,
+        lambda told: _is_another(told, before) or _given_up(told) or _forgotten(told, sentinel),
+        SWITCH_S,
+        "switch_left",
     )
     if not _is_another(told, before) and _given_up(told):
-        asked.fail(
-            asked.words("switch_refused", why=told["switch_fault"], log=asked.folders.logs / "core.log")
-        )
+        log = asked.folders.logs / "core.log"
+        asked.fail(asked.words("switch_refused", why=told["switch_fault"], log=log))
+    if not _is_another(told, before) and _forgotten(told, sentinel):
+        asked.fail(asked.words("switch_forgotten"))
     told = come_back(asked, lambda told: _is_another(told, before) and told["phase"] in PROVEN)
     step = next_words(told, asked.lang)
     if not _is_another(told, before):
@@ -64,6 +69,12 @@ def _begun(answer: Mapping[str, Any]) -> str:
 def _given_up(told: Mapping[str, Any]) -> bool:
     """Tell whether the guard has found that the switch can't be done."""
     return bool(told["switch_fault"]) and not told["switch_waits"]
+
+
+def _forgotten(told: Mapping[str, Any], sentinel: object) -> bool:
+    """Tell whether another guard has taken over, and goes on with the core that was to be changed."""
+    followed = told["sentinel"]["pid"] not in {None, sentinel}
+    return followed and told["phase"] in PROVEN and not told["switch_waits"]
 
 
 def _core_of(told: Mapping[str, Any]) -> tuple[object, object]:
