@@ -11,6 +11,7 @@ import logging
 from collections.abc import Callable, Coroutine, Mapping
 from functools import partial
 from pathlib import Path
+from typing import assert_never
 from urllib.parse import unquote_to_bytes
 
 from hardcore.crisis import pages, receipts_pages
@@ -292,13 +293,15 @@ class Promises:
             self._refuse(exchange, Problem.RECEIPT_NOT_OPEN)
             return
 
+        give = self._in_time(exchange, Problem.RECEIPTS_AWAY)
+
         def stored(failure: Failure | None) -> None:
             if failure is not None:
-                self._refuse(exchange, Problem.RECEIPTS_AWAY)
+                give(_refusal(Problem.RECEIPTS_AWAY, exchange.head))
             elif exchange.head.navigation:
-                self._give(exchange, receipts_pages.shown_at(key))
+                give(receipts_pages.shown_at(key))
             else:
-                self._give(exchange, receipts_pages.as_json(changed, self._now(), 202))
+                give(receipts_pages.as_json(changed, self._now(), 202))
 
         self._change(file, changed, stored)
 
@@ -344,17 +347,25 @@ class Promises:
         if known is not None and known.digest != wish.digest:
             self._refuse(exchange, Problem.KEY_REUSED)
         elif receipt is not None or not self._leaving:
-            self._keep(wish, form.body, partial(self._kept, exchange, wish.key))
+            give = self._in_time(exchange, Problem.PROMISE_UNKNOWN)
+            self._keep(wish, form.body, lambda kept: give(_kept_answer(kept, wish.key, head)))
         else:
             self._refuse(exchange, Problem.SHUTTING_DOWN)
 
-    def _kept(self, exchange: Exchange, key: str, kept: Kept) -> None:
-        if kept is Failure.REFUSED:
-            self._refuse(exchange, Problem.NOT_KEPT)
-        elif kept is Failure.DOUBTFUL:
-            self._refuse(exchange, Problem.PROMISE_UNKNOWN)
-        else:
-            self._give(exchange, receipts_pages.shown_at(key))
+    def _in_time(self, exchange: Exchange, late: Problem) -> Callable[[pages.Answer], None]:
+        """How to answer a request that waits for the disk: with what comes first, else with `late`."""
+        waits = True
+
+        def give(answer: pages.Answer) -> None:
+            nonlocal waits
+            if waits:
+                waits = False
+                timer.cancel()
+                self._give(exchange, answer)
+
+        wait_s = self._limits.receipt_store_ms / 1000
+        timer = self._loop.call_later(wait_s, lambda: give(_refusal(late, exchange.head)))
+        return give
 
     def _give(self, exchange: Exchange, answer: pages.Answer) -> None:
         exchange.client.answer(answer.head, answer.body)
@@ -379,6 +390,18 @@ def _refusal(problem: Problem, head: RequestHead) -> pages.Answer:
     if head.navigation:
         return pages.plain(problem, head)
     return pages.problem(problem, head.accept_language, _SAYS.get(problem))
+
+
+def _kept_answer(kept: Kept, key: str, head: RequestHead) -> pages.Answer:
+    match kept:
+        case Receipt():
+            return receipts_pages.shown_at(key)
+        case Failure.REFUSED:
+            return _refusal(Problem.NOT_KEPT, head)
+        case Failure.DOUBTFUL:
+            return _refusal(Problem.PROMISE_UNKNOWN, head)
+        case never:
+            assert_never(never)
 
 
 def _key_of(head: RequestHead) -> str | None:

@@ -1,8 +1,10 @@
 """The recovery page's "keep it for me": a form's wish that the page alone carries becomes a promise."""
 
 import re
+import sqlite3
 from base64 import urlsafe_b64decode
 from collections.abc import Iterator
+from contextlib import closing
 from html import unescape
 from pathlib import Path
 from urllib.parse import urlencode
@@ -23,6 +25,7 @@ from tests.contract.receipts_world import (
     reborn,
     receipt,
     serve,
+    wish,
 )
 from tests.waiting import until
 
@@ -127,6 +130,19 @@ def test_a_person_answers_for_an_old_one_with_a_form(tmp_path: Path) -> None:
         assert (answer.status, answer.header("Location")) == (303, "/__hc/receipts/f1")
         assert receipt(w, "f1")["outcome"] == "not_done"
         assert ledger.booked == []
+
+
+def test_whoever_waits_for_a_disk_that_hangs_is_told_in_time_that_nobody_knows(tmp_path: Path) -> None:
+    with promising(tmp_path, receipt_store_ms=300) as w:
+        hold(w)
+        fields = offered(w)
+        until(lambda: wish(w, "k0").read().status == 202, "the receipts to be read")
+        with closing(sqlite3.connect(tmp_path / "receipts.db", isolation_level=None)) as lock:
+            lock.execute("BEGIN IMMEDIATE")  # for longer than anybody waits
+            answer = wish(w, "k1").read()
+            assert (answer.status, answer.json()["type"]) == (503, "/problems/promise-unknown")
+            assert keep(w, fields).status == 503
+            assert w.ask("GET", "/__hc/receipts/k0").status == 200  # nobody else waits for it
 
 
 # -- a form whose core dies under it ---------------------------------------------------------------------
