@@ -31,8 +31,8 @@ from core.journal.store import (
     LEDGER_FILE,
     StoreError,
     StoreFault,
+    WritingEngine,
     close_writing,
-    open_writing,
     size_bytes,
     store_error,
     watch,
@@ -77,18 +77,25 @@ class Terms:
 
 
 def open_book(
-    data: Path, terms: Terms, settings: Settings, telling: Telling, ahead: Ahead | None = None
+    data: Path,
+    terms: Terms,
+    settings: Settings,
+    telling: Telling,
+    ahead: Ahead | None = None,
+    engine: WritingEngine | None = None,
 ) -> OpenBook | Departure:
     """Take the book of a data folder over, raising its epoch, and prove its tail. Blocks.
 
-    `ahead`: what this very process has seen of the chain already. It is at its end with this.
+    `ahead`: what this very process has seen of the chain already. It is at its end with this. `engine`: the one to
+    write with, where it was tried before.
     """
     guard = take_start_guard(data, shared=terms.shared)
     if isinstance(guard, DoorClosed):
         return _not_let_in(guard)
-    taken = _take_over(data, terms, settings, telling)
+    engine = engine or WritingEngine(data / LEDGER_FILE)
+    taken = _take_over(engine, data, terms, settings, telling)
     if isinstance(taken, StoreError) and taken.fault is StoreFault.NO_ROOM and ballast.drop(data):
-        taken = _take_over(data, terms, settings, telling)
+        taken = _take_over(engine, data, terms, settings, telling)
     if isinstance(taken, StoreError):
         return _untaken(taken, telling)
     if isinstance(taken, Departure):
@@ -118,10 +125,10 @@ class _Taken:
 
 
 def _take_over(
-    data: Path, terms: Terms, settings: Settings, telling: Telling
+    engine: WritingEngine, data: Path, terms: Terms, settings: Settings, telling: Telling
 ) -> _Taken | StoreError | Departure:
     busy_ms = settings.fence_busy_ms if terms.busy_ms is None else terms.busy_ms
-    connection = open_writing(data / LEDGER_FILE, busy_ms)
+    connection = engine.open(busy_ms)
     if isinstance(connection, StoreError):
         return _as_the_disk_says(connection, data)
     outcome = fence(connection, terms.expected_epoch, _bringing_up(data, telling))

@@ -28,7 +28,15 @@ from core.guarded.recorder import FlightRecorder, NoRecorder
 from core.imports.desk import Desk
 from core.journal import queries, schema
 from core.journal.ahead import Ahead
-from core.journal.store import LEDGER_FILE, StoreError, open_reading, snapshot, store_error
+from core.journal.rehearsal import rehearse_writing
+from core.journal.store import (
+    LEDGER_FILE,
+    StoreError,
+    WritingEngine,
+    open_reading,
+    snapshot,
+    store_error,
+)
 from core.loading import be_nice
 from core.service import Service, Unwritten
 from core.settings import Settings
@@ -58,7 +66,7 @@ class Seen:
 class Spare:
     """One spare, from its first look at the store to its promotion. All methods on the loop's thread.
 
-    `readers`, `app` and `ahead` are for the core that it becomes.
+    `readers`, `engine`, `app` and `ahead` are for the core that it becomes.
     """
 
     def __init__(self, data: Path, settings: Settings, recorder: FlightRecorder) -> None:
@@ -72,6 +80,7 @@ class Spare:
         self._seen: Seen | None = None
         self.ahead = Ahead(settings.tail_events)
         self.app: Starlette = lay_out()
+        self.engine = WritingEngine(data / LEDGER_FILE)
         # One more connection than reading threads: the proof of the whole book has its own.
         self.readers: Engine = open_reading(data / LEDGER_FILE, settings.readers + 1, settings.write_busy_ms)
 
@@ -96,6 +105,7 @@ class Spare:
 
     async def warm_up(self) -> Seen | Departure:
         """Read the store, open every connection and rehearse; return what can be told of it, or why it is no use."""
+        loop = asyncio.get_running_loop()
         seen = await self._look()
         while not isinstance(seen, Seen):  # for as long as its guard has patience
             self._recorder.event("SPARE_LOOK", seen.text)
@@ -107,6 +117,7 @@ class Spare:
                 " use that version."
             )
         await asyncio.to_thread(self._open_readers)
+        await loop.run_in_executor(self._thread, rehearse_writing, self.engine, self._data)
         if not seen.migrates:
             await self._rehearse(seen)
         self._seen = seen

@@ -68,32 +68,65 @@ def _driver_error(raised: BaseException | None) -> StoreError:
     return StoreError(fault, f"{name}: {raised}")
 
 
-def open_writing(path: Path, busy_timeout_ms: int) -> Connection | StoreError:
-    """Open the one connection that writes, making the file if there is none.
+class WritingEngine:
+    """The engine of the one connection that writes. What it is tried on before the store is a book in memory.
 
-    `busy_timeout_ms`: how long BEGIN IMMEDIATE waits for somebody else's lock.
+    Statements it has put into words there are ready when it opens the store.
     """
 
-    def connect() -> sqlite3.Connection:
-        return sqlite3.connect(
-            path, timeout=busy_timeout_ms / 1000, isolation_level=None, check_same_thread=False
+    def __init__(self, path: Path) -> None:
+        """Prepare for the store at `path`; nothing is opened yet."""
+        self._path = path
+        self._opens: Path | str = path
+        self._busy_timeout_ms = 0
+        self._engine = create_engine(
+            "sqlite://", creator=self._connect, poolclass=StaticPool, isolation_level="AUTOCOMMIT"
         )
 
-    engine = create_engine("sqlite://", creator=connect, poolclass=StaticPool, isolation_level="AUTOCOMMIT")
-    try:
-        connection = engine.connect()
-        for pragma in (
-            "journal_mode = WAL",
-            "synchronous = FULL",
-            "foreign_keys = ON",
-            "trusted_schema = OFF",
-            f"wal_autocheckpoint = {CHECKPOINT_PAGES}",
-            f"journal_size_limit = {LOG_KEPT_BYTES}",
-        ):
-            connection.exec_driver_sql(f"PRAGMA {pragma}").close()
-    except DBAPIError as error:
-        return store_error(error)
-    return connection
+    @contextmanager
+    def tried(self) -> Iterator[Connection]:
+        """Give a connection to an empty book in memory, which is gone afterwards."""
+        self._opens = ":memory:"
+        try:
+            with self._engine.connect() as connection:
+                yield connection
+        finally:
+            self._engine.dispose()
+            self._opens = self._path
+
+    def open(self, busy_timeout_ms: int) -> Connection | StoreError:
+        """Open the connection that writes, making the file if there is none.
+
+        `busy_timeout_ms`: how long BEGIN IMMEDIATE waits for somebody else's lock.
+        """
+        self._busy_timeout_ms = busy_timeout_ms
+        try:
+            connection = self._engine.connect()
+            for pragma in (
+                "journal_mode = WAL",
+                "synchronous = FULL",
+                "foreign_keys = ON",
+                "trusted_schema = OFF",
+                f"wal_autocheckpoint = {CHECKPOINT_PAGES}",
+                f"journal_size_limit = {LOG_KEPT_BYTES}",
+            ):
+                connection.exec_driver_sql(f"PRAGMA {pragma}").close()
+        except DBAPIError as error:
+            return store_error(error)
+        return connection
+
+    def _connect(self) -> sqlite3.Connection:
+        return sqlite3.connect(
+            self._opens,
+            timeout=self._busy_timeout_ms / 1000,
+            isolation_level=None,
+            check_same_thread=False,
+        )
+
+
+def open_writing(path: Path, busy_timeout_ms: int) -> Connection | StoreError:
+    """Open the one connection that writes, making the file if there is none; see `WritingEngine.open`."""
+    return WritingEngine(path).open(busy_timeout_ms)
 
 
 def close_writing(connection: Connection) -> None:
