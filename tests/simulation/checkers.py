@@ -45,6 +45,8 @@ TOLD_NS = NS_PER_S
 _BY_ITSELF = frozenset({Trigger.NO_DELAY, Trigger.DEADLINE})
 #: The spare is looked at so often, and something may befall it in between.
 SPARE_SEEN_MS = 400
+#: What a client asks for at the very end.
+LAST_ASKED = "quiet-3"
 DRILL_NS = 15 * NS_PER_S
 #: A trouble that was over for so long is not told as a new one.
 STALE_NS = 10 * NS_PER_S
@@ -451,7 +453,8 @@ class Checkers:
         living = self._living()
         if world.disk_wanted is Wanted.DOWN:
             _hold(guard.halted, "a guard that is not wanted ends")
-            _hold(not living or world.stuck_for_ever, "a core that is not wanted ends")
+            waiting = any(life.alive and life.waits for life in world.lives)
+            _hold(not (living or waiting) or world.stuck_for_ever, "a core that is not wanted ends")
         elif guard.phase is Phase.RUNNING or (guard.phase is Phase.SUSPECT and guard.always_worried):
             well = guard.life is not None and guard.life.alive and guard.life.condition is WELL
             _hold(well and guard.life is not None and guard.life.stage is Stage.READY, "what runs, serves")
@@ -481,6 +484,8 @@ class Checkers:
         """A mode that was entered for a disk's sake is left when the disk is well; a damaged ledger waits."""
         if Diagnosis.STORE_CORRUPT in self.world.truths:
             return
+        asked = [x for x in self.world.gateway.requests if x.key == LAST_ASKED]
+        _hold(all(x.outcome == "done" for x in asked), "who asks in the quiet is served")
         assert guard.life is not None, "it serves"
         _hold(not guard.life.safe, "a core goes on reading only, for no reason any more")
         _hold(guard.manager.reading().safe is None, "reading only is shown, and everything is served")

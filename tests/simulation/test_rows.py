@@ -23,6 +23,10 @@ WHERE_IT_IS_REACHED = (
     ("disk full at the fence", "disk fills", "disk read-only at the fence", "operator resumes", "frozen"),
     ("crash loop", "operator stops", "configuration bad", "operator resumes", "operator restarts"),
     ("page unreadable for long", "operator restarts", "operator restarts hard"),
+    ("promoted unseen", "gateway says too much, unseen", "spare dies in the drain"),
+    ("operator stops in a switch", "dies in a switch", "operator restarts hard"),
+    ("drain refused", "drain never answered", "promotion refused", "promotion hangs before its fence"),
+    ("stuck with the store's lock", "unkillable", "operator restarts hard", "operator switches"),
 )
 #: Seeds are run in blocks, now of these worlds, now of those; more than so many rounds mean that a row is dead.
 BLOCK = 100

@@ -15,6 +15,7 @@ from hardcore.recovery.budget import Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.safety import Safety
+from hardcore.recovery.spare import Spare, SpareState
 from hardcore.recovery.store import StoreKnowledge
 from hardcore.recovery.transitions import Row, Step, Trigger
 from hardcore.sentinel import verdict
@@ -155,6 +156,11 @@ def _end_it_while_it_lives(patch: pytest.MonkeyPatch) -> None:
     _table(P.KILLING, T.DEADLINE, (P.BACKOFF, ()))(patch)
 
 
+def _nobody_ends_the_spare(patch: pytest.MonkeyPatch) -> None:
+    for room in (moves, failover):
+        patch.setattr(room, "dismiss", _always(None))
+
+
 def _proven_by_time(patch: pytest.MonkeyPatch) -> None:
     def last(c: Course, now_ns: int) -> None:
         if c.phase is P.PROBATION and c.outlasted_ns is not None:
@@ -199,6 +205,17 @@ MUTANTS: dict[str, Mutation] = {
     "a probation ends by itself": _proven_by_time,
     "a lock is waited for by nobody": _instead(plan, "passes", _always(value=False)),
     "reads only for ever": _instead(Safety, "_plan", _always(None)),
+    "PROMOTE beside a core that writes": _table(
+        P.RUNNING, T.SWITCH, (P.SWITCHING, (S.OPEN_PLANNED, S.LEAVE_BEHIND, S.PROMOTE))
+    ),
+    "a drained core is kept": _table(P.PROVING, T.READY, (P.PROBATION, (S.RELEASE,))),
+    "a sick spare is promoted": _instead(Spare, "fit", lambda spare, _: spare.state is SpareState.READY),
+    "a stuck core is forgotten": _without(T.STUCK),
+    "what a client was told is not asked for": _instead(StoreKnowledge, "misses", _always(value=False)),
+    "the spare outlives its guard": _nobody_ends_the_spare,
+    "no release after a drain in vain": _table(P.DRAINING, T.NOT_DRAINED, (P.RUNNING, (S.CLOSE,))),
+    "a drain without an end": _table(P.DRAINING, T.DEADLINE, None),
+    "a spare that does not take over is waited for": _table(P.SWITCHING, T.DEADLINE, None),
 }
 
 
@@ -227,6 +244,15 @@ WHERE_IT_SHOWS = {
     "late for ever excuses all": ("ticks always late", "frozen", "blocked on a lock"),
     "a probation ends by itself": ("silent at the end of probation",),
     "a lock is waited for by nobody": ("ledger locked at the fence",),
+    "PROMOTE beside a core that writes": ("operator switches",),
+    "a drained core is kept": ("operator switches",),
+    "a sick spare is promoted": ("spare silent, then the core",),
+    "a stuck core is forgotten": ("stuck with the store's lock",),
+    "what a client was told is not asked for": ("gateway says too much",),
+    "the spare outlives its guard": ("operator stops", "operator switches"),
+    "no release after a drain in vain": ("drain refused",),
+    "a drain without an end": ("drain never answered",),
+    "a spare that does not take over is waited for": ("promotion hangs before its fence",),
 }
 
 

@@ -90,6 +90,7 @@ class Gateway:
         self.world = world
         self.face = Face.HOLD
         self.serving: Life | None = None
+        self.released = False  # any face but FORWARD takes it back
         self.requests: list[Request] = []
         self.open: list[Request] = []
 
@@ -107,7 +108,7 @@ class Gateway:
     def _route(self, request: Request) -> None:
         if self.face in {Face.REFUSE, Face.CLOSED}:
             self.settle(request, "not_done")
-        elif self.face is Face.FORWARD and self.serving is not None and self.serving.alive:
+        elif self.released and self.serving is not None and self.serving.alive:
             self._forward(request)
         else:
             request.at = At.HELD
@@ -200,6 +201,7 @@ class Gateway:
         if face is self.face:
             return
         self.face = face
+        self.released = self.released and face is Face.FORWARD
         if face is Face.HOLD:
             self.world.to_guard(seen.GatewayHolding(self.world.clock.now_ns + NS_PER_MS))
         elif face is not Face.FORWARD:
@@ -209,7 +211,7 @@ class Gateway:
 
     def release(self, order: Release, life: Life) -> None:
         """The guard says that this core serves: what was held and lost goes on."""
-        self.serving, self.face = life, Face.FORWARD
+        self.serving, self.face, self.released = life, Face.FORWARD, True
         for request in list(self.open):
             if request.at is At.LOST:
                 self._after_death(request, order)
@@ -234,4 +236,4 @@ class Gateway:
         """A new guard has ended this gateway and started another: its clients lost their connections."""
         for request in list(self.open):
             self.settle(request, "gone")
-        self.face, self.serving = Face.HOLD, None
+        self.face, self.serving, self.released = Face.HOLD, None, False
