@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from hardcore import executor as hands
+from hardcore import handover
 from hardcore.executor import Executor
 from hardcore.host import clock, lives, logs, processes
 from hardcore.host.folders import Folders
@@ -201,6 +202,12 @@ class Scene:
         return told
 
 
+@pytest.fixture(autouse=True)
+def patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that stands still for a moment is not what these tests are about."""
+    monkeypatch.setattr(handover, "PROMOTE_S", 30.0)
+
+
 def on_stage(house: Folders, core: Core | None, play: Callable[[Scene], Awaitable[None]]) -> None:
     """Play a scene with a core that lives as life 3; its process is gone afterwards."""
 
@@ -286,10 +293,10 @@ def test_a_core_that_drains_is_not_to_be_gone_on_with_unless_it_could_not_be_dra
     core = Core({"ok": False, "error": "one is still at work"}, {"ok": True, "seq": 41})
 
     async def play(scene: Scene) -> None:
-        scene.executor.carry_out(orders.Drain(3, 2000))
+        scene.executor.carry_out(orders.Drain(3, 60_000))
         await condition(lambda: len(scene.facts) == 1)
         assert scene.steps()["condemned"] == []
-        scene.executor.carry_out(orders.Drain(3, 2000))
+        scene.executor.carry_out(orders.Drain(3, 60_000))
         await condition(lambda: len(scene.facts) == 2)
         assert scene.steps()["condemned"] == [scene.life.nonce]
         refused, drained = scene.facts
@@ -297,7 +304,7 @@ def test_a_core_that_drains_is_not_to_be_gone_on_with_unless_it_could_not_be_dra
         assert (refused.done, refused.reason) == (False, "one is still at work")
         assert isinstance(drained, seen.Drained)
         assert (drained.done, drained.seq) == (True, 41)
-        assert core.asked[0] == {"verb": "drain", "within_ms": 2000, "generation": 5}
+        assert core.asked[0] == {"verb": "drain", "within_ms": 60_000, "generation": 5}
 
     on_stage(house, core, play)
 
@@ -306,7 +313,7 @@ def test_a_core_that_says_nothing_of_its_drain_is_left_to_the_managers_deadline(
     core = Core()
 
     async def play(scene: Scene) -> None:
-        scene.executor.carry_out(orders.Drain(3, 2000))
+        scene.executor.carry_out(orders.Drain(3, 60_000))
         await condition(lambda: core.asked != [])
 
     on_stage(house, core, play)
