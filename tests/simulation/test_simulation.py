@@ -70,7 +70,12 @@ def test_every_law_holds_in_worlds_that_nobody_has_seen() -> None:
 @pytest.mark.parametrize("path", REGRESSIONS, ids=lambda path: path.stem)
 def test_what_once_broke_holds(path: Path) -> None:
     told = json.loads(path.read_text())
-    script = Script(told["kind"], told["policy"], tuple((at_ms, name) for at_ms, name in told["faults"]))
+    script = Script(
+        told["kind"],
+        told["policy"],
+        tuple((at_ms, name) for at_ms, name in told["faults"]),
+        told.get("warm", False),
+    )
     assert run(told["seed"], script).broken is None, told["story"]
 
 
