@@ -104,7 +104,6 @@ def converges(house: House, fault: str, kill: Callable[[], object]) -> None:
         ("hang", "released"),
         ("switch", "drain"),
         ("switch", "promote"),
-        ("switch", "released"),
         ("switch", "terminate"),
     ],
 )
