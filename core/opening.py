@@ -128,7 +128,7 @@ def _take_over(
     engine: WritingEngine, data: Path, terms: Terms, settings: Settings, telling: Telling
 ) -> _Taken | StoreError | Departure:
     busy_ms = settings.fence_busy_ms if terms.busy_ms is None else terms.busy_ms
-    connection = engine.open(busy_ms)
+    connection = engine.connect(busy_ms)
     if isinstance(connection, StoreError):
         return _as_the_disk_says(connection, data)
     outcome = fence(connection, terms.expected_epoch, _bringing_up(data, telling))

@@ -94,7 +94,7 @@ class WritingEngine:
             self._engine.dispose()
             self._opens = self._path
 
-    def open(self, busy_timeout_ms: int) -> Connection | StoreError:
+    def connect(self, busy_timeout_ms: int) -> Connection | StoreError:
         """Open the connection that writes, making the file if there is none.
 
         `busy_timeout_ms`: how long BEGIN IMMEDIATE waits for somebody else's lock.
@@ -125,8 +125,8 @@ class WritingEngine:
 
 
 def open_writing(path: Path, busy_timeout_ms: int) -> Connection | StoreError:
-    """Open the one connection that writes, making the file if there is none; see `WritingEngine.open`."""
-    return WritingEngine(path).open(busy_timeout_ms)
+    """Open the one connection that writes, making the file if there is none; see `WritingEngine.connect`."""
+    return WritingEngine(path).connect(busy_timeout_ms)
 
 
 def close_writing(connection: Connection) -> None:
