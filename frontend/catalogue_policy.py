@@ -126,10 +126,19 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "새 핵심 서버를 켜요. 새 서버는 장부를 확인한 뒤에만 요청을 받아요.",
         "Another core is started; it serves once it has proven the ledger.",
     ),
-    "not-adopted": _text(
-        "새 감시자는 돌고 있던 핵심 서버를 건강해도 종료하고 새로 켜요. 그대로 이어받는 일은 이 버전에 아직 없어요.",
-        "The next guard ends the core that it finds, also a healthy one, and starts another. To adopt it is not in "
-        "this version.",
+    "adopted": _text(
+        "새 감시자는 돌고 있던 건강한 핵심 서버를 멈추지 않고 이어받아요. 하던 일이 중간에 멈춘 서버는 종료하고 새로 켜요.",
+        "The next guard goes on with a core that it finds serving. One that it finds in the middle of something is "
+        "ended, and another is started.",
+    ),
+    "spares-given-up": _text(
+        "예비 서버가 거듭 종료되면 한동안 두지 않아요. 그동안은 새 핵심 서버를 처음부터 켜서 더 오래 걸려요.",
+        "Spares that die again and again are done without for a while: a core is started from nothing then, "
+        "which takes longer.",
+    ),
+    "switch-given-up": _text(
+        "부탁받은 교체를 할 수 없으면 그만두고, 지금의 핵심 서버가 계속 일해요.",
+        "A switch that can't be done is given up, and the core that serves goes on.",
     ),
     "waits": _text(
         "다시 켜지 않고 `hardcore resume`을 기다려요.",

@@ -44,7 +44,9 @@ class Said(StrEnum):
     READS_MEANWHILE = "reads-meanwhile"
     ENDED_AND_STARTED = "ended-and-started"
     STARTED_AGAIN = "started-again"
-    NOT_ADOPTED = "not-adopted"
+    ADOPTED = "adopted"
+    SPARES_GIVEN_UP = "spares-given-up"
+    SWITCH_GIVEN_UP = "switch-given-up"
     WAITS = "waits"
     LESS_THAN_ITS_NAME = "less-than-its-name"
     SUSPECTS_TOUCHED = "suspects-touched"
@@ -93,16 +95,24 @@ _NOT_MADE = frozenset(
         Diagnosis.LEAK,
         Diagnosis.FD_EXHAUSTION,
         Diagnosis.GATEWAY_LOST,
-        Diagnosis.SPARE_LOST,
-        Diagnosis.PLANNED_SWITCH,
     }
 )
+
+
+#: What concerns no core that serves: only a person is told, and what goes on.
+_BESIDE = {
+    Diagnosis.SPARE_LOST: Said.SPARES_GIVEN_UP,
+    Diagnosis.PLANNED_SWITCH: Said.SWITCH_GIVEN_UP,
+}
 
 
 def explain(policy: Policy, diagnosis: Diagnosis) -> tuple[Line, ...]:
     """Return all that is true of this diagnosis under this policy, in the order in which it would happen."""
     if diagnosis in _NOT_MADE:
         return (Line(Said.NOT_MADE),)
+    if diagnosis in _BESIDE:
+        alerts = (Line(Said.ALERT),) if policy.asks(diagnosis, Word.SEND_ALERT) else ()
+        return (*alerts, Line(_BESIDE[diagnosis]))
     when = [_line(policy, said, *names) for said, names in _WHEN.get(diagnosis, ((Said.AT_ONCE, ()),))]
     if when[0].said is Said.NEVER_ACTED_ON:
         return tuple(when)
@@ -119,7 +129,7 @@ def _deeds(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
         tries = _line(policy, Said.TRIES_TO_WRITE, "safe_retry_ms")
         lines.append(tries if diagnosis in PASSING else Line(Said.READS_UNTIL_RESUME))
     elif diagnosis is Diagnosis.SENTINEL_LOST:
-        lines.append(Line(Said.NOT_ADOPTED))
+        lines.append(Line(Said.ADOPTED))
     elif ended:
         lines.append(Line(Said.ENDED_AND_STARTED if diagnosis in LIVING else Said.STARTED_AGAIN))
     elif diagnosis in LIVING and policy.words(diagnosis) != {Word.NONE}:

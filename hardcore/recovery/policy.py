@@ -2,8 +2,8 @@
 
 The file is read whole or refused whole, with the line and the reason of everything that is wrong; a bad
 file never replaces a good one. Words of the contract that this version can't carry out in full are taken
-in their nearest honest sense (`EFFECT` below) and named by `notes`, so that nobody believes in a spare
-core that is not there.
+in their nearest honest sense (`EFFECT` below) and named by `notes`, so that nobody believes in what
+is not there.
 """
 
 import dataclasses

@@ -89,3 +89,12 @@ def test_the_policy_in_force_is_explained_and_not_the_shipped_one() -> None:
 
 def test_memory_suspects_only_what_grew() -> None:
     assert _said(Diagnosis.OUT_OF_MEMORY)[-1] is Said.SUSPECTS_GROWN
+
+
+def test_what_concerns_the_spare_ends_no_core() -> None:
+    assert _said(Diagnosis.SPARE_LOST) == [Said.ALERT, Said.SPARES_GIVEN_UP]
+    assert _said(Diagnosis.PLANNED_SWITCH) == [Said.ALERT, Said.SWITCH_GIVEN_UP]
+
+
+def test_a_core_that_is_found_serving_is_gone_on_with() -> None:
+    assert Said.ADOPTED in _said(Diagnosis.SENTINEL_LOST)
