@@ -88,46 +88,21 @@ class Unwritten:
     head_seq: int
 
 
-class Service:
-    """What the web asks of the core. All methods on the loop's thread."""
+class Slots:
+    """Who is at work: every piece of work holds a slot on the recorder, and while a core drains nothing new is taken.
 
-    def __init__(
-        self,
-        writer: Writer | Unwritten,
-        readers: Engine,
-        recorder: FlightRecorder,
-        settings: Settings,
-        epoch: int,
-        safe: str | None = None,
-        on_fenced: Callable[[int], object] | None = None,
-    ) -> None:
-        """Take the started parts. `readers` is not opened before the first read.
+    All methods on the loop's thread.
+    """
 
-        `safe`: the diagnosis because of which only reads are served; without a writer there always is one.
-        `on_fenced` is told the higher epoch when this core, after it was stopped for a while, finds that another has
-        taken over; it must end the process. Without it nobody looks.
-        """
-        assert safe is not None or isinstance(writer, Writer), "a core without a writer can only read"
-        self.epoch = epoch
-        self.safe = safe
+    def __init__(self, recorder: FlightRecorder, settings: Settings) -> None:
+        """Take work from now on."""
         self.settings = settings
-        self.hub = Hub()
-        self._writer = writer
-        self._readers = readers
         self._recorder = recorder
-        self._threads = ThreadPoolExecutor(settings.readers, thread_name_prefix="reader")
-        self._auditor = ThreadPoolExecutor(1, thread_name_prefix="auditor")
-        self._audits = recorder.component(AUDITOR, AUDIT_SILENT_MS_MAX)
         self._draining = False
         self._in_flight = 0
         self._all_answered = asyncio.Event()
         self._all_answered.set()
-        self._verifying = asyncio.Lock()
-        self._next_verdict: asyncio.Task[Verdict | StoreError | GivenUp] | None = None
-        self._verdicts_waiting = 0
         self._leaving = threading.Event()
-        self._tenure = Tenure(epoch, self._stored_epoch, on_fenced) if on_fenced is not None else None
-        self._in_line: dict[str, asyncio.Future[Answer]] = {}  # by key: the newest command under it
 
     @property
     def in_flight(self) -> int:
@@ -138,34 +113,6 @@ class Service:
     def draining(self) -> bool:
         """Whether nothing new is taken any more."""
         return self._draining
-
-    @property
-    def head_seq(self) -> int:
-        """The last event this core knows of, without asking the store."""
-        return self._writer.head_seq
-
-    def beat(self, now_ns: int) -> None:
-        """Notice at a beat of the loop that this process was stopped for a while."""
-        if self._tenure is not None:
-            self._tenure.beat(now_ns)
-
-    async def still_ours(self) -> None:
-        """Return once this core may answer: at once, or, where it may have been stopped, after a look at the store."""
-        if self._tenure is not None:
-            await self._tenure.sure()
-
-    async def _stored_epoch(self) -> int | None:
-        def look() -> int | None:
-            try:
-                with snapshot(self._readers, self.settings.read_ms_max) as connection:
-                    epoch: int = queries.head(connection).epoch
-                    return epoch
-            except DBAPIError:
-                return None
-
-        if self._leaving.is_set():
-            return None  # its threads are about to end, and so is it
-        return await asyncio.get_running_loop().run_in_executor(self._threads, look)
 
     def new_id(self) -> str:
         """Return a new UUIDv7."""
@@ -204,6 +151,90 @@ class Service:
         self._in_flight -= 1
         if self._in_flight == 0:
             self._all_answered.set()
+
+    def pause(self) -> None:
+        """Take nothing new until `resume`."""
+        self._draining = True
+
+    def resume(self) -> None:
+        """Take requests again, unless this core is leaving."""
+        self._draining = self._leaving.is_set()
+
+    async def until_answered(self) -> None:
+        """Wait until every request that holds a slot is answered."""
+        await self._all_answered.wait()
+
+    async def all_answered(self, within_ms: int) -> bool:
+        """Wait until every request that holds a slot is answered; return whether that came about."""
+        try:
+            await asyncio.wait_for(self.until_answered(), within_ms / 1000)
+        except TimeoutError:
+            return False
+        return True
+
+
+class Service(Slots):
+    """What the web asks of the core. All methods on the loop's thread."""
+
+    def __init__(
+        self,
+        writer: Writer | Unwritten,
+        readers: Engine,
+        recorder: FlightRecorder,
+        settings: Settings,
+        epoch: int,
+        safe: str | None = None,
+        on_fenced: Callable[[int], object] | None = None,
+    ) -> None:
+        """Take the started parts. `readers` is not opened before the first read.
+
+        `safe`: the diagnosis because of which only reads are served; without a writer there always is one.
+        `on_fenced` is told the higher epoch when this core, after it was stopped for a while, finds that another has
+        taken over; it must end the process. Without it nobody looks.
+        """
+        assert safe is not None or isinstance(writer, Writer), "a core without a writer can only read"
+        super().__init__(recorder, settings)
+        self.epoch = epoch
+        self.safe = safe
+        self.hub = Hub()
+        self._writer = writer
+        self._readers = readers
+        self._threads = ThreadPoolExecutor(settings.readers, thread_name_prefix="reader")
+        self._auditor = ThreadPoolExecutor(1, thread_name_prefix="auditor")
+        self._audits = recorder.component(AUDITOR, AUDIT_SILENT_MS_MAX)
+        self._verifying = asyncio.Lock()
+        self._next_verdict: asyncio.Task[Verdict | StoreError | GivenUp] | None = None
+        self._verdicts_waiting = 0
+        self._tenure = Tenure(epoch, self._stored_epoch, on_fenced) if on_fenced is not None else None
+        self._in_line: dict[str, asyncio.Future[Answer]] = {}  # by key: the newest command under it
+
+    @property
+    def head_seq(self) -> int:
+        """The last event this core knows of, without asking the store."""
+        return self._writer.head_seq
+
+    def beat(self, now_ns: int) -> None:
+        """Notice at a beat of the loop that this process was stopped for a while."""
+        if self._tenure is not None:
+            self._tenure.beat(now_ns)
+
+    async def still_ours(self) -> None:
+        """Return once this core may answer: at once, or, where it may have been stopped, after a look at the store."""
+        if self._tenure is not None:
+            await self._tenure.sure()
+
+    async def _stored_epoch(self) -> int | None:
+        def look() -> int | None:
+            try:
+                with snapshot(self._readers, self.settings.read_ms_max) as connection:
+                    epoch: int = queries.head(connection).epoch
+                    return epoch
+            except DBAPIError:
+                return None
+
+        if self._leaving.is_set():
+            return None  # its threads are about to end, and so is it
+        return await asyncio.get_running_loop().run_in_executor(self._threads, look)
 
     async def carry_out(
         self, command: Command, key: str | None, digest: bytes, command_id: str, slot: int
@@ -367,30 +398,10 @@ class Service:
             self._audits.done()
             self._audits.works(False)
 
-    def pause(self) -> None:
-        """Take nothing new until `resume`."""
-        self._draining = True
-
-    def resume(self) -> None:
-        """Take requests again, unless this core is leaving."""
-        self._draining = self._leaving.is_set()
-
     def drain(self) -> None:
         """Take nothing new from now on, and give up what is only proven behind."""
         self._draining = True
         self._leaving.set()
-
-    async def until_answered(self) -> None:
-        """Wait until every request that holds a slot is answered."""
-        await self._all_answered.wait()
-
-    async def all_answered(self, within_ms: int) -> bool:
-        """Wait until every request that holds a slot is answered; return whether that came about."""
-        try:
-            await asyncio.wait_for(self.until_answered(), within_ms / 1000)
-        except TimeoutError:
-            return False
-        return True
 
     async def end_threads(self) -> None:
         """End the threads that read, each after what it is asking."""

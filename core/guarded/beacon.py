@@ -18,8 +18,8 @@ KEPT_MAX = 32
 SENTENCE_CHARACTERS_MAX = 400
 
 
-class Beacon:
-    """Speaks to the notify socket at `address`: a path, an abstract name with a leading `@`, or None."""
+class Mail:
+    """Takes datagrams to the socket at `address`: a path, an abstract name with a leading `@`, or None."""
 
     def __init__(self, address: str | None) -> None:
         """Without an address every word is a no-op: nobody listens."""
@@ -30,6 +30,43 @@ class Beacon:
         if address is not None:
             self._address = "\0" + address[1:] if address.startswith("@") else address
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+
+    def resend(self) -> bool:
+        """Send what is kept, oldest first; return whether nothing is left. Safe from any thread."""
+        with self._lock:
+            while self._kept:
+                if not self._send(self._kept[0]):
+                    return False
+                self._kept.popleft()
+            return True
+
+    def close(self) -> None:
+        """Say no more."""
+        with self._lock:
+            if self._socket is not None:
+                self._socket.close()
+                self._socket = None
+
+    def _keep(self, message: str) -> None:
+        with self._lock:
+            # What was said first matters most: a flood of TERMs must not push READY out.
+            if self._socket is not None and len(self._kept) < KEPT_MAX:
+                self._kept.append(message.encode())
+        self.resend()
+
+    def _send(self, message: bytes) -> bool:
+        if self._socket is None or self._address is None:
+            return True
+        try:
+            self._socket.sendto(message, self._address)
+        except OSError:
+            # No reader, a full buffer, a replaced socket: all of them may be over at the next beat.
+            return False
+        return True
+
+
+class Beacon(Mail):
+    """The words for what a core has reached."""
 
     def spare(self, build: str, control: int, schema: int, *, migrates: bool) -> None:
         """Say that this core can be promoted: its code, the version of its control socket, the store's schema.
@@ -81,36 +118,3 @@ class Beacon:
     def extend(self, usec: int) -> None:
         """Ask for `usec` more microseconds to start in."""
         self._send(f"EXTEND_TIMEOUT_USEC={usec}".encode())
-
-    def resend(self) -> bool:
-        """Send what is kept, oldest first; return whether nothing is left. Safe from any thread."""
-        with self._lock:
-            while self._kept:
-                if not self._send(self._kept[0]):
-                    return False
-                self._kept.popleft()
-            return True
-
-    def close(self) -> None:
-        """Say no more."""
-        with self._lock:
-            if self._socket is not None:
-                self._socket.close()
-                self._socket = None
-
-    def _keep(self, message: str) -> None:
-        with self._lock:
-            # What was said first matters most: a flood of TERMs must not push READY out.
-            if self._socket is not None and len(self._kept) < KEPT_MAX:
-                self._kept.append(message.encode())
-        self.resend()
-
-    def _send(self, message: bytes) -> bool:
-        if self._socket is None or self._address is None:
-            return True
-        try:
-            self._socket.sendto(message, self._address)
-        except OSError:
-            # No reader, a full buffer, a replaced socket: all of them may be over at the next beat.
-            return False
-        return True
