@@ -75,8 +75,8 @@ class SentinelBegan:
     `page` is the recorder of the last core that committed, if there is one of this boot. `adoptable` is that of a
     core that was found serving: by its page it is ready, under the highest epoch of all pages, and no earlier guard
     had begun to end it; it is not among the leftovers. `suspects`: keys of commands that the earlier guard suspected in
-    an incident it left open, or that were being executed in a core that it had begun to end or whose end it did not live
-    to hear of: a gateway that outlived both still has their requests.
+    an incident it left open, or that were being executed in the last core it released, if that is gone or it had begun
+    to end it: a gateway that outlived both still has their requests.
     """
 
     at_ns: int

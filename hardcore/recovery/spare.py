@@ -116,12 +116,11 @@ class Spare:
         self._runs = False
 
     def ready(self, fact: SpareReady) -> None:
-        """It waits from now on."""
+        """It waits from now on. Its word is no look at it: it may have lain there while we slept."""
         if self.state is SpareState.STARTING:
             self.state, self.build, self.migrates = SpareState.READY, fact.build, fact.migrates
             self.known = fact.build
-            self._heard_ns = max(self._heard_ns, fact.at_ns)
-            self._looked_ns, self._runs, self.fault = fact.at_ns, True, ""
+            self.fault = ""
 
     def looked(self, now_ns: int, beats: Beats | None, process: ProcessSample | None) -> None:
         """Take in one look at it: both of its beats count, and whether it runs at all."""

@@ -147,6 +147,8 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
     if wish is None or c.phase not in _KEEPING or (wish.again_ns is not None and now_ns < wish.again_ns):
         return
     wish.again_ns = None
+    if c.safety.on and now_ns < wish.give_up_ns:
+        return  # a core that reads only for a while is not the one to change; its successor could not write either
     if c.spare.state is SpareState.READY and wish.build not in {"", c.spare.build}:
         dismiss(c, now_ns)  # other code lies on the disk now
     if c.spare.fit(now_ns):

@@ -18,7 +18,8 @@ from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.transitions import Step, Trigger
 from tests.simulation.conditions import WELL
 from tests.simulation.looks import BEAT_NS, seen_of
-from tests.simulation.machine import CORRUPT, LOCKED, NO_ROOM, Life, Stage
+from tests.simulation.machine import COMMIT_FAILED, CORRUPT, LOCKED, NO_ROOM, Life, Stage
+from tests.simulation.store import REFUSALS
 
 if TYPE_CHECKING:  # the world owns its checkers
     from tests.simulation.guard import Guard
@@ -90,7 +91,7 @@ class Checkers:
         self._tick_ns = self._forgiven_ns = self._unseen_ns = self._silent_ns = 0
         self._counts = False  # whether the last end was an accident
         self._asked_by_operator = False
-        self._passed_on_seq = self._released = 0
+        self._passed_on_seq = self._released = self._released_ns = 0
         self._way_in: Transition | None = None
         self._last: Trigger | None = None
 
@@ -151,6 +152,8 @@ class Checkers:
         """Whether it found out that a reason is not over: in a reader's place, or at its fence, where it can't be."""
         if life.exit is not None and life.exit.code in {LOCKED, NO_ROOM} and life.number not in self._ready:
             return True
+        if life.exit is not None and life.exit.code == COMMIT_FAILED and self.world.store.disk in REFUSALS:
+            return True  # what a disk refuses no other core tries
         before = self.world.lives[life.serial - 2] if life.serial > 1 else None
         tried = before is not None and before.unfenced
         return tried and life.exit is not None and life.exit.code in {CORRUPT, NO_ROOM}
@@ -164,7 +167,7 @@ class Checkers:
         seen_ = tick.beats is not None and tick.process is not None
         self._unseen_ns = 0 if seen_ else self._unseen_ns or tick.at_ns
         loop_ns = tick.beats.loop_ns if tick.beats is not None else tick.at_ns
-        self._silent_ns = tick.at_ns - max(loop_ns, self._forgiven_ns)
+        self._silent_ns = tick.at_ns - max(loop_ns, self._forgiven_ns, self._released_ns)
 
     def looked(self, guard: "Guard", tick: seen.Sampled) -> None:
         """What can't be seen is told."""
@@ -385,6 +388,7 @@ class Checkers:
     def _release(self, guard: "Guard", order: orders.Release) -> None:
         life = guard.life
         self._silent_ns = self._unseen_ns = 0  # of another core
+        self._released_ns = self.world.clock.now_ns
         _hold(life is not None and life.number == order.life, "the newest core is released")
         assert life is not None, "held just now"
         _hold(order.life in self._ready and life.completed_boot, "a core is released after its proof")

@@ -93,7 +93,6 @@ class Guard:
         self._spawning: dict[int, orders.Spawn | orders.SpawnSpare] = {}
         self.adopts: Life | None = None
         self.condemned: set[int] = set()  # serials of cores that it had begun to end or to drain
-        self.unheard: set[int] = set()  # whose end it did not live to hear of
         self._glanced_ns = self._spare = 0
         self._leftovers: set[int] = set()
         self._was_spawning = False
@@ -254,7 +253,13 @@ class Guard:
     @property
     def always_worried(self) -> bool:
         """Whether there is something to be worried about to the end of the world: our ticks, or a lost page."""
-        return bool(self.world.switches.late_every or (self.life is not None and self.life.page_lost))
+        life = self.life
+        doomed = life is not None and (life.page_lost or (life.safe and self._damaged))
+        return bool(self.world.switches.late_every or doomed)
+
+    @property
+    def _damaged(self) -> bool:
+        return Diagnosis.STORE_CORRUPT in self.world.truths
 
     def _is_sick(self, life: Life) -> bool:
         """Whether the next tick may matter: only then it is simulated.
@@ -263,7 +268,7 @@ class Guard:
         """
         world, store = self.world, self.world.store
         open_ = bool(self.ids) and self.ids[-1] not in world.checkers.closed
-        damaged = Diagnosis.STORE_CORRUPT in world.truths
+        damaged = self._damaged
         return bool(
             life.condition is not WELL
             or life.extra_waiting
@@ -475,7 +480,7 @@ class Guard:
 
     def _kill_leftovers(self) -> None:
         """End what was there before us; told again, the hands kill again, and one waiting is enough."""
-        living = [life for life in self.world.lives if life.alive and life is not self.adopts]
+        living = [life for life in self.world.lives if life.alive and life.guard != self.number]
         first, self._waits_for_leftovers = not self._waits_for_leftovers, True
         if first:
             self._leftovers, self._found = {life.serial for life in living}, living

@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # the workload knows the machine; the machine only hands its 
 
 #: How long after READY the whole ledger is proven.
 AUDIT_NS = 300 * NS_PER_MS
-CORRUPT, LOCKED, NO_ROOM, FENCED = 65, 69, 73, 75
+CORRUPT, LOCKED, NO_ROOM, COMMIT_FAILED, FENCED = 65, 69, 73, 74, 75
 #: How long a core waits at its fence for a lock that somebody else holds.
 FENCE_BUSY_NS = 2_000 * NS_PER_MS
 #: A resident memory that nothing is wrong with.

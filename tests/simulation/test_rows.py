@@ -23,6 +23,7 @@ WHERE_IT_IS_REACHED = (
     ("disk full at the fence", "disk fills", "disk read-only at the fence", "operator resumes", "frozen"),
     ("crash loop", "operator stops", "configuration bad", "operator resumes", "operator restarts"),
     ("page unreadable for long", "operator restarts", "operator restarts hard"),
+    ("ticks always late", "disk flickers", "ledger locked", "disk fills"),
     ("promoted unseen", "gateway says too much, unseen", "spare dies in the drain"),
     ("operator stops in a switch", "dies in a switch", "operator restarts hard"),
     ("drain refused", "drain never answered", "promotion refused", "promotion hangs before its fence"),

@@ -103,11 +103,11 @@ class World:
         return None
 
     def _suspected(self, before: Guard) -> tuple[str, ...]:
-        """What stands in the incident that the earlier guard left open, and in pages that it did not live to read."""
+        """What stands in the incident that the earlier guard left open, and in the page of the last core it released."""
         story = before.manager.open_incident()
-        ended = before.unheard | {life.serial for life in self.lives if life.alive} & before.condemned
-        unheard = [life for life in self.lives if life.serial in ended]
-        touched = [n for life in unheard if not life.page_lost for n in notes(life) if n.stage in TOUCHED]
+        last = self.gateway.serving
+        over = last is not None and (not last.alive or last.serial in before.condemned) and not last.page_lost
+        touched = [n for n in notes(last) if n.stage in TOUCHED] if last is not None and over else []
         return (*(story.suspects if story else ()), *(note.key_hash for note in touched if note.key_hash))
 
     def kill_guard(self) -> None:
@@ -176,8 +176,6 @@ class World:
             self.store.befall(self.clock.now_ns, self.store.disk)
         if self.guard.works:
             self.guard.died(life)
-        elif life.guard == self.guard.number:
-            self.guard.unheard.add(life.serial)
 
     @property
     def unseen_until_ns(self) -> int:

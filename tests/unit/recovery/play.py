@@ -89,7 +89,9 @@ class Play:
         self.tell(seen.Surveyed(self.now_ns, self.life, free_bytes=8 << 30))
         look(self, 0)
         at, spare = self.now_ns, self.spare
-        self.tell(seen.CoreSpawned(at, spare, 10), seen.SpareReady(at, spare, build, 4))
+        self.tell(seen.CoreSpawned(at, spare, 10))
+        self.glance()
+        self.tell(seen.SpareReady(at, spare, build, 4))
         return self
 
     @property

@@ -31,6 +31,7 @@ def _waiting(at_ns: int = T0) -> Spare:
     one.free_bytes = PLENTY
     one.begin(2, at_ns)
     one.ready(seen.SpareReady(at_ns, 2, "b1", 4))
+    one.looked(at_ns, _beats(at_ns), SLEEPS)
     return one
 
 
@@ -68,6 +69,13 @@ def test_only_one_that_is_ready_may_take_over() -> None:
     assert not one.fit(T0)
     one.ready(seen.SpareReady(T0, 2, "b1", 4))
     assert one.fit(T0)
+
+
+def test_its_word_that_it_is_ready_is_no_look_at_it() -> None:
+    one = spare(Policy())
+    one.begin(2, T0)
+    one.ready(seen.SpareReady(T0, 2, "b1", 4))
+    assert not one.fit(T0), "the word may have lain there while we slept"
 
 
 def test_one_whose_loop_or_thread_is_late_may_not() -> None:

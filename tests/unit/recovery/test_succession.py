@@ -222,6 +222,18 @@ def test_a_core_that_dies_of_the_drain_is_an_unplanned_death() -> None:
     assert not play.manager.reading().planned
 
 
+def test_a_core_that_reads_only_for_a_while_is_not_changed_meanwhile() -> None:
+    play = _running()
+    play.tell(seen.Surveyed(play.now_ns, play.life, free_bytes=8 << 30))
+    play.ask(RESTART)
+    play.tell(seen.StoreTold(play.now_ns, play.life, seen.StoreFault.FULL))
+    play.spared()
+    assert play.phase is not Phase.DRAINING
+    play.tell(seen.StoreTold(play.now_ns, play.life, seen.StoreFault.OK))
+    look(play, 0)
+    assert not [order for order in play.ordered if isinstance(order, orders.Drain)]
+
+
 def test_a_core_that_was_drained_without_a_spare_left_is_stopped_before_another_begins() -> None:
     play = _spared()
     play.ask(RESTART)
