@@ -259,7 +259,9 @@ class Guard:
 
     @property
     def _damaged(self) -> bool:
-        return Diagnosis.STORE_CORRUPT in self.world.truths
+        """Whether the ledger is known to be, so that nothing goes on before a person comes."""
+        told = Diagnosis.STORE_CORRUPT in self.world.truths
+        return told and self.manager.reading().safe in {None, Diagnosis.STORE_CORRUPT}
 
     def _is_sick(self, life: Life) -> bool:
         """Whether the next tick may matter: only then it is simulated.

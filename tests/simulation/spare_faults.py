@@ -154,6 +154,8 @@ def _stuck_in_the_store(world: World) -> None:
 def _told_too_much(world: World) -> None:
     """A fault of the gateway's own: it says that it passed on what was never committed."""
     serving = world.gateway.serving
+    if serving is None or serving.unfenced:
+        return
     if (
         not world.warm
         or world.quiet

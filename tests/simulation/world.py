@@ -225,7 +225,7 @@ class World:
             )
 
     def _begin(self, life: Life, condition: Condition, for_ns: int | None) -> None:
-        if self.quiet or life.condition is not WELL:
+        if self.quiet or not life.alive or life.condition is not WELL:
             return  # something else came first
         if condition.loop_works and not condition.writer_works and (life.taken or life.in_store_ns):
             # What the writer has in its hands is said by the condition: it begins between two commands.
