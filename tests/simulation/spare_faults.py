@@ -154,15 +154,9 @@ def _stuck_in_the_store(world: World) -> None:
 def _told_too_much(world: World) -> None:
     """A fault of the gateway's own: it says that it passed on what was never committed."""
     serving = world.gateway.serving
-    if serving is None or serving.unfenced:
+    if serving is None or serving.unfenced or serving.epoch != world.store.epoch:
         return
-    if (
-        not world.warm
-        or world.quiet
-        or world.store.ill
-        or serving is None
-        or serving.epoch != world.store.epoch
-    ):
+    if not world.warm or world.quiet or world.store.ill:
         return
     seq, epoch = len(world.store.commits) + world.rng.randrange(1, 4), world.store.epoch
     world.is_true(Diagnosis.STORE_CORRUPT)
