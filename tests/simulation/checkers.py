@@ -16,7 +16,9 @@ from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.policy import Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.transitions import Step, Trigger
+from tests.simulation import laws
 from tests.simulation.conditions import WELL
+from tests.simulation.laws import Broken, hold
 from tests.simulation.looks import BEAT_NS, seen_of
 from tests.simulation.machine import COMMIT_FAILED, CORRUPT, LOCKED, NO_ROOM, Life, Stage
 from tests.simulation.store import REFUSALS
@@ -46,20 +48,9 @@ TOLD_NS = NS_PER_S
 _BY_ITSELF = frozenset({Trigger.NO_DELAY, Trigger.DEADLINE})
 #: The spare is looked at so often, and something may befall it in between.
 SPARE_SEEN_MS = 400
-#: What a client asks for at the very end.
-LAST_ASKED = "quiet-3"
 DRILL_NS = 15 * NS_PER_S
 #: A trouble that was over for so long is not told as a new one.
 STALE_NS = 10 * NS_PER_S
-
-
-class Broken(AssertionError):  # noqa: N818  # "the law is broken" is what it says
-    """An invariant does not hold."""
-
-
-def _hold(truth: object, law: str) -> None:
-    if not truth:
-        raise Broken(law)
 
 
 class Checkers:
@@ -137,7 +128,7 @@ class Checkers:
                 pass
 
     def _heard_exit(self, guard: "Guard", fact: seen.CoreExited) -> None:
-        _hold(fact.life not in self._exited, "a core ends once")
+        hold(fact.life not in self._exited, "a core ends once")
         self._exited.add(fact.life)
         life = guard.life
         if life is None or life.number != fact.life:
@@ -173,7 +164,7 @@ class Checkers:
         """What can't be seen is told."""
         if self._unseen_ns and tick.at_ns - max(self._unseen_ns, self._forgiven_ns) >= TOLD_NS:
             blind = guard.phase in SERVING and guard.manager.reading().verdict.colour is Colour.GREEN
-            _hold(not blind, "a core that can't be seen is called well")
+            hold(not blind, "a core that can't be seen is called well")
 
     # ---- where the guard goes ----
 
@@ -185,7 +176,7 @@ class Checkers:
                 raise Broken(f"{move} is not in the table")
             if move.before is not self._phase:
                 raise Broken(f"{move} does not follow from {self._phase}")
-            _hold(move.reason, "each move has a reason")
+            hold(move.reason, "each move has a reason")
             self.rows.add((move.before, move.trigger))
             self._phase, self._last = move.after, move.trigger
             if move.after is not move.before:
@@ -209,7 +200,7 @@ class Checkers:
     def _lost(self, guard: "Guard", move: Transition) -> None:
         """No core is judged that only was late: the truth must be a hang, and have lasted."""
         life = guard.life
-        _hold(life is not None and life.alive, "a verdict needs a living core")
+        hold(life is not None and life.alive, "a verdict needs a living core")
         assert life is not None, "held just now"
         row = seen_of(life)
         needed_ms = row.judged.needs_ms(guard.policy)
@@ -217,13 +208,13 @@ class Checkers:
         # Of the time before a look that came late, a tick's is counted.
         if self._forgiven_ns >= life.began_ns:
             lasted_ns += guard.policy.health_check_interval_ms * NS_PER_MS
-        _hold(
+        hold(
             needed_ms is not None and lasted_ns >= needed_ms * NS_PER_MS,
             f"a core that was {life.condition.name} for {lasted_ns // NS_PER_MS} ms was judged: {move.reason}",
         )
         diagnosis = Diagnosis(move.reason.split(":")[0])
         self.named[life.condition.name, diagnosis] += 1
-        _hold(
+        hold(
             diagnosis in row.right,
             f"a core that was {life.condition.name} was called {diagnosis}: {move.reason}",
         )
@@ -234,7 +225,7 @@ class Checkers:
     def _proven(self, guard: "Guard") -> None:
         silent_ms = self._silent_ns // NS_PER_MS
         borne_ms = guard.policy.health_check_timeout_ms + 2 * guard.policy.health_check_interval_ms
-        _hold(silent_ms < borne_ms, f"a core that has been silent for {silent_ms} ms has proven itself")
+        hold(silent_ms < borne_ms, f"a core that has been silent for {silent_ms} ms has proven itself")
 
     def _troubled(self, guard: "Guard", diagnosis: Diagnosis) -> None:
         """A trouble is told only while it is there, or reads only are served; of one nobody may restart, too."""
@@ -243,7 +234,7 @@ class Checkers:
         right = guard.life.condition.right if guard.life is not None else frozenset()
         self.named[name if diagnosis in right else "its store", diagnosis] += 1
         since_ns = self.world.clock.now_ns - self.world.truths.get(diagnosis, -STALE_NS)
-        _hold(
+        hold(
             diagnosis in right or since_ns < STALE_NS or (guard.life is not None and guard.life.safe),
             f"{diagnosis} is told of a core that is {name}, {since_ns // NS_PER_MS} ms after it was so",
         )
@@ -251,7 +242,7 @@ class Checkers:
     def _too_slow(self, guard: "Guard") -> None:
         waited_ns = self.world.clock.now_ns - self._spawned_ns
         needed_ns = guard.policy.startup_timeout_ms * NS_PER_MS - HEARING_NS
-        _hold(waited_ns >= needed_ns, "a boot has its whole time")
+        hold(waited_ns >= needed_ns, "a boot has its whole time")
         self._judged[self._newest] = Diagnosis.STARTUP_FAILED
         self._count_verdict(self.world.clock.now_ns)
         if guard.life is not None and guard.life.number == self._newest:
@@ -264,12 +255,12 @@ class Checkers:
     def read(self, guard: "Guard", reading: Reading) -> None:
         """What is shown is true as far as the guard was told."""
         if reading.phase in SERVING:
-            _hold(reading.life in self._ready, "a phase that serves has a core that is ready")
-            _hold(reading.life not in self._exited, "a phase that serves has a living core")
+            hold(reading.life in self._ready, "a phase that serves has a core that is ready")
+            hold(reading.life not in self._exited, "a phase that serves has a living core")
             assert guard.life is not None, "held just now"
-            _hold(reading.epoch == guard.life.epoch, "the epoch shown is the serving core's")
+            hold(reading.epoch == guard.life.epoch, "the epoch shown is the serving core's")
         if reading.phase in {Phase.STOPPED, Phase.BACKOFF, Phase.FATAL}:
-            _hold(not self._living(), f"{reading.phase} is shown while a core lives")
+            hold(not self._living(), f"{reading.phase} is shown while a core lives")
 
     # ---- what the guard orders ----
 
@@ -301,8 +292,8 @@ class Checkers:
             case orders.CloseIncident():
                 self._close(guard, action.incident)
             case orders.Halt():
-                _hold(self.world.disk_wanted is Wanted.DOWN, "the guard ends only when nothing is wanted")
-                _hold(self._phase is Phase.UNKILLABLE or not self._living(), "it ends after its core")
+                hold(self.world.disk_wanted is Wanted.DOWN, "the guard ends only when nothing is wanted")
+                hold(self._phase is Phase.UNKILLABLE or not self._living(), "it ends after its core")
             case _:
                 pass
 
@@ -322,46 +313,46 @@ class Checkers:
 
     def _spawn_spare(self, guard: "Guard", order: orders.SpawnSpare) -> None:
         own = [x for x in self.world.lives if x.alive and x.waits and x.guard == guard.number]
-        _hold(not own, "one spare at most")
-        _hold(guard.manager.wanted is Wanted.UP, "no spare is started against the operator's will")
-        _hold(order.life not in self._exited | self._ready, "each life has a number of its own")
+        hold(not own, "one spare at most")
+        hold(guard.manager.wanted is Wanted.UP, "no spare is started against the operator's will")
+        hold(order.life not in self._exited | self._ready, "each life has a number of its own")
         self._spares.add(order.life)
 
     def _promote(self, guard: "Guard", order: orders.Promote) -> None:
         spare = guard.numbered(order.life)
-        _hold(spare is not None and spare.waits, "only a spare is promoted")
+        hold(spare is not None and spare.waits, "only a spare is promoted")
         assert spare is not None, "held just now"
-        _hold(spare.stage is Stage.WARM or not spare.alive, "only a spare that is ready is promoted")
+        hold(spare.stage is Stage.WARM or not spare.alive, "only a spare that is ready is promoted")
         sick_ns = self.world.clock.now_ns - spare.since_ns if not spare.condition.loop_beats else 0
         borne_ms = guard.policy.health_check_timeout_ms + SPARE_SEEN_MS
-        _hold(sick_ns < borne_ms * NS_PER_MS, f"a spare that is {spare.condition.name} is promoted")
+        hold(sick_ns < borne_ms * NS_PER_MS, f"a spare that is {spare.condition.name} is promoted")
         stuck = [life for life in self._living() if life is not spare]
         hurried = order.busy_ms is not None
-        _hold(not stuck or (hurried and all(x.asked for x in stuck)), "nobody else is the core")
-        _hold(guard.manager.wanted is Wanted.UP, "no core takes over against the operator's will")
+        hold(not stuck or (hurried and all(x.asked for x in stuck)), "nobody else is the core")
+        hold(guard.manager.wanted is Wanted.UP, "no core takes over against the operator's will")
         self._challenged(order.expected_epoch)
         self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
 
     def _challenged(self, expected: int | None) -> None:
         known = expected in {None, self.world.store.epoch} or self.world.stranger_raised
-        _hold(known, f"a core is told to expect epoch {expected}")
+        hold(known, f"a core is told to expect epoch {expected}")
 
     def _spawn(self, guard: "Guard", order: orders.Spawn) -> None:
-        _hold(not self._living(), "no core is started while another may live")
-        _hold(guard.life is None or order.life > guard.life.number, "each life has a number of its own")
-        _hold(guard.manager.wanted is Wanted.UP, "no core is started against the operator's will")
+        hold(not self._living(), "no core is started while another may live")
+        hold(guard.life is None or order.life > guard.life.number, "each life has a number of its own")
+        hold(guard.manager.wanted is Wanted.UP, "no core is started against the operator's will")
         self._challenged(order.expected_epoch)
         way = self._way_in
         by_itself = way is not None and way.before is Phase.BACKOFF and way.trigger in _BY_ITSELF
         if by_itself and self._counts:
             since_ns = self.world.clock.now_ns - guard.policy.restart_window_sec * NS_PER_S + SLACK_NS
             recent = [at_ns for at_ns in self._deaths_ns if at_ns > since_ns]
-            _hold(len(recent) <= guard.policy.max_restart_count, "restarts stay within the budget")
-        _hold(order.safe is None or order.safe in self.world.truths, f"{order.safe} was never the matter")
+            hold(len(recent) <= guard.policy.max_restart_count, "restarts stay within the budget")
+        hold(order.safe is None or order.safe in self.world.truths, f"{order.safe} was never the matter")
         self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
 
     def _set_safe(self, order: orders.SetSafe) -> None:
-        _hold(
+        hold(
             not order.on or order.reason in self.world.truths,
             f"a core is told to read only for {order.reason}, which was never the matter",
         )
@@ -375,42 +366,42 @@ class Checkers:
         if diagnosis is None:
             served_nobody = life.spare and life.stage is not Stage.READY  # it did not take over
             changed = self._asked_by_operator or order.life in self._renewed or served_nobody
-            _hold(changed, "a living core is killed for a verdict, by the operator's word, or to be changed")
+            hold(changed, "a living core is killed for a verdict, by the operator's word, or to be changed")
             return
         if not guard.policy.asks(diagnosis, Word.SNAPSHOT):
             return
         at_ns = self._evidence.get(order.life)
-        _hold(at_ns is not None, "evidence comes before the kill")
+        hold(at_ns is not None, "evidence comes before the kill")
         waited_ns = self.world.clock.now_ns - (at_ns or 0)
         spent = waited_ns >= guard.policy.snapshot_budget_ms * NS_PER_MS
-        _hold(order.life in self._taken or spent, "evidence has its whole budget")
+        hold(order.life in self._taken or spent, "evidence has its whole budget")
 
     def _release(self, guard: "Guard", order: orders.Release) -> None:
         life = guard.life
         self._silent_ns = self._unseen_ns = 0  # of another core
         self._released_ns = self.world.clock.now_ns
-        _hold(life is not None and life.number == order.life, "the newest core is released")
+        hold(life is not None and life.number == order.life, "the newest core is released")
         assert life is not None, "held just now"
-        _hold(order.life in self._ready and life.completed_boot, "a core is released after its proof")
-        _hold(order.life not in self._exited, "no dead core is released")
-        _hold(order.epoch == life.epoch, "a core is released with the epoch it raised")
-        _hold(not life.drained, "a core that has let go of the store serves nobody")
+        hold(order.life in self._ready and life.completed_boot, "a core is released after its proof")
+        hold(order.life not in self._exited, "no dead core is released")
+        hold(order.epoch == life.epoch, "a core is released with the epoch it raised")
+        hold(not life.drained, "a core that has let go of the store serves nobody")
         newest = life.epoch == self.world.store.epoch or self.world.stranger_raised
-        _hold(newest or not life.alive, "a core is released under the store's epoch")
+        hold(newest or not life.alive, "a core is released under the store's epoch")
         told = life.unfenced or self._passed_on_seq <= len(self.world.store.commits)
         again, self._released = order.life == self._released, order.life
-        _hold(told or again, "no ledger is served that lacks what a client was told of")
-        _hold([x for x in self._living() if x is not life] == [], "one core at a time")
+        hold(told or again, "no ledger is served that lacks what a client was told of")
+        hold([x for x in self._living() if x is not life] == [], "one core at a time")
 
     def _close(self, guard: "Guard", told: orders.Incident) -> None:
-        _hold(told.id in guard.ids, f"{told.id} was never opened")
-        _hold(told.id not in self.closed, f"{told.id} is closed twice")
-        _hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
-        _hold(self._last is not Trigger.READY, "nothing is over the moment that a core is ready")
+        hold(told.id in guard.ids, f"{told.id} was never opened")
+        hold(told.id not in self.closed, f"{told.id} is closed twice")
+        hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
+        hold(self._last is not Trigger.READY, "nothing is over the moment that a core is ready")
         # What only a person can end is handed over while reads are served: nobody tries any more.
         handed_over = told.waits_for is Diagnosis.STORE_CORRUPT
         over = handed_over or self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
-        _hold(
+        hold(
             told.outcome in {"recovered", "safe_mode"} or over,
             "nothing is given up while somebody still tries",
         )
@@ -424,20 +415,20 @@ class Checkers:
             or self._last is Trigger.NOT_DRAINED
             or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
         )
-        _hold(over or served, "an incident is over when a proven core has served")
+        hold(over or served, "an incident is over when a proven core has served")
         steps = dict(told.timeline)
-        _hold({"fault", "detected", "closed"} <= set(steps), "each incident says when it began and ended")
-        _hold(steps["fault"] <= steps["detected"] <= steps["closed"], "nothing is found before it is there")
+        hold({"fault", "detected", "closed"} <= set(steps), "each incident says when it began and ended")
+        hold(steps["fault"] <= steps["detected"] <= steps["closed"], "nothing is found before it is there")
         if told.diagnosis in TROUBLES:
-            _hold(told.diagnosis in self.world.truths, f"{told.diagnosis} was never the matter")
+            hold(told.diagnosis in self.world.truths, f"{told.diagnosis} was never the matter")
         replaced = self._last is not Trigger.NOT_DRAINED
         if told.outcome == "recovered" and replaced and (told.deaths or told.planned):
-            _hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
-            _hold(bool(self._ready - {told.life}), "recovered means that a successor served")
-        _hold(told.planned or told.deaths or troubled, "an incident nobody planned has a death or a trouble")
+            hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
+            hold(bool(self._ready - {told.life}), "recovered means that a successor served")
+        hold(told.planned or told.deaths or troubled, "an incident nobody planned has a death or a trouble")
         self.closed[told.id] = told.outcome
         if told.diagnosis is Diagnosis.STORE_CORRUPT and not told.deaths:
-            _hold(told.life not in self._handed_over, "one damage is told once of one core")
+            hold(told.life not in self._handed_over, "one damage is told once of one core")
         if handed_over and guard.life is not None:
             self._handed_over.add(guard.life.number)
 
@@ -449,50 +440,30 @@ class Checkers:
 
     def replayed(self, request: "Request") -> None:
         """The gateway runs a lost request again."""
-        _hold(not request.suspect or request.excused, f"suspect {request.command_id} is run again")
+        hold(not request.suspect or request.excused, f"suspect {request.command_id} is run again")
 
     def at_end(self) -> None:
         """In the quiet at the end everything is as wanted, told and true."""
         world, guard = self.world, self.world.guard
         living = self._living()
         if world.disk_wanted is Wanted.DOWN:
-            _hold(guard.halted, "a guard that is not wanted ends")
+            hold(guard.halted, "a guard that is not wanted ends")
             waiting = any(life.alive and life.waits for life in world.lives)
-            _hold(not (living or waiting) or world.stuck_for_ever, "a core that is not wanted ends")
+            hold(not (living or waiting) or world.stuck_for_ever, "a core that is not wanted ends")
         elif guard.phase is Phase.RUNNING or (guard.phase is Phase.SUSPECT and guard.always_worried):
             well = guard.life is not None and guard.life.alive and guard.life.condition is WELL
-            _hold(well and guard.life is not None and guard.life.stage is Stage.READY, "what runs, serves")
-            self._writes_again(guard)
+            hold(well and guard.life is not None and guard.life.stage is Stage.READY, "what runs, serves")
+            laws.writes_again(world, guard)
         elif guard.phase is Phase.UNKILLABLE:
-            _hold(world.stuck_for_ever and living, "UNKILLABLE lasts only while a core does not die")
+            hold(world.stuck_for_ever and living, "UNKILLABLE lasts only while a core does not die")
         else:
-            _hold(guard.phase is Phase.FATAL, f"the guard came to rest in {guard.phase}")
-            _hold(self._way_in is not None and self._way_in.reason, "FATAL has a reason")
+            hold(guard.phase is Phase.FATAL, f"the guard came to rest in {guard.phase}")
+            hold(self._way_in is not None and self._way_in.reason, "FATAL has a reason")
             waits_for = guard.manager.reading().waits_for
-            _hold(waits_for != Diagnosis.DB_LOCKED, "a lock that was let go is waited for for ever")
-        self._switch_at_end(guard)
+            hold(waits_for != Diagnosis.DB_LOCKED, "a lock that was let go is waited for for ever")
+        laws.nobody_is_left(world, guard)
         self._incidents_at_end()
-        self._ledger_at_end()
-
-    def _switch_at_end(self, guard: "Guard") -> None:
-        """A switch is over, one way or the other; nobody is left who is nothing to anybody."""
-        told = guard.manager.reading()
-        if guard.phase is Phase.RUNNING:
-            _hold(not told.switch_waits, "a switch that was asked for is done or given up")
-        known = {guard.life, guard.numbered(told.spare), guard.numbered(told.behind or 0)}
-        for life in self.world.lives:
-            _hold(not life.alive or life.in_kernel or life in known, "a core lives that nobody knows of")
-            _hold(not life.alive or not life.drained or life.in_kernel, "a drained core is left alone")
-
-    def _writes_again(self, guard: "Guard") -> None:
-        """A mode that was entered for a disk's sake is left when the disk is well; a damaged ledger waits."""
-        if Diagnosis.STORE_CORRUPT in self.world.truths:
-            return
-        asked = [x for x in self.world.gateway.requests if x.key == LAST_ASKED]
-        _hold(all(x.outcome == "done" for x in asked), "who asks in the quiet is served")
-        assert guard.life is not None, "it serves"
-        _hold(not guard.life.safe, "a core goes on reading only, for no reason any more")
-        _hold(guard.manager.reading().safe is None, "reading only is shown, and everything is served")
+        laws.ledger_is_true(world)
 
     def _incidents_at_end(self) -> None:
         for guard in self.world.guards:
@@ -501,27 +472,4 @@ class Checkers:
                 here = guard is self.world.guard
                 damaged = guard.phase in SERVING and Diagnosis.STORE_CORRUPT in self.world.truths
                 still = here and (guard.phase is Phase.UNKILLABLE or damaged)
-                _hold(done or still, f"incident {name} is open in the quiet")
-
-    def _ledger_at_end(self) -> None:
-        world = self.world
-        keys = [key for _, _, key in world.store.commits]
-        _hold(len(keys) == len(set(keys)), "no command is in the ledger twice")
-        writers: dict[int, int] = {}
-        last = 0
-        for epoch, life, _ in world.store.commits:
-            _hold(writers.setdefault(epoch, life) == life, "one core commits in one epoch")
-            _hold(epoch >= last, "never back to a lower epoch")
-            last = epoch
-        _hold(not world.gateway.open, "every request has an answer")
-        said: dict[str, set[str]] = {}
-        for request in world.gateway.requests:
-            said.setdefault(request.key, set()).add(request.outcome)
-            _hold(request.keyed or len(request.decided_in) <= 1, "what has no key runs once")
-        for key, outcomes in said.items():
-            lied_to = any(request.lied_to for request in world.gateway.requests if request.key == key)
-            _hold(
-                "done" not in outcomes or lied_to or key in world.store.keys,
-                f"{key} was acknowledged and is lost",
-            )
-            _hold(outcomes != {"not_done"} or key not in world.store.keys, f"{key} was denied and is there")
+                hold(done or still, f"incident {name} is open in the quiet")

@@ -14,7 +14,7 @@ from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import Condition
 from tests.simulation.machine import BootPlan, Harm, Stage
 from tests.simulation.senses_faults import SENSES_CRISIS, SENSES_LOAD
-from tests.simulation.spare_faults import SPARE_CRISIS, SPARE_LOAD
+from tests.simulation.spare_faults import SPARE_CRISIS, SPARE_LOAD, operator_asks
 from tests.simulation.store import Disk, Rot
 from tests.simulation.store_faults import (
     at_the_fence,
@@ -103,7 +103,7 @@ def _spawn_is_slow(world: World) -> None:
     end_the_present_one(world)
     if world.rng.random() < 0.6:
         verb = world.rng.choice([seen.Verb.STOP, seen.Verb.RESTART_HARD])
-        world.clock.after(world.rng.randrange(20, 400) * MS, lambda: world.operator_asks(verb))
+        world.clock.after(world.rng.randrange(20, 400) * MS, lambda: operator_asks(world, verb))
 
 
 def _changes_his_mind(world: World) -> None:
@@ -112,7 +112,7 @@ def _changes_his_mind(world: World) -> None:
         world.befall(world.rng.choice([conditions.FROZEN, conditions.BLOCKED_POLL]))
     for _ in range(world.rng.randrange(2, 5)):
         verb = world.rng.choice(list(seen.Verb))
-        world.clock.after(world.rng.randrange(1, 700) * MS, partial(world.operator_asks, verb))
+        world.clock.after(world.rng.randrange(1, 700) * MS, partial(operator_asks, world, verb))
 
 
 def _freezes_in_boot(world: World) -> None:
@@ -252,7 +252,7 @@ def _unkillable(world: World) -> None:
         core.befall(conditions.FROZEN)
         world.worry()
     else:
-        world.operator_asks(seen.Verb.RESTART_HARD)
+        operator_asks(world, seen.Verb.RESTART_HARD)
     if world.rng.random() < 0.7:
         world.clock.after(world.rng.randrange(100, 9000) * MS, core.let_go)
 
@@ -260,7 +260,7 @@ def _unkillable(world: World) -> None:
 def _ignores_term(world: World) -> None:
     if (core := world.core) is not None:
         core.ignores_term = True
-        world.operator_asks(world.rng.choice([seen.Verb.RESTART, seen.Verb.STOP]))
+        operator_asks(world, world.rng.choice([seen.Verb.RESTART, seen.Verb.STOP]))
 
 
 def _stranger_terms(world: World) -> None:
@@ -307,7 +307,7 @@ def _poison(harm: Harm) -> Fault:
 
 
 def _asks(verb: seen.Verb) -> Fault:
-    return lambda world: world.operator_asks(verb)
+    return lambda world: operator_asks(world, verb)
 
 
 def _crash_loop(world: World) -> None:

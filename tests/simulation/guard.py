@@ -5,9 +5,8 @@ delays, and can be stalled or killed at any moment, also between two orders. Eve
 so that a second manager can be asked the same questions. Facts that waited are heard before the deadline.
 """
 
-import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hardcore.model import actions as orders
@@ -19,10 +18,11 @@ from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.policy import Policy
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import FROZEN, WELL
-from tests.simulation.looks import THREADS, beats, notes, page, process, stacks
+from tests.simulation.looks import THREADS, beats, notes, page, process
 from tests.simulation.machine import Life, Stage
-from tests.simulation.store import REFUSALS, Disk
-from tests.simulation.switches import Draining, Looking, Order, Taking
+from tests.simulation.store import Disk
+from tests.simulation.surveyor import Surveyor
+from tests.simulation.switches import Draining, Order, Taking
 
 if TYPE_CHECKING:  # the world starts guards
     from tests.simulation.world import World
@@ -35,38 +35,8 @@ TICKS_AT_LEAST = 3
 #: How often the spare is looked at.
 GLANCE_NS = 300 * NS_PER_MS
 HANDS_NS = 20 * NS_PER_MS
-#: A probe that is not answered is given up after its time.
-PROBE_NS = 500 * NS_PER_MS
-#: A survey waits so long for its own write before it says that it is under way.
-OWN_WRITE_NS = 200 * NS_PER_MS
-#: One that is under way is looked at again so soon.
-PENDING_MS = 500
-#: A look at stacks, or at the store's lock.
-LOOKING_MS = 60
 #: The real guard stamps a fact when it notices it: one that waited longer than this gets a new stamp.
 NOTICED_NS = 5 * NS_PER_MS
-
-
-@dataclass(slots=True)
-class OwnWrite:
-    """The guard's small write to the ledger's disk: one at a time, and the next survey tells of it."""
-
-    began_ns: int | None = None
-
-    @property
-    def again_ms(self) -> int:
-        """How soon it is looked at again at most: how long it took is known only from looking."""
-        return PENDING_MS if self.began_ns is not None else sys.maxsize
-
-    def look(self, now_ns: int, takes_ns: int | None) -> tuple[int | None, int]:
-        """Return what it took and for how long it has been under way. `takes_ns` None: it does not come back."""
-        if self.began_ns is None:
-            self.began_ns = now_ns - OWN_WRITE_NS
-        under_way_ns = now_ns - self.began_ns
-        if takes_ns is None or takes_ns > under_way_ns:
-            return None, under_way_ns
-        self.began_ns = None
-        return max(takes_ns, NS_PER_MS), 0
 
 
 class Guard:
@@ -98,7 +68,7 @@ class Guard:
         self._was_spawning = False
         self._found: list[Life] = []
         self._waits_for_leftovers = False
-        self._own_write = OwnWrite()
+        self._surveyor = Surveyor(self)
         self._one_is_slow = False
         self._ringing_ns: int | None = None
         self._ticking = False
@@ -216,7 +186,8 @@ class Guard:
         self._ticking = self.works and self.phase in SERVING and life is not None and life.alive
         if not self._ticking or life is None:
             return
-        self._survey(life, now_ns)
+        self._ticks += 1
+        self._surveyor.look(life, self._ticks)
         tick = self._look(life, now_ns)
         self.world.checkers.looks(self, tick)
         self.hear(tick)
@@ -310,47 +281,6 @@ class Guard:
         )
         return told
 
-    def _survey(self, life: Life, now_ns: int) -> None:
-        """Now and then: the disk, the counters, and whether the core answers."""
-        self._ticks += 1
-        self.world.note_truths()
-        every_ms = self.policy.health_check_interval_ms
-        survey_ms = min(self.policy.survey_interval_ms, self._own_write.again_ms)
-        first = self.world.warm and self._ticks == 1  # without a look at the memory no spare is had
-        if first or self._ticks % max(1, survey_ms // every_ms) == 0:
-            self._survey_disk(life, now_ns)
-        if self._ticks % (self.policy.probe_interval_ms // every_ms) == 0:
-            self._probe(life, now_ns)
-
-    def _survey_disk(self, life: Life, now_ns: int) -> None:
-        store = self.world.store
-        stalled = store.disk is Disk.STALLED
-        took_ns, pending_ns = self._own_write.look(
-            now_ns, None if stalled else self.world.switches.own_write_ns
-        )
-        disk = seen.DiskFacts(
-            free_bytes=0 if store.disk is Disk.FULL else 1 << 34,
-            read_only=store.disk is Disk.READ_ONLY,
-            write_ns=took_ns,
-            pending_ns=pending_ns,
-            fault=store.disk.value if store.disk in REFUSALS else "",
-        )
-        free = self.world.free_bytes if self.world.warm else None
-        self.tell(seen.Surveyed(now_ns, life.number, disk, seen.Conduct(), life.oom_kills, free))
-
-    def _probe(self, life: Life, now_ns: int) -> None:
-        if life.condition.loop_works:
-            head = len(self.world.store.commits)
-            self.tell(seen.Probed(now_ns, life.number, now_ns, True, life.epoch, head))
-        else:
-            self._soon(PROBE_NS, lambda: self._probe_is_over(life, now_ns))
-
-    def _probe_is_over(self, life: Life, asked_ns: int) -> None:
-        """A probe's time is over: an answer that came late is still one."""
-        if life.alive:
-            answers = life.condition.loop_works
-            self.tell(seen.Probed(self.world.clock.now_ns, life.number, asked_ns, answers), 0)
-
     # ---- the hands ----
 
     def _carry_out(self, action: orders.Action) -> None:
@@ -358,31 +288,31 @@ class Guard:
         match action:
             case orders.Spawn():
                 self._spawning[action.life] = action
-                self._soon(self.world.switches.spawn_takes_ns(), lambda: self._spawn(action))
+                self.soon(self.world.switches.spawn_takes_ns(), lambda: self._spawn(action))
             case orders.SpawnSpare():
                 self._spare = action.life
                 self._spawning[action.life] = action
-                self._soon(self.world.switches.spawn_takes_ns(), lambda: self._spawn(action))
+                self.soon(self.world.switches.spawn_takes_ns(), lambda: self._spawn(action))
             case orders.Promote(life=number):
                 self.life, self._spare = self._lives[number], 0
-                self._soon(soon, lambda: self._with(number, lambda life: life.promote(action)))
+                self.soon(soon, lambda: self._with(number, lambda life: life.promote(action)))
             case orders.Drain(life=number):
                 self._condemn(number)
-                self._soon(soon, lambda: self._with(number, lambda life: self._drain(life, action)))
+                self.soon(soon, lambda: self._with(number, lambda life: self._drain(life, action)))
             case orders.Adopt():
                 self._adopt(action.life)
             case orders.Terminate(life=number):
                 self._condemn(number)
-                self._soon(soon, lambda: self._with(number, Life.terminate))
+                self.soon(soon, lambda: self._with(number, Life.terminate))
             case orders.Kill(life=number):
                 self._condemn(number)
-                self._soon(soon, lambda: self._with(number, _kill))
+                self.soon(soon, lambda: self._with(number, _kill))
             case orders.KillLeftovers():
-                self._soon(soon, self._kill_leftovers)
+                self.soon(soon, self._kill_leftovers)
             case orders.TakeEvidence():
                 if action.stop and action.living:
                     self._condemn(action.life)
-                self._soon(soon, lambda: self._stop_for_evidence(action))
+                self.soon(soon, lambda: self._stop_for_evidence(action))
             case orders.Release():
                 life = self._lives.get(action.life)
                 assert life is not None, "released is a core that exists"
@@ -392,7 +322,7 @@ class Guard:
             case orders.Halt():
                 self._end()
             case orders.SampleStacks(life=number):
-                self._with(number, self._look_at_stacks)
+                self._with(number, self._surveyor.look_at_stacks)
             case orders.LookAtStore(life=number):
                 holder = self.world.store.holder
                 told = (holder,) if holder is not None else ()
@@ -414,7 +344,7 @@ class Guard:
             self.halted = True
             self.world.guard_halted()
 
-    def _soon(self, wait_ns: int, deed: Callable[[], None]) -> None:
+    def soon(self, wait_ns: int, deed: Callable[[], None]) -> None:
         """Do it later, if this sentinel lives to do it."""
 
         def do() -> None:
@@ -508,19 +438,6 @@ class Guard:
             now_ns = self.world.clock.now_ns
             self.tell(seen.CoreExited(now_ns, life.number, how, page(life), life.oom_kills))
 
-    def _look_at_stacks(self, life: Life) -> None:
-        looking, now_ns = self.world.switches.looking, self.world.clock.now_ns
-        if looking is Looking.NEVER:
-            return
-        wait_ns = self.world.rng.randrange(10, LOOKING_MS) * NS_PER_MS
-        denied = looking is Looking.DENIED
-        self.tell(
-            seen.StacksSampled(
-                now_ns, life.number, () if denied else stacks(life), "may not be traced" if denied else ""
-            ),
-            wait_ns,
-        )
-
     def _set_safe(self, life: Life, order: orders.SetSafe) -> None:
         now_ns, wait_ns = self.world.clock.now_ns, self.world.rng.randrange(1, 20) * NS_PER_MS
         match self.world.switches.safe_order():
@@ -533,7 +450,7 @@ class Guard:
                 return
             case Order.LATE:
                 wait_ns = self.world.rng.randrange(1000, 9000) * NS_PER_MS
-        self._soon(wait_ns, lambda: life.on_loop(lambda: life.set_safe(order)))
+        self.soon(wait_ns, lambda: life.on_loop(lambda: life.set_safe(order)))
 
     def _stop_for_evidence(self, order: orders.TakeEvidence) -> None:
         life = self._lives.get(order.life)
@@ -544,7 +461,7 @@ class Guard:
             life.befall(FROZEN)
         took_ns = self._evidence_takes_ns(life, order)
         if took_ns is not None:
-            self._soon(took_ns, lambda: self._evidence_taken(life, stopped=order.stop))
+            self.soon(took_ns, lambda: self._evidence_taken(life, stopped=order.stop))
 
     def _evidence_takes_ns(self, life: Life, order: orders.TakeEvidence) -> int | None:
         """How long the evidence takes; None: it never comes."""

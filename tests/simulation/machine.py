@@ -103,10 +103,11 @@ class Surroundings(Protocol):
 
     def tell(self, life: "Life", fact: seen.Observation) -> None: ...
     def is_true(self, diagnosis: Diagnosis) -> None: ...
-    def answered(self, life: "Life", request: "Request", *, refused: bool = False) -> None: ...
+    def answered(
+        self, life: "Life", request: "Request", *, refused: bool = False, postponed: bool = False
+    ) -> None: ...
     def died(self, life: "Life") -> None: ...
     def worry(self) -> None: ...
-    def postponed(self, life: "Life", request: "Request") -> None: ...
 
 
 class Life:
@@ -337,7 +338,7 @@ class Life:
             self.world.answered(self, request, refused=True)
             return
         if self.draining:
-            self.world.postponed(self, request)
+            self.world.answered(self, request, postponed=True)
             return
         now_ns = self.world.clock.now_ns
         self.slots[request.command_id] = Slot(request, now_ns, stage_ns=now_ns)
@@ -439,13 +440,13 @@ class Life:
                 self.drained = True
                 self._tell(seen.Drained(now_ns, self.number, True, len(self.world.store.commits)))
             elif now_ns >= give_up_ns:
-                self.give_up_draining(f"{len(self.slots)} commands are under way")
+                self._give_up_draining(f"{len(self.slots)} commands are under way")
             else:
                 self.world.clock.after(20 * NS_PER_MS, lambda: self.on_loop(look))
 
         self._later(4, lambda: self.on_loop(look))
 
-    def give_up_draining(self, why: str) -> None:
+    def _give_up_draining(self, why: str) -> None:
         """Take requests again, and say so."""
         self.draining = False
         self._tell(seen.Drained(self.world.clock.now_ns, self.number, False, 0, why))

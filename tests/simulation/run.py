@@ -13,10 +13,10 @@ from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import CODEC, orders_told, resume, state_of
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.transitions import Trigger
-from tests.simulation.checkers import Broken
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.faults import FAULTS, LOAD
 from tests.simulation.guard import Guard
+from tests.simulation.laws import Broken
 from tests.simulation.quiet import calm_down
 from tests.simulation.world import World
 

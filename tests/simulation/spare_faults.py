@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from hardcore.model import observations as seen
+from hardcore.model.phases import Wanted
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Diagnosis
 from tests.simulation import conditions
@@ -92,6 +93,16 @@ def ask_for_switch(world: World) -> None:
     now_ns = world.clock.now_ns
     world.to_guard(seen.OperatorAsked(now_ns, seen.Verb.RESTART, build=world.build))
     world.worry()
+
+
+def operator_asks(world: World, verb: seen.Verb) -> None:
+    """The operator speaks; what he wants is on disk before anybody hears it."""
+    if not world.guard.works and verb is not seen.Verb.STOP:
+        return
+    if verb is seen.Verb.STOP:
+        world.disk_wanted = Wanted.DOWN
+    image = verb is not seen.Verb.STOP and world.rng.random() < 0.3
+    world.guard.tell(seen.OperatorAsked(world.clock.now_ns, verb, "because", image=image))
 
 
 def _drains(how: Draining, most: int = 1) -> Fault:
@@ -195,7 +206,7 @@ def _guard_dies_in_a_takeover(world: World) -> None:
 def _stops_in_a_switch(world: World) -> None:
     ask_for_switch(world)
     verb = world.rng.choice([seen.Verb.STOP, seen.Verb.RESTART_HARD])
-    later(world, 1, 150, partial(world.operator_asks, verb))
+    later(world, 1, 150, partial(operator_asks, world, verb))
 
 
 def _dies_in_a_switch(world: World) -> None:

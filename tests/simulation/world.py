@@ -158,16 +158,16 @@ class World:
         """A fact from the gateway."""
         self.guard.tell(fact)
 
-    def answered(self, life: Life, request: Request, *, refused: bool = False) -> None:
-        """A core answers; `refused`: that it did nothing."""
-        if refused:
+    def answered(
+        self, life: Life, request: Request, *, refused: bool = False, postponed: bool = False
+    ) -> None:
+        """A core answers; `refused`: that it did nothing; `postponed`: that it is drained and has not run it."""
+        if postponed:
+            self.gateway.postponed(life, request)
+        elif refused:
             self.gateway.refused(life, request)
         else:
             self.gateway.answered(life, request)
-
-    def postponed(self, life: Life, request: Request) -> None:
-        """A core that is drained has not run it."""
-        self.gateway.postponed(life, request)
 
     def died(self, life: Life) -> None:
         """A core is gone."""
@@ -192,15 +192,6 @@ class World:
     def is_true(self, diagnosis: Diagnosis) -> None:
         """Remember that this was the matter just now."""
         self.truths[diagnosis] = self.clock.now_ns
-
-    def operator_asks(self, verb: seen.Verb) -> None:
-        """The operator speaks; what he wants is on disk before anybody hears it."""
-        if not self.guard.works and verb is not seen.Verb.STOP:
-            return
-        if verb is seen.Verb.STOP:
-            self.disk_wanted = Wanted.DOWN
-        image = verb is not seen.Verb.STOP and self.rng.random() < 0.3
-        self.guard.tell(seen.OperatorAsked(self.clock.now_ns, verb, "because", image=image))
 
     def note_truths(self) -> None:
         """Remember what is the matter with the store at this moment."""

@@ -106,19 +106,6 @@ class Play:
         process = seen.ProcessSample(state, 1, 1 << 20, 3)
         return self.tell(seen.Sampled(self.now_ns, self.spare, beats, Threads(1, 3, 2), process))
 
-    def drained(self, *, done: bool = True) -> list[orders.Action]:
-        """The present core answers an order to drain."""
-        return self.tell(seen.Drained(self.now_ns, self.life, done, 7, "" if done else "it takes too long"))
-
-    def raised(self, epoch: int) -> list[orders.Action]:
-        """The present core has committed its fence."""
-        return self.tell(seen.EpochRaised(self.now_ns, self.life, epoch))
-
-    def proven(self, epoch: int, seq: int = 7) -> list[orders.Action]:
-        """The present core is ready; its ledger ends at `seq`."""
-        proof = seen.Proof("witness", 3, seq, f"h{seq}")
-        return self.tell(seen.CoreReady(self.now_ns, self.life, epoch, proof))
-
     def ask(self, verb: seen.Verb, reason: str = "", build: str = "") -> list[orders.Action]:
         """The operator speaks."""
         return self.tell(seen.OperatorAsked(self.now_ns, verb, reason, build=build))
@@ -134,6 +121,22 @@ class Play:
     def closed(self) -> orders.Incident:
         """The last incident that was closed."""
         return [order for order in self.ordered if isinstance(order, orders.CloseIncident)][-1].incident
+
+
+def drained(play: Play, *, done: bool = True) -> list[orders.Action]:
+    """The present core answers an order to drain."""
+    return play.tell(seen.Drained(play.now_ns, play.life, done, 7, "" if done else "it takes too long"))
+
+
+def raised(play: Play, epoch: int) -> list[orders.Action]:
+    """The present core has committed its fence."""
+    return play.tell(seen.EpochRaised(play.now_ns, play.life, epoch))
+
+
+def proven(play: Play, epoch: int, seq: int = 7) -> list[orders.Action]:
+    """The present core is ready; its ledger ends at `seq`."""
+    proof = seen.Proof("witness", 3, seq, f"h{seq}")
+    return play.tell(seen.CoreReady(play.now_ns, play.life, epoch, proof))
 
 
 #: A loop that waits for something outside: the least conclusive of all silences.

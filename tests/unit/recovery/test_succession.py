@@ -6,12 +6,12 @@ import pytest
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
-from hardcore.model.phases import HAState, Phase, Wanted
+from hardcore.model.phases import HAState, Phase
 from hardcore.model.recorder import Threads, Witness
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.succession import DRAINS_MAX
-from tests.unit.recovery.play import MS, Play, S, a_page, deciding, kinds, look
+from tests.unit.recovery.play import MS, Play, S, a_page, deciding, drained, kinds, look, proven, raised
 
 T = TypeVar("T")
 RESTART = seen.Verb.RESTART
@@ -72,8 +72,8 @@ def test_a_spare_that_nobody_has_seen_for_long_is_never_promoted() -> None:
 def test_the_commands_of_a_core_that_crashed_are_suspects_for_the_spare_too() -> None:
     play = _spared()
     play.die(seen.Exit(signal=11), a_page(4, deciding("k1"), seq=9))
-    play.raised(5)
-    play.proven(5, 9)
+    raised(play, 5)
+    proven(play, 5, 9)
     assert _last(play, orders.Release).suspects == ("k1",)
 
 
@@ -96,7 +96,7 @@ def test_a_spare_that_does_not_take_over_is_followed_by_a_cold_start_at_once(how
 def test_a_spare_that_dies_at_its_proof_costs_no_pause_either() -> None:
     play = _spared()
     play.die(page=a_page(4, seq=9))
-    play.raised(5)
+    raised(play, 5)
     assert "Spawn" in kinds(play.die(seen.Exit(code=1)))
 
 
@@ -111,8 +111,8 @@ def test_the_death_of_a_spare_never_counts_on_the_core() -> None:
 def test_a_new_spare_is_started_only_beside_a_proven_core() -> None:
     play = _spared()
     play.die(page=a_page(4, seq=9))
-    play.raised(5)
-    play.proven(5, 9)
+    raised(play, 5)
+    proven(play, 5, 9)
     assert "SpawnSpare" not in kinds(look(play, 0))
     play.ring()
     assert play.phase is Phase.RUNNING
@@ -157,9 +157,9 @@ def test_a_switch_drains_the_old_core_before_the_spare_takes_over() -> None:
     old, waiting = play.life, play.spare
     assert kinds(play.ask(RESTART)) == ["Drain"]
     assert play.phase is Phase.DRAINING
-    assert next(x for x in play.drained() if isinstance(x, orders.Promote)).life == waiting
-    play.raised(5)
-    assert orders.Terminate(old) in play.proven(5)
+    assert next(x for x in drained(play) if isinstance(x, orders.Promote)).life == waiting
+    raised(play, 5)
+    assert orders.Terminate(old) in proven(play, 5)
     assert play.manager.reading().state is HAState.OPERATIONAL
 
 
@@ -167,9 +167,9 @@ def test_a_drained_core_that_does_not_leave_is_killed_and_again() -> None:
     play = _spared()
     old = play.life
     play.ask(RESTART)
-    play.drained()
-    play.raised(5)
-    play.proven(5)
+    drained(play)
+    raised(play, 5)
+    proven(play, 5)
     play.ring()
     assert play.ring() == [orders.Kill(old)]
     assert play.ring() == [orders.Kill(old)]
@@ -181,7 +181,7 @@ def test_a_drained_core_that_does_not_leave_is_killed_and_again() -> None:
 def test_a_core_that_can_not_be_drained_serves_again_and_is_asked_again() -> None:
     play = _spared()
     play.ask(RESTART)
-    given = play.drained(done=False)
+    given = drained(play, done=False)
     assert kinds(given) == ["Release", "CloseIncident"]
     assert play.phase is Phase.RUNNING
     for _ in range(DRAINS_MAX - 1):
@@ -191,7 +191,7 @@ def test_a_core_that_can_not_be_drained_serves_again_and_is_asked_again() -> Non
         play.now_ns = due_ns
         play.glance()
         assert kinds(play.ring()) == ["Drain"]
-        play.drained(done=False)
+        drained(play, done=False)
     assert not play.manager.reading().switch_waits
     assert _last(play, orders.Alert).diagnosis is Diagnosis.PLANNED_SWITCH
 
@@ -200,7 +200,7 @@ def test_what_is_known_of_a_core_outlives_a_drain_in_vain() -> None:
     play = _spared()
     play.tell(seen.LedgerAudited(play.now_ns, play.life, 7))
     play.ask(RESTART)
-    play.drained(done=False)
+    drained(play, done=False)
     assert play.manager.reading().audit is not None
 
 
@@ -209,7 +209,7 @@ def test_what_a_core_says_of_its_store_while_it_is_drained_is_heard_when_it_serv
     play.ask(RESTART)
     play.tell(seen.StoreTold(play.now_ns, play.life, seen.StoreFault.FULL))
     assert play.phase is Phase.DRAINING
-    play.drained(done=False)
+    drained(play, done=False)
     assert play.manager.reading().safe is Diagnosis.DISK_FULL
 
 
@@ -237,7 +237,7 @@ def test_a_core_that_was_drained_without_a_spare_left_is_stopped_before_another_
     play = _spared()
     play.ask(RESTART)
     play.tell(seen.CoreExited(play.now_ns, play.spare, seen.Exit(signal=9), None))
-    assert kinds(play.drained()) == ["Terminate"]
+    assert kinds(drained(play)) == ["Terminate"]
     assert play.phase is Phase.STOPPING
 
 
@@ -250,8 +250,8 @@ def test_a_drain_that_is_never_answered_ends_with_a_stop() -> None:
 def test_a_switch_waits_for_the_probation() -> None:
     play = _spared()
     play.die(page=a_page(4, seq=9))
-    play.raised(5)
-    play.proven(5, 9)
+    raised(play, 5)
+    proven(play, 5, 9)
     assert play.ask(RESTART) == []
     assert play.manager.reading().switch_waits
     play.ring()
@@ -316,7 +316,7 @@ def test_a_stop_in_the_middle_of_a_switch_leaves_nobody() -> None:
     play = _spared()
     old = play.life
     play.ask(RESTART)
-    play.drained()
+    drained(play)
     new = play.life
     assert orders.Terminate(new) in play.ask(seen.Verb.STOP)
     assert kinds(play.die(seen.Exit(signal=15)))[-2:] == ["Kill", "Halt"]
@@ -352,7 +352,7 @@ def test_a_spare_that_can_not_fence_off_a_stuck_core_gives_the_place_back() -> N
 
 def test_once_a_stuck_core_is_fenced_off_its_successor_may_have_one_too() -> None:
     play = _behind()
-    play.raised(5)
+    raised(play, 5)
     play.die(seen.Exit(signal=11))
     assert play.phase is Phase.STARTING
 
@@ -360,8 +360,8 @@ def test_once_a_stuck_core_is_fenced_off_its_successor_may_have_one_too() -> Non
 def test_it_is_degraded_while_a_stuck_core_lives_behind_the_fence_and_it_is_killed_again() -> None:
     play = _behind()
     old = play.manager.reading().behind
-    play.raised(5)
-    play.proven(5)
+    raised(play, 5)
+    proven(play, 5)
     play.ring()
     assert play.manager.reading().state is HAState.DEGRADED
     assert orders.Kill(old or 0) in play.ring()
@@ -373,133 +373,6 @@ def test_no_spare_takes_over_beside_a_core_that_is_still_being_made() -> None:
     assert "Spawn" in kinds(play.die())
     assert _kill_in_vain(play) is Phase.UNKILLABLE
     assert kinds(play.tell(seen.CoreSpawned(play.now_ns, play.life, 12))) == ["Kill"]
-
-
-# What a client was told.
-
-
-def _told(play: Play, seq: int, epoch: int) -> list[orders.Action]:
-    return play.tell(seen.GatewayWitnessed(play.now_ns, Witness(seq, epoch, f"h{seq}")))
-
-
-def test_what_a_client_was_told_is_a_witness_of_its_own() -> None:
-    play = _spared()
-    _told(play, 11, 4)
-    play.die(page=a_page(4, seq=9))
-    assert {w.seq for w in _last(play, orders.Promote).witnesses} == {9, 11}
-
-
-def test_a_ledger_that_lacks_what_a_client_was_told_is_never_served() -> None:
-    play = _spared()
-    play.die(page=a_page(4, seq=9))
-    play.raised(5)
-    _told(play, 11, 4)
-    assert "Release" not in kinds(play.proven(5, 9))
-    assert play.phase is Phase.SNAPSHOT_LIVE
-    play.tell(seen.EvidenceTaken(play.now_ns, play.life, complete=True, page=None))
-    play.die()
-    assert play.spawned().safe is Diagnosis.STORE_CORRUPT
-
-
-def test_what_is_heard_of_later_has_the_core_read_only() -> None:
-    play = _spared()
-    play.die(page=a_page(4, seq=9))
-    play.raised(5)
-    play.proven(5, 9)
-    given = _told(play, 11, 4)
-    assert orders.SetSafe(play.life, True, Diagnosis.STORE_CORRUPT) in given
-
-
-def test_a_late_word_of_what_the_ledger_has_is_no_news() -> None:
-    play = _spared()
-    play.die(page=a_page(4, seq=9))
-    play.raised(5)
-    play.proven(5, 9)
-    assert _told(play, 9, 4) == []
-
-
-def test_without_any_page_the_gateways_word_is_the_only_witness() -> None:
-    play = Play().begin()
-    play.tell(seen.GatewayWitnessed(play.now_ns, Witness(11, 4, "h11")))
-    play.raised(5)
-    assert "Release" not in kinds(play.proven(5, 9))
-
-
-def test_who_accepts_the_ledger_hears_no_more_of_the_one_before() -> None:
-    play = _spared()
-    play.die(page=a_page(4, seq=9))
-    play.die(seen.Exit(code=65), a_page(0, words="STORE_CORRUPT"))
-    play.tell(seen.CoreReady(play.now_ns, play.life, 4, seen.Proof("none", 0, 9, "")))
-    play.ring()
-    play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESUME, accept_ledger=True))
-    _told(play, 11, 4)
-    play.die(seen.Exit(code=0))
-    assert play.spawned().witnesses == ()
-
-
-def test_who_accepts_the_ledger_forgets_both_witnesses() -> None:
-    play = _spared()
-    _told(play, 11, 4)
-    play.die(page=a_page(4, seq=9))
-    play.die(seen.Exit(code=65), a_page(0, words="STORE_CORRUPT"))
-    play.tell(seen.CoreReady(play.now_ns, play.life, 4, seen.Proof("none", 0, 9, "")))
-    play.ring()
-    play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESUME, accept_ledger=True))
-    play.die(seen.Exit(code=0))
-    assert play.spawned() == orders.Spawn(play.life, None, ())
-
-
-# A guard that finds a core.
-
-
-def _found(wanted: Wanted = Wanted.UP) -> Play:
-    play = Play(wanted=wanted)
-    page = a_page(6, seq=9)
-    play.tell(seen.SentinelBegan(play.now_ns, leftovers=True, page=page, adoptable=page, suspects=("k1",)))
-    return play
-
-
-def test_a_core_that_serves_goes_on_under_a_new_guard() -> None:
-    play = _found()
-    assert (play.phase, play.manager.reading().epoch) == (Phase.RUNNING, 6)
-    assert play.manager.reading().state is HAState.OPERATIONAL
-    assert [x for x in kinds(play.ordered) if x != "Alert"] == [
-        "Adopt",
-        "KillLeftovers",
-        "Release",
-        "CloseIncident",
-    ]
-    assert play.closed().diagnosis is Diagnosis.SENTINEL_LOST
-    assert play.closed().deaths == ()
-
-
-def test_whom_the_guard_before_suspected_is_not_run_again() -> None:
-    assert _last(_found(), orders.Release).suspects == ("k1",)
-
-
-def test_the_end_of_the_leftovers_is_not_the_end_of_the_core_that_goes_on() -> None:
-    play = _found()
-    play.tell(seen.CoreExited(play.now_ns, 0, seen.Exit(signal=9), a_page(5)))
-    assert play.phase is Phase.RUNNING
-
-
-def test_a_core_that_is_found_and_not_wanted_is_asked_to_leave() -> None:
-    play = _found(Wanted.DOWN)
-    assert isinstance(play.ordered[-1], orders.Terminate)
-    assert kinds(play.die(seen.Exit(code=0)))[-1] == "Halt"
-
-
-def test_the_core_that_was_gone_on_with_has_a_successor_that_shows_its_commits() -> None:
-    play = _found()
-    play.die(page=a_page(6, seq=12))
-    assert play.spawned().witnesses == (Witness(12, 6, "h12"),)
-
-
-def test_no_epoch_is_certain_after_leftovers() -> None:
-    play = Play()
-    play.tell(seen.SentinelBegan(play.now_ns, leftovers=True, page=a_page(6, seq=9)))
-    play.die(page=a_page(6, seq=9))
-    assert play.spawned().expected_epoch is None, "one that was promoted may have died before we began"
 
 
 def test_a_tick_shows_what_a_core_that_never_dies_has_committed() -> None:
