@@ -78,7 +78,8 @@ async def carry_out(
 ) -> dict[str, Any]:
     """Carry a command out under the form's key and return the ledger's answer, or end the request with its no.
 
-    `part` tells several commands of one form apart.
+    `part` tells several commands of one form apart. Each is noted under the form's own key, because that is the
+    name by which whoever sent the form, and may send it again, knows a suspect.
     """
     service = service_of(request)
     key = form.key + part if form.key is not None else None
@@ -87,7 +88,7 @@ async def carry_out(
         request,
         kind,
         form.body,
-        key=key,
+        key=form.key,
         command_id=command_id,
         transaction_id=transaction_of(command),
         account_ids=accounts_of(command),
