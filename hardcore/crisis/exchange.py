@@ -64,6 +64,7 @@ class Exchange:
         "lost_ns",
         "met_outage",
         "received_bytes",
+        "rests",
         "sends",
         "spent",
         "started",
@@ -98,6 +99,7 @@ class Exchange:
         self.waiting_ns = 0
         self.lost_ns = 0
         self.lost_epoch = 0
+        self.rests = False  # the core that had it did not know of it, and is asked again after a pause
         self.met_outage = False
         self.answer_status = 0
 

@@ -9,7 +9,7 @@ Spreading these rules over the connection code was tried in a sketch: every new 
     ARRIVED --PASS--> FORWARDED --ANSWER--> ANSWERED        LOST --REPEAT--> FORWARDED
        |  \              |  ^ |  \--BEGUN--> ANSWERING         \--ASK--> ASKED --FOUND, ABSENT--> ANSWERED
        |   KEEP     NOT_RUN |  \--LOST--> LOST
-       |     \--> HELD <-/ PASS
+       |     \--> HELD <-/ PASS                              LOST <--NOT_YET-- ASKED (of the same core)
 
 Whoever takes a promise for an answer is kept when his time is over (PROMISE): HELD -> KEEPING, LOST or ASKED ->
 KEEPING_LOST, and from there only an answer. What is promised runs outside of this table (`receipts`).
@@ -57,6 +57,7 @@ class Trigger(Enum):
     ASK = auto()  # released: only look it up
     FOUND = auto()  # the ledger has it
     ABSENT = auto()  # the ledger does not have it, and never will
+    NOT_YET = auto()  # the core that had it does not know of it: it may still be running it
     FAULT = auto()  # the rest of its body is too long, broken, or does not come
     LIMIT = auto()  # its time is over
     PROMISE = auto()  # the same, and its client takes a promise
@@ -72,6 +73,7 @@ class Deed(Enum):
     SEND = auto()
     WAIT = auto()
     REMEMBER = auto()  # wait as a lost one, with a limit of its own
+    ASK_LATER = auto()  # the same, and ask again after a pause
     LOOK_UP = auto()
     BEGIN = auto()  # start to pass the answer on
     PASS_ON = auto()  # pass the whole answer on
@@ -169,6 +171,7 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
         {
             Trigger.FOUND: (Life.ANSWERED, Deed.SAY_STORED),
             Trigger.ABSENT: (Life.ANSWERED, Deed.SAY_ABSENT),
+            Trigger.NOT_YET: (Life.LOST, Deed.ASK_LATER),
             Trigger.GARBLED: (Life.ANSWERED, Deed.SAY_UNKNOWN),
             Trigger.CORE_LOST: (Life.LOST, Deed.REMEMBER),
             Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_UNKNOWN),
@@ -227,9 +230,11 @@ def after_death(plea: Plea) -> Trigger:
     return Trigger.CORE_LOST if plea.key_hash and plea.sent_whole else Trigger.CORE_LOST_FOR_GOOD
 
 
-def after_release(plea: Plea, *, suspected: bool) -> Trigger:
-    """Whether a lost request is sent again or only looked up. An unsafe one is repeated once in its life."""
-    if plea.safe or (plea.body_kept and not suspected and plea.sends < 2):
+def after_release(plea: Plea, *, suspected: bool, newer: bool) -> Trigger:
+    """Whether a lost request is sent again or only looked up. An unsafe one is repeated once in its life, and only
+    to a `newer` core: the one that hung up on it may still be running it, and can only be asked.
+    """
+    if plea.safe or (newer and plea.body_kept and not suspected and plea.sends < 2):
         return Trigger.REPEAT
     return Trigger.ASK
 

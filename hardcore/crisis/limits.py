@@ -24,6 +24,9 @@ class GatewayLimits(Limits):
         500, "a drained core's last answers are heard for so long after the next is named", low=0, high=60_000
     )
     probe_ms: int = setting(100, "a core in doubt is asked again after this", low=5, high=60_000)
+    ask_again_ms: int = setting(
+        500, "the core that lost a request's answer is asked about it again after this", low=5, high=60_000
+    )
     doubt_told_ms: int = setting(500, "pages are told of a doubt that nobody confirmed", low=0, high=60_000)
     feed_retry_ms: int = setting(100, "a lost feed is dialled again after this", low=5, high=60_000)
     stats_ms: int = setting(200, "numbers are told at most this often", low=5, high=60_000)

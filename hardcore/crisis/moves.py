@@ -148,20 +148,17 @@ class Moves:
             return
         suspects = frozenset(self.outlook.standing.suspects)
         for exchange in list(self._lost):
-            if exchange.life is Life.LOST and self._may_resume(exchange):
+            newer = self.outlook.epoch > exchange.lost_epoch
+            if exchange.life is Life.LOST and (newer or not exchange.rests):
                 if not self.core_has_room():
                     return
                 plea = exchange.plea()
-                self.step(exchange, after_release(plea, suspected=plea.key_hash in suspects))
+                self.step(exchange, after_release(plea, suspected=plea.key_hash in suspects, newer=newer))
         for exchange in list(self._held):
             if not self.core_has_room():
                 return
             if exchange.life is Life.HELD:
                 self.step(exchange, Trigger.PASS)
-
-    def _may_resume(self, exchange: Exchange) -> bool:
-        """An unsafe request waits for a newer core: in the one that had it, it may still be running."""
-        return exchange.head.safe or self.outlook.epoch > exchange.lost_epoch
 
     def core_has_room(self) -> bool:
         """Whether the serving core can be given one more request now."""
@@ -192,6 +189,8 @@ class Moves:
                 self._wait(exchange)
             case Deed.REMEMBER:
                 self._remember(exchange)
+            case Deed.ASK_LATER:
+                self._ask_later(exchange)
             case Deed.LOOK_UP:
                 self._look_up(exchange)
             case Deed.STORE:
@@ -314,6 +313,7 @@ class Moves:
         exchange.waiting_ns = exchange.waiting_ns or self._now_ns()
         limit_ms = hold_limit_ms(self._limits, navigation=exchange.head.navigation)
         self._limit_from(exchange, exchange.waiting_ns, limit_ms)
+        self._pump_soon()  # the next core may serve already: one that was leaving is heard for a while
 
     def _remember(self, exchange: Exchange) -> None:
         if self._nobody_comes(exchange):
@@ -324,7 +324,17 @@ class Moves:
         exchange.lost_ns = exchange.lost_ns or self._now_ns()
         limit_ms = hold_limit_ms(self._limits, navigation=exchange.head.navigation)
         self._limit_from(exchange, exchange.lost_ns, limit_ms)
-        self._pump_soon()  # another core may serve already
+        self._pump_soon()  # another core may serve already, or this one again
+
+    def _ask_later(self, exchange: Exchange) -> None:
+        """The core that had it serves on and does not know of it (yet): whoever comes next, or a while, may tell."""
+        self._lost[exchange] = None
+        exchange.rests = True
+        self._loop.call_later(self._limits.ask_again_ms / 1000, self._rested, exchange)
+
+    def _rested(self, exchange: Exchange) -> None:
+        exchange.rests = False
+        self._pump_soon()
 
     def _limit_from(self, exchange: Exchange, since_ns: int, limit_ms: int) -> None:
         gone_ms = (self._now_ns() - since_ns) / 1_000_000

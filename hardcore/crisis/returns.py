@@ -42,7 +42,7 @@ class Returns:
             self._mover.step(exchange, Trigger.ANSWER)
         else:
             self._mover.step(exchange, Trigger.ANSWER, pages.Answer(head, body))
-        if head.commit is not None and 200 <= head.status < 300:
+        if head.commit is not None and 200 <= head.status < 400:  # a form that was done leads on: 303
             self._outlook.passed_on(head)
 
     def begun(self, exchange: Exchange, head: AnswerHead, first: bytes) -> None:
@@ -78,10 +78,21 @@ class Returns:
             else:
                 self._mover.step(exchange, Trigger.NOT_RUN)
 
-    def looked_up(self, exchange: Exchange, *, found: pages.Answer | None) -> None:
-        """The ledger has it, or does not."""
+    def looked_up(self, exchange: Exchange, pool: Pool, *, found: pages.Answer | None) -> None:
+        """The ledger has it, or does not. Only a later core than the one that had it knows that it never will."""
+        if exchange.life is not Life.ASKED:
+            return
+        if found is not None:
+            self._mover.step(exchange, Trigger.FOUND, found)
+        else:
+            later = pool.epoch > exchange.lost_epoch
+            self._mover.step(exchange, Trigger.ABSENT if later else Trigger.NOT_YET)
+
+    def not_told(self, exchange: Exchange, pool: Pool) -> None:
+        """No word of the contract came: the last one of a later core, but one that had it may die and leave it to the next."""
         if exchange.life is Life.ASKED:
-            self._mover.step(exchange, Trigger.ABSENT if found is None else Trigger.FOUND, found)
+            later = pool.epoch > exchange.lost_epoch
+            self._mover.step(exchange, Trigger.GARBLED if later else Trigger.NOT_YET)
 
     def core_lost(self, exchange: Exchange, pool: Pool) -> None:
         """The core is gone (or not the one we serve): no answer will come."""

@@ -27,8 +27,11 @@ class Sender(Reader, Protocol):
     def undelivered(self, exchange: Exchange, pool: Pool) -> None:
         """No core took it."""
 
-    def looked_up(self, exchange: Exchange, *, found: pages.Answer | None) -> None:
-        """The ledger has it (with this answer), or does not."""
+    def looked_up(self, exchange: Exchange, pool: Pool, *, found: pages.Answer | None) -> None:
+        """The ledger has it (with this answer), or does not, says the core behind `pool`."""
+
+    def not_told(self, exchange: Exchange, pool: Pool) -> None:
+        """The core behind `pool` did not say whether the ledger has it."""
 
 
 class Courier:
@@ -144,11 +147,11 @@ class Courier:
         if head is None or head.epoch != pool.epoch or (head.draining and head.status == 503):
             self._sender.undelivered(exchange, pool)
         elif head.status == 404 and _says_not_done(body):
-            self._sender.looked_up(exchange, found=None)
+            self._sender.looked_up(exchange, pool, found=None)
         elif head.status == 200 and (answer := _stored_answer(body)) is not None:
-            self._sender.looked_up(exchange, found=answer)
+            self._sender.looked_up(exchange, pool, found=answer)
         else:
-            self._sender.answer_garbled(exchange)
+            self._sender.not_told(exchange, pool)
 
 
 def _digest_of(exchange: Exchange) -> str:

@@ -2,11 +2,12 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.contract.gateway_world import Call, key_hash, silent, world
+from tests.contract.gateway_world import Call, echo, key_hash, silent, world
 
 KEY = "Idempotency-Key: k1"
 
@@ -244,3 +245,64 @@ def test_a_safe_request_that_kills_whoever_reads_it_is_not_sent_for_ever(tmp_pat
         answer = w.ask("GET", "/deadly")
         assert (answer.status, answer.json()["outcome"]) == (503, "not_done")
         assert core.targets() == ["/deadly"] * 3
+
+
+# -- a core that hangs up and lives ----------------------------------------------------------------------
+
+
+def _hanging_up_on(target: str, look_up: Callable[[Call], None]) -> Callable[[Call], None]:
+    """A core that lives, and never answers this one."""
+
+    def script(call: Call) -> None:
+        if call.request.target == target:
+            call.hang_up()
+        elif call.request.target == "/api/ledger/commands/k1":
+            look_up(call)
+        else:
+            echo(call)
+
+    return script
+
+
+def test_a_living_core_that_hung_up_is_asked_at_once_what_became_of_it(tmp_path: Path) -> None:
+    with world(tmp_path, hold_ms=600_000, probe_ms=20) as w:
+        core = w.serving(_hanging_up_on("/t", _stored))
+        answer = w.ask("POST", "/t", KEY, body=b"abc")
+        assert (answer.status, answer.json()) == (201, {"id": "t1"})
+        assert core.targets() == ["/t", "/api/ledger/commands/k1"]
+
+
+def test_of_what_the_core_that_had_it_does_not_know_nobody_says_that_it_was_not_done(tmp_path: Path) -> None:
+    with world(tmp_path, hold_ms=600, probe_ms=20, ask_again_ms=20) as w:
+        core = w.serving(_hanging_up_on("/t", _absent))
+        answer = w.ask("POST", "/t", KEY, body=b"abc")
+        assert (answer.status, answer.json()["outcome"]) == (503, "unknown")
+        assert core.targets().count("/t") == 1
+
+
+@pytest.mark.parametrize(
+    "at_first", [_absent, lambda call: call.answer(500, b"{}")], ids=["absent", "broken"]
+)
+def test_the_core_that_had_it_is_asked_again_until_it_knows(
+    tmp_path: Path, at_first: Callable[[Call], None]
+) -> None:
+    answers = iter([at_first, at_first])
+
+    def look_up(call: Call) -> None:
+        next(answers, _stored)(call)
+
+    with world(tmp_path, hold_ms=600_000, probe_ms=20, ask_again_ms=20) as w:
+        w.serving(_hanging_up_on("/t", look_up))
+        assert w.ask("POST", "/t", KEY, body=b"abc").status == 201
+
+
+def test_what_the_core_that_had_it_does_not_know_is_sent_again_by_the_next(tmp_path: Path) -> None:
+    with world(tmp_path, hold_ms=600_000, probe_ms=20, ask_again_ms=60_000) as w:
+        core = w.serving(_hanging_up_on("/t", _absent))
+        client = w.client().ask("POST", "/t", KEY, body=b"abc")
+        core.wait("/api/ledger/commands/k1")
+        w.die(core)
+        second = w.core(2)
+        w.feed.serve(second, incident="i1")
+        assert client.read().json()["epoch"] == 2
+        assert second.targets() == ["/t"]

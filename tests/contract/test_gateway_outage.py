@@ -191,6 +191,21 @@ def test_what_a_drained_core_still_says_is_passed_on_and_what_came_meanwhile_wai
         assert first.targets() == ["/early"]
 
 
+def test_what_a_drained_core_did_not_run_goes_to_the_next_at_once(tmp_path: Path) -> None:
+    with world(tmp_path, hold_ms=60_000, upstream_idle_ms=60_000, retire_ms=60_000) as w:
+        first = w.serving(silent)
+        client = w.client().ask("POST", "/t", body=b"abc")
+        (call,) = first.wait("/t")
+        w.feed.phase("HOLD", phase="SWITCHING", planned=True)
+        second = w.core(2)
+        w.feed.say("serving", socket=str(second.path), epoch=2)
+        w.feed.say("release", epoch=2, incident=None)
+        w.feed.phase("FORWARD", planned=True)
+        w.feed.wait("served", lambda line: line["epoch"] == 2)
+        call.answer(503, b"{}", headers=("X-Core-Draining: 1",))
+        assert client.read().json()["epoch"] == 2
+
+
 def test_a_drained_core_that_says_nothing_more_is_hung_up_on(tmp_path: Path) -> None:
     with world(tmp_path, retire_ms=50) as w:
         first = w.serving(silent)

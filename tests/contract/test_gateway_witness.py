@@ -34,6 +34,15 @@ def test_a_commit_that_was_passed_on_is_told_to_the_sentinel_and_not_to_the_clie
         assert _told(w) == [(1, 5, HASHES[5])]
 
 
+def test_a_form_that_was_done_and_leads_on_stands_for_its_commit(tmp_path: Path) -> None:
+    with world(tmp_path) as w:
+        said = ("Location: /", f"X-Core-Commit: 5:{HASHES[5]}")
+        w.serving(lambda call: call.answer(303, b"", headers=said))
+        assert w.ask("POST", "/t", body=b"").status == 303
+        w.feed.wait("witness")
+        assert _told(w) == [(1, 5, HASHES[5])]
+
+
 def test_only_the_highest_commit_is_told(tmp_path: Path) -> None:
     with world(tmp_path, witness_ms=0) as w:
         core = w.serving(Booking(5))

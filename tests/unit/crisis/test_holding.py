@@ -89,23 +89,32 @@ def test_an_unfinished_upload_is_lost_for_good() -> None:
 
 def test_a_request_with_a_key_can_still_be_looked_up_though_its_body_is_gone() -> None:
     assert after_death(_plea(kept=False)) is Trigger.CORE_LOST
-    assert after_release(_plea(kept=False), suspected=False) is Trigger.ASK
+    assert after_release(_plea(kept=False), suspected=False, newer=True) is Trigger.ASK
 
 
 def test_a_suspect_is_only_asked_about() -> None:
-    assert after_release(_plea(), suspected=True) is Trigger.ASK
-    assert after_release(_plea(), suspected=False) is Trigger.REPEAT
+    assert after_release(_plea(), suspected=True, newer=True) is Trigger.ASK
+    assert after_release(_plea(), suspected=False, newer=True) is Trigger.REPEAT
+
+
+def test_the_core_that_had_an_unsafe_request_is_only_asked_about_it() -> None:
+    assert after_release(_plea(), suspected=False, newer=False) is Trigger.ASK
+    assert after_release(_plea(safe=True), suspected=False, newer=False) is Trigger.REPEAT
+
+
+def test_what_the_core_that_had_it_does_not_know_stays_lost() -> None:
+    assert TABLE[Life.ASKED, Trigger.NOT_YET] == (Life.LOST, Deed.ASK_LATER)
 
 
 def test_an_unsafe_request_is_repeated_once() -> None:
-    assert after_release(_plea(sends=1), suspected=False) is Trigger.REPEAT
-    assert after_release(_plea(sends=2), suspected=False) is Trigger.ASK
+    assert after_release(_plea(sends=1), suspected=False, newer=True) is Trigger.REPEAT
+    assert after_release(_plea(sends=2), suspected=False, newer=True) is Trigger.ASK
 
 
 def test_a_safe_request_is_sent_a_bounded_number_of_times() -> None:
     lost = [after_death(_plea(safe=True, key=None, sends=n)) for n in range(1, SENDS_MAX + 1)]
     assert lost == [Trigger.CORE_LOST] * (SENDS_MAX - 1) + [Trigger.CORE_LOST_FOR_GOOD]
-    assert after_release(_plea(safe=True, key=None, sends=2), suspected=False) is Trigger.REPEAT
+    assert after_release(_plea(safe=True, key=None, sends=2), suspected=False, newer=True) is Trigger.REPEAT
 
 
 def test_a_navigation_never_waits_longer_than_any_other_request() -> None:
