@@ -247,7 +247,8 @@ class Executor:
     def _over(self, life: Life, how: seen.Exit, at_ns: int) -> None:
         self._steps.absolve(life.nonce)
         try:
-            self._tell(seen.CoreExited(at_ns, life.number, how, life.page(), life.oom_kills()))
+            page, kills, said = life.page(), life.oom_kills(), life.said(how)
+            self._tell(seen.CoreExited(at_ns, life.number, how, page, kills, said))
         except Exception as error:  # noqa: BLE001  # a death that nobody was told of would never be answered
             logs.end_with(f"the end of a core could not be told: {_said(error)}")
         self.begin(self._bury(life))

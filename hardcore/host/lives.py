@@ -15,6 +15,7 @@ from hardcore.host import clock, files, logs, memory, processes, vitals
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle
 from hardcore.host.recorder import PageReader, make_page
+from hardcore.host.said import LogEnd
 from hardcore.model.observations import Exit, ProcessSample, Sampled
 from hardcore.model.recorder import Beats, CommandNote, Page, SlotStage, Threads, Witness
 
@@ -62,6 +63,7 @@ class Life:
     oom: memory.OomCounter | None = None
     confined: memory.Confined | None = None
     log: Path | None = None  # what it says goes there
+    log_end: LogEnd | None = None
     spare: bool = False  # it was started as one and has not been promoted
     ended: bool = False  # its end was seen
     adopted_ns: int = 0  # since when it is this guard's, if another one started it
@@ -157,6 +159,10 @@ class Life:
         """Return how often the kernel has killed for want of memory since this life began; None: nobody can tell."""
         return None if self.oom is None else self.oom.risen()
 
+    def said(self, how: Exit) -> str:
+        """Return what a core that left by itself, and not well, has said last; empty if that is not known."""
+        return self.log_end.last_said() if self.log_end is not None and how.code else ""
+
     def confine(self) -> str:
         """Give the core a memory group of its own; return why that can't be done, empty when it is."""
         assert self.handle is not None, "only a process can be confined"
@@ -180,6 +186,8 @@ class Life:
             self.reader.close()
         if self.handle is not None:
             self.handle.close()
+        if self.log_end is not None:
+            self.log_end.close()
 
     def discard(self) -> None:
         """Give everything back and remove the life's files."""
@@ -251,6 +259,7 @@ def start(life: Life, terms: Terms, watchdog_usec: int, limits: CoreLimits | Non
         environment["HARDCORE_MEMORY_BYTES"] = str(limits.memory_bytes)
     argv = [sys.executable, "-I", "-m", "core", "serve", "--data", str(folders.data)]
     life.log = logs.place(folders.logs / "core.log", folders.run)
+    life.log_end = LogEnd(life.log)
     life.handle = processes.spawn(argv, environment, life.log, folders.data)
     life.oom = memory.oom_counter(life.handle.pid)
     return life.handle

@@ -139,7 +139,10 @@ class StacksSampled:
 
 @dataclass(frozen=True, slots=True)
 class Probed:
-    """The core was asked for its health over its own socket. `answered` False: not within the probe's time."""
+    """The core was asked for its health over its own socket. `answered` False: not within the probe's time.
+
+    `writes`: whether it takes writes; None: it did not say. `safe`: why it serves reads only.
+    """
 
     at_ns: int
     life: int
@@ -147,6 +150,8 @@ class Probed:
     answered: bool
     epoch: int | None = None
     seq: int | None = None
+    writes: bool | None = None
+    safe: Diagnosis | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -369,6 +374,7 @@ class CoreExited:
     exit: Exit
     page: Page | None
     oom_kills: int | None = None
+    said: str = ""  # the end of its log in one line, if it left with a code
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,7 +65,7 @@ def heard(c: Course, fact: seen.Observation) -> bool:
             _ended(c, fact.reason, fact.at_ns)
         case seen.CoreExited():
             words = fact.page.last_words if fact.page else None
-            said = f"{words.code}: {words.text}" if words else "it ended without a word"
+            said = f"{words.code}: {words.text}" if words else fact.said or "it ended without a word"
             _ended(c, said, fact.at_ns)
         case seen.StartExtended():
             c.spare.extend(fact)
