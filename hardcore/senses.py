@@ -110,9 +110,7 @@ class Senses:
             if life is not None:
                 health = await probe.ask_health(self._folders.core_socket(life.nonce), PROBE_S)
                 if serving() is life:  # else it was answered, or not, by one that is leaving
-                    epoch, seq = (health.epoch, health.seq) if health else (None, None)
-                    answered = health is not None
-                    self._tell(seen.Probed(clock.now_ns(), life.number, asked_ns, answered, epoch, seq))
+                    self._tell(_probed(life, asked_ns, health))
             await asyncio.sleep(max(0.0, due - loop.time()))
 
     async def examine(self) -> None:
@@ -161,6 +159,15 @@ class Senses:
 
     async def _on_thread(self, work: Callable[..., Any], *args: Any) -> Any:
         return await asyncio.get_running_loop().run_in_executor(self._thread, work, *args)
+
+
+def _probed(life: Life, asked_ns: int, health: probe.Health | None) -> seen.Probed:
+    at_ns = clock.now_ns()
+    if health is None:
+        return seen.Probed(at_ns, life.number, asked_ns, answered=False)
+    return seen.Probed(
+        at_ns, life.number, asked_ns, True, health.epoch, health.seq, health.writes, health.safe
+    )
 
 
 def _holders(folders: Folders, core_pid: int) -> tuple[seen.LockHolder, ...] | str:

@@ -9,16 +9,23 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from hardcore.model.verdicts import Diagnosis
+
 ANSWER_BYTES_MAX = 4096
 _ASKED = b"GET /healthz HTTP/1.1\r\nHost: core\r\nConnection: close\r\n\r\n"
 
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """What a core says of itself: the epoch it serves, and its head."""
+    """What a core says of itself: the epoch it serves, its head, and whether it takes writes (None: not said).
+
+    `safe`: why it serves reads only.
+    """
 
     epoch: int | None
     seq: int | None
+    writes: bool | None = None
+    safe: Diagnosis | None = None
 
 
 async def ask_health(socket: Path, within_s: float) -> Health | None:
@@ -50,7 +57,10 @@ def _read(answer: bytes) -> Health | None:
     except (ValueError, RecursionError):
         told = {}
     told = told if isinstance(told, dict) else {}
-    return Health(_whole(told.get("epoch")), _whole(told.get("seq")))
+    safe = told.get("safe", "")
+    reason = next((one for one in Diagnosis if one == safe), None)
+    writes = True if safe is None else None if reason is None else False
+    return Health(_whole(told.get("epoch")), _whole(told.get("seq")), writes, reason)
 
 
 def _whole(value: object) -> int | None:

@@ -345,7 +345,7 @@ def _receive_of_serving(
             if fact.free_bytes is not None:
                 c.spare.free_bytes = fact.free_bytes
         case seen.Probed():
-            pass  # only the judge wants to know
+            relief.probed(c, fact)
         case _:
             assert_never(fact)
 

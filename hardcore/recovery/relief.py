@@ -77,6 +77,18 @@ def switched(c: Course, fact: seen.SafeSwitched) -> None:
     settle(c, fact.at_ns)
 
 
+def probed(c: Course, fact: seen.Probed) -> None:
+    """Take in what the core answered when it was asked for its health: it reads only, and nobody had told us, or not."""
+    if fact.writes is None or fact.asked_ns <= c.safety.since_ns:
+        return  # asked before the switch that we know of: the answer is older than what we know
+    if fact.writes:
+        heed(c, c.safety.writes(fact.at_ns), fact.at_ns)
+    elif fact.safe is not None and c.safety.found(fact.safe, fact.at_ns):
+        said = Testimony("core", Colour.RED, f"the core was found to serve reads only: {fact.safe}")
+        _meet(c, Death(fact.safe, Grade.CERTAIN, (said,)), fact.at_ns, (), fact.at_ns, said.why)
+    settle(c, fact.at_ns)
+
+
 def surveyed(c: Course, fact: seen.Surveyed) -> None:
     """Take in what was looked at beside the watch."""
     if fact.disk is not None:

@@ -56,6 +56,7 @@ class Deed(StrEnum):
 class Safety:
     """The switch of the present core. Times are monotonic; `due_ns` is when `ring` wants to be called.
 
+    `since_ns` is when the core last said which it is.
     `reason` is why it serves reads only, `goal` why it was told to and `asked` why it last was. `locked` outlives a core: a ledger that is known
     to be damaged is read only until the operator says `resume`, whichever core serves it.
     """
@@ -69,6 +70,7 @@ class Safety:
     locked: bool = False
     due_ns: int | None = None
     asked: Diagnosis | None = None
+    since_ns: int = 0
     _started: bool = False
     _wait_ns: int = 0
     _looking: bool = False
@@ -87,7 +89,7 @@ class Safety:
     def begin(self, reason: Diagnosis | None, now_ns: int) -> None:
         """Another core serves; `reason`: it was started to read only, because of this."""
         self.leave()
-        self.asked = None
+        self.asked, self.since_ns = None, now_ns
         if reason is not None:
             self._started = True
             self._enter(reason, now_ns)
@@ -109,7 +111,7 @@ class Safety:
         """Take in what the core says of its store: it switches itself."""
         if fault is StoreFault.OK:
             if self.goal in DISK:
-                self.leave()
+                self._left(now_ns)
         elif self.mode in {Mode.OFF, Mode.ENTERING} and not self.locked:
             self._enter(TOLD[fault], now_ns)
 
@@ -122,9 +124,30 @@ class Safety:
             self.due_ns = fact.at_ns + ANSWER_NS if self.mode is Mode.ENTERING else self.due_ns
         elif fact.done:
             if self.mode is not Mode.ENTERING:
-                self.leave()
+                self._left(fact.at_ns)
         elif self.mode is Mode.LEAVING:
             self._failed(fact.at_ns)
+
+    def found(self, reason: Diagnosis, now_ns: int) -> bool:
+        """Take in that the core was found to read only; return whether that is news.
+
+        It is where an earlier guard has told it to, or its own word was heard by nobody.
+        """
+        if self.mode is not Mode.OFF:
+            return False
+        self.locked = self.locked or reason is Diagnosis.STORE_CORRUPT
+        self._enter(reason, now_ns)
+        return True
+
+    def writes(self, now_ns: int) -> Deed:
+        """Take in that the core was found to serve everything; return what has to be done if it is not to."""
+        if self.mode is not Mode.ON or self._started:
+            return Deed.NOTHING
+        if self.locked:
+            self.mode, self.due_ns = Mode.ENTERING, now_ns + ANSWER_NS
+            return Deed.ORDER_ON
+        self._left(now_ns)
+        return Deed.NOTHING
 
     def surveyed(self, disk: DiskFacts) -> None:
         """Take in the newest look at the disk."""
@@ -182,9 +205,13 @@ class Safety:
         self._wait_ns = 0
 
     def _enter(self, reason: Diagnosis, now_ns: int) -> None:
-        self.mode, self.reason, self.goal = Mode.ON, reason, reason
+        self.mode, self.reason, self.goal, self.since_ns = Mode.ON, reason, reason, now_ns
         self._wait_ns = self._wait_ns or self.retry_ns
         self._plan(now_ns)
+
+    def _left(self, now_ns: int) -> None:
+        self.leave()
+        self.since_ns = now_ns
 
     def _failed(self, now_ns: int) -> None:
         self.mode = Mode.ON
@@ -195,7 +222,7 @@ class Safety:
 
     def _ask_again(self, now_ns: int, *, quiet: bool) -> Deed:
         if quiet and not self.locked and self.reason is None:
-            self.leave()
+            self._left(now_ns)
             return Deed.ORDER_OFF
         self.due_ns = now_ns + ANSWER_NS
         return Deed.ORDER_ON
