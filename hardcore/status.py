@@ -54,6 +54,7 @@ def _shape() -> dict[str, Any]:
         "spare_lack": None,  # the same as a word
         "switch_waits": False,
         "switch_fault": "",
+        "start_fault": "",  # what a core said last that could not start, while none serves
         "budget": {"used": 0, "limit": None, "window_s": None},
         "incident": None,
         "last_incident": None,
@@ -76,6 +77,7 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "spare_lack": str(reading.spare_lack) if reading.spare_lack else None,
         "switch_waits": reading.switch_waits,
         "switch_fault": reading.switch_fault,
+        "start_fault": reading.start_fault,
         "incident": reading.incident,
         "stage": reading.stage,
         "waits_for": reading.waits_for,

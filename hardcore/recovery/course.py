@@ -103,6 +103,7 @@ class Course:
     inherited: tuple[str, ...] = ()  # whom an earlier guard suspected; until a core serves
     later: tuple[CoreObservation, ...] = ()  # what a core that is drained said, for when it serves again
     switch_fault: str = ""  # why the last one that was asked for was given up
+    start_fault: str = ""  # what the core said last that died before it served; of the last death
     store: StoreKnowledge = field(default_factory=StoreKnowledge)
     audit: Audit = field(default_factory=Audit)
     drill: PendingDrill = field(default_factory=PendingDrill)

@@ -27,7 +27,7 @@ from hardcore.recovery.spare import SpareState
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.telling import BOOTING, mark, order
 from hardcore.recovery.transitions import Trigger, step
-from hardcore.sentinel.deaths import Death, describe, judge_death, own_fault
+from hardcore.sentinel.deaths import Death, describe, judge_death, last_said, own_fault
 
 #: What kind of proof a core tells that serves reads only.
 UNPROVEN = "none"
@@ -186,6 +186,7 @@ class FailoverManager:
             spare_build=c.spare.build,
             switch_waits=c.switching is not None,
             switch_fault=c.switch_fault,
+            start_fault="" if serving else c.start_fault,
             locked_by=c.holder.why if c.holder is not None and (locked or not serving) else None,
         )
 
@@ -464,7 +465,9 @@ def _exited(c: Course, fact: seen.CoreExited) -> None:
             term_sent=c.term_sent,
             oom_kills=fact.oom_kills,
             disk=c.safety.disk if ready else None,
+            said="" if ready else fact.said,
         )
+        c.start_fault = "" if ready else last_said(fact)
         c.pending = Trouble(death, _silent_since(c, fact), fact.exit, fact.page)
     elif c.story:
         mark(c, "killed", fact.at_ns)

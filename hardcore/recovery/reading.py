@@ -51,4 +51,5 @@ class Reading:
     spare_build: str = ""  # the code that it runs
     switch_waits: bool = False  # a switch was asked for and has not been done
     switch_fault: str = ""  # why the last one was given up
+    start_fault: str = ""  # what the core said last that was started and never served, until one serves
     locked_by: str | None = None  # who keeps the ledger's lock from a core that is to write

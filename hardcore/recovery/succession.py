@@ -23,6 +23,7 @@ from hardcore.recovery.spare import SpareState
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.telling import order
 from hardcore.recovery.transitions import Trigger
+from hardcore.sentinel.deaths import last_said
 
 #: So often a core is asked to let go of the store for a switch, so far apart.
 DRAINS_MAX = 3
@@ -64,9 +65,7 @@ def heard(c: Course, fact: seen.Observation) -> bool:
         case seen.SpawnFailed():
             _ended(c, fact.reason, fact.at_ns)
         case seen.CoreExited():
-            words = fact.page.last_words if fact.page else None
-            said = f"{words.code}: {words.text}" if words else fact.said or "it ended without a word"
-            _ended(c, said, fact.at_ns)
+            _ended(c, last_said(fact), fact.at_ns)
         case seen.StartExtended():
             c.spare.extend(fact)
         case seen.CoreSpawned() if c.spare.state is SpareState.ENDING:

@@ -6,9 +6,10 @@ the kernel's own count of kills for memory makes it a lack of memory; no exit co
 Exit codes are those of `docs/wires.md` section 2.
 """
 
+import re
 from dataclasses import dataclass
 
-from hardcore.model.observations import DiskFacts, Exit
+from hardcore.model.observations import CoreExited, DiskFacts, Exit
 from hardcore.model.recorder import LastWords
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
 from hardcore.sentinel.witnesses.disk import refusal
@@ -50,6 +51,9 @@ _CODES = {
 }
 
 
+#: An error in a log, as `host/said.py` says it: its kind, what it says, its place.
+_ERROR = re.compile(r"(\w+)(?:: .*)? \(([^()]+, line \d+)\)")
+
 #: Codes that stand for several diagnoses: the first of the last words says which.
 _FINER = {73: frozenset({Diagnosis.DISK_READ_ONLY})}
 
@@ -72,6 +76,12 @@ def describe(how: Exit) -> str:
     return "is gone; nobody could read its exit status"
 
 
+def last_said(fact: CoreExited) -> str:
+    """Return what a core that is gone has said last: on its page, or else in its log."""
+    words = fact.page.last_words if fact.page else None
+    return f"{words.code}: {words.text}" if words else fact.said or "it ended without a word"
+
+
 def judge_death(
     how: Exit,
     words: LastWords | None,
@@ -80,17 +90,21 @@ def judge_death(
     term_sent: bool,
     oom_kills: int | None = None,
     disk: DiskFacts | None = None,
+    said: str = "",
 ) -> Death:
     """Return what this unasked end means.
 
     `was_ready`: the core had reached READY. `term_sent`: a TERM had reached it that was not ours. `oom_kills`: how
     often the kernel has killed for memory since this life began; None: nobody can tell. `disk`: the last look at the
-    data folder's file system while it lived.
+    data folder's file system while it lived. `said`: the end of its log.
     """
     facts = [Testimony("pidfd", Colour.RED, f"the core {describe(how)}")]
     if words is not None:
         # Their code alone: the sentence may quote what a person typed, and a testimony goes everywhere unmasked.
         facts.append(Testimony("last words", Colour.RED, words.code))
+    elif error := _ERROR.fullmatch(said):
+        # Its kind and its place alone, for the same reason.
+        facts.append(Testimony("log", Colour.RED, f"{error[1]} ({error[2]})"))
     if term_sent:
         facts.append(Testimony("core", Colour.RED, "a TERM had reached it from another process"))
     if how.signal == _SIGKILL and oom_kills:
