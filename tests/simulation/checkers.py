@@ -72,6 +72,7 @@ class Checkers:
         self._newest = 0
         self._ready: set[int] = set()
         self._spares: set[int] = set()
+        self._undrained: set[int] = set()
         self._exited: set[int] = set()
         self._evidence: dict[int, int] = {}
         self._taken: set[int] = set()
@@ -183,6 +184,8 @@ class Checkers:
                 self._way_in = move
             if Step.FORGET in row[1]:
                 self._deaths_ns.clear()
+            if move.trigger is Trigger.NOT_DRAINED and guard.life is not None:
+                self._undrained.add(guard.life.number)
             if move.trigger is Trigger.RENEW and guard.life is not None:
                 self._renewed.add(guard.life.number)
             if move.trigger is Trigger.TROUBLED:
@@ -410,10 +413,9 @@ class Checkers:
         restarts = guard.policy.asks(told.diagnosis, Word.REBOOT_PROCESS)
         unwatched = told.diagnosis is Diagnosis.SENTINEL_LOST and not told.deaths and self._way_on()
         troubled = not (told.deaths or told.planned) and (unwatched or not restarts)
+        same = told.planned and not told.deaths and told.life in self._undrained  # and it serves on
         served = (
-            troubled
-            or self._last is Trigger.NOT_DRAINED
-            or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
+            troubled or same or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
         )
         hold(over or served, "an incident is over when a proven core has served")
         steps = dict(told.timeline)
@@ -421,8 +423,7 @@ class Checkers:
         hold(steps["fault"] <= steps["detected"] <= steps["closed"], "nothing is found before it is there")
         if told.diagnosis in TROUBLES:
             hold(told.diagnosis in self.world.truths, f"{told.diagnosis} was never the matter")
-        replaced = self._last is not Trigger.NOT_DRAINED
-        if told.outcome == "recovered" and replaced and (told.deaths or told.planned):
+        if told.outcome == "recovered" and not same and (told.deaths or told.planned):
             hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
             hold(bool(self._ready - {told.life}), "recovered means that a successor served")
         hold(told.planned or told.deaths or troubled, "an incident nobody planned has a death or a trouble")
