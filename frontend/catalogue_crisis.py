@@ -176,6 +176,18 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
         "Leave it here and it will be handled once, now.",
     ),
     "keepable.do": ("요청 맡겨 두기", "Keep it for me"),
+    "doubtful.line": (
+        "방금 보낸 요청이 처리됐는지 아직 알 수 없어요.",
+        "It is not known whether what you just sent was done.",
+    ),
+    "doubtful.wait": (
+        "맡겨 두면 서버가 돌아온 뒤 내역을 먼저 확인하고, 없을 때만 한 번 처리해요. 그다음에는 이 창을 닫아도 돼요.",
+        "Leave it here: once the server is back, it is done if it was not yet. You can close this window then.",
+    ),
+    "doubtful.now": (
+        "맡기면 지금 내역을 먼저 확인하고, 없을 때만 한 번 처리해요.",
+        "Leave it here: the records are checked now, and it is done if it was not yet.",
+    ),
     "back.line": (
         "브라우저의 뒤로 가기를 누르면 쓰던 내용이 남아 있을 수 있어요.",
         "Your browser's Back button may bring back what you typed.",
@@ -242,6 +254,7 @@ FACTS: Final[dict[str, str]] = {
     "not_done.line": "the gateway never sent the request to a core",
     "keepable.line": "the gateway never sent the request to a core",
     "unknown.line": "the core died before it answered",
+    "doubtful.line": "the core died before it answered",
 }
 
 

@@ -27,13 +27,13 @@ from frontend.render import Language
 #: Why the ledger is away. `off`: the operator stopped it.
 Kind = Literal["recovering", "planned", "stopped_trying", "off"]
 #: What became of the request that the page answers: `get` if it asked for a page, else a form's outcome. `keepable`:
-#: not done, and the page offers to have it kept.
-Outcome = Literal["get", "not_done", "unknown", "keepable"]
+#: not done, and the page offers to have it kept; `doubtful`: unknown, and the same.
+Outcome = Literal["get", "not_done", "unknown", "keepable", "doubtful"]
 #: What became of a request that was promised (docs/wires.md, section 9).
 Settled = Literal["waiting", "done", "already_done", "not_done", "refused", "set_aside", "ask", "unknown"]
 
 KINDS: Final[tuple[Kind, ...]] = ("recovering", "planned", "stopped_trying", "off")
-OUTCOMES: Final[tuple[Outcome, ...]] = ("get", "not_done", "unknown", "keepable")
+OUTCOMES: Final[tuple[Outcome, ...]] = ("get", "not_done", "unknown", "keepable", "doubtful")
 RECEIPT_OUTCOMES: Final[tuple[Settled, ...]] = get_args(Settled)
 
 #: What the gateway puts its own into: the hidden fields of a kept form; a receipt's key, number and the ledger's word.

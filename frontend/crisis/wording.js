@@ -182,7 +182,7 @@ function cardOf(view, facts, strip, now_ms, words) {
 
 /** What is on the screen for a view.
     `facts`: {pending: count, receipt: key of the last one that waits | null, draft: null | "stored" | "page", slow, alive: the page itself is still there,
-    unheard: no frame has come yet, request: null | "not_done" | "unknown" | "keepable"}. */
+    unheard: no frame has come yet, request: null | "not_done" | "unknown" | "keepable" | "doubtful"}. */
 export function face(view, facts, now_ms, words) {
   const strip = stripOf(view, facts, words);
   const card = cardOf(view, facts, strip, now_ms, words);

@@ -31,7 +31,7 @@ from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.mishap import describe
 from hardcore.crisis.outcomes import OutageBook
 from hardcore.crisis.outlook import Outlook, Ties
-from hardcore.crisis.plight import Asked, cover
+from hardcore.crisis.plight import KEPT, cover
 from hardcore.crisis.problems import STATUS, Outcome, Problem
 from hardcore.crisis.receipts import Receipt
 from hardcore.crisis.receipts_desk import Kept, Promises, moments
@@ -240,7 +240,8 @@ class Moves:
                 self._say(exchange, Problem.PROMISE_UNKNOWN, Outcome.UNKNOWN)
             case Deed.SAY_UNKNOWN:
                 self._meet(exchange, outage=True)  # whatever the feed says: a core died under it
-                self._say(exchange, Problem.RECOVERING if safe else Problem.OUTCOME_UNKNOWN, doubtful)
+                why = Problem.RECOVERING if safe else Problem.OUTCOME_UNKNOWN
+                self._say(exchange, why, doubtful, offers=True)
             case Deed.SAY_GARBLED:
                 self._say(exchange, Problem.BROKEN_ANSWER, doubtful)
             case Deed.SAY_LATE:
@@ -359,8 +360,18 @@ class Moves:
             exchange.met_outage = True
             self.book.meet()
 
-    def _say(self, exchange: Exchange, problem: Problem, outcome: Outcome, word: str | None = None) -> None:
-        form = self.promises.offered(exchange) if outcome is Outcome.NOT_DONE else None
+    def _say(
+        self,
+        exchange: Exchange,
+        problem: Problem,
+        outcome: Outcome,
+        word: str | None = None,
+        *,
+        offers: bool = False,
+    ) -> None:
+        """`offers`: nobody has asked the ledger about it yet, so the gateway would, if it is a form."""
+        offers = offers or outcome is Outcome.NOT_DONE
+        form = self.promises.offered(exchange) if offers else None
         self._settle(exchange, word or outcome, STATUS[problem])
         answer = self._words(exchange.head, problem, outcome, form)
         close = word == "gone" or problem in _CLOSES
@@ -383,7 +394,7 @@ class Moves:
         sheet = self.shelf.cover(told, head.accept_language) if told is not None else None
         if sheet is None or told is None:
             return pages.plain(problem, head)
-        return pages.recovery(sheet, problem, head, form if told.asked is Asked.KEEPABLE else None)
+        return pages.recovery(sheet, problem, head, form if told.asked in KEPT else None)
 
     # -- the end of a request --------------------------------------------------------------------------
 

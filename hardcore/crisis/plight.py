@@ -29,6 +29,11 @@ class Asked(StrEnum):
     NOT_DONE = "not_done"
     UNKNOWN = "unknown"
     KEEPABLE = "keepable"  # a form that is not done, and that the gateway would keep
+    DOUBTFUL = "doubtful"  # a form of which that is not known, and that the gateway would look up and keep
+
+
+#: Of these the page carries the wish.
+KEPT = frozenset({Asked.KEEPABLE, Asked.DOUBTFUL})
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +81,7 @@ def cover(
     how = plight(posture, planned=planned)
     if safe:
         return Cover(how, Asked.GET)
-    if outcome is Outcome.UNKNOWN:
-        return Cover(how, Asked.UNKNOWN)
     offered = keepable and how in {Plight.RECOVERING, Plight.PLANNED}
+    if outcome is Outcome.UNKNOWN:
+        return Cover(how, Asked.DOUBTFUL if offered else Asked.UNKNOWN)
     return Cover(how, Asked.KEEPABLE if offered else Asked.NOT_DONE)

@@ -19,6 +19,7 @@ from tests.contract.receipts_world import (
     TAB,
     Ledger,
     becomes,
+    has_read,
     hold,
     name_of,
     promising,
@@ -148,6 +149,11 @@ def test_whoever_waits_for_a_disk_that_hangs_is_told_in_time_that_nobody_knows(t
 # -- a form whose core dies under it ---------------------------------------------------------------------
 
 
+def drawn(w: World) -> None:
+    """Wait until the gateway has drawn its pages."""
+    until(lambda: w.ask("GET", "/__hc/client.js").status == 200, "the pages to be drawn")
+
+
 def post_form(w: World) -> Client:
     return w.client().ask("POST", "/entries", TAB, FORM, "Referer: http://localhost/register", body=ENTRY)
 
@@ -176,6 +182,29 @@ def test_a_suspected_form_is_only_looked_up_and_told_as_a_page(tmp_path: Path) -
         answer = client.read()
         assert (answer.status, answer.header("Location")) == (303, "/register")
         assert ledger.booked == []
+
+
+@pytest.mark.parametrize("booked", [True, False])
+def test_a_form_that_was_at_a_core_when_it_died_can_be_kept_and_is_done_once(
+    tmp_path: Path, *, booked: bool
+) -> None:
+    ledger = Ledger()
+    with promising(tmp_path, hold_ms=20_000) as w:
+        core = w.serving(silent)
+        has_read(w)
+        drawn(w)
+        client = post_form(w)
+        core.wait("/entries")
+        if booked:
+            ledger.booked.append("f1")
+            ledger.kept["f1"] = (name_of("POST", "/entries", ENTRY), 201, {"id": "t"})
+        w.die(core)
+        page = client.read()
+        assert (page.status, b'data-outcome="doubtful"' in page.body) == (503, True)
+        assert keep(w, fields_of(page.body)).status == 303
+        serve(w, ledger, 2)
+        becomes(w, "f1", "already_done" if booked else "done")
+        assert ledger.booked == ["f1"]
 
 
 def test_of_a_form_that_is_not_found_nobody_says_that_it_was_not_done(tmp_path: Path) -> None:

@@ -48,6 +48,16 @@ def test_only_what_is_known_not_to_have_run_is_called_not_done() -> None:
         assert doubt is None or doubt.asked is Asked.UNKNOWN
 
 
+def test_what_may_have_run_is_offered_to_be_kept_only_while_a_core_is_coming() -> None:
+    for posture in Face:
+        told = cover(
+            Problem.OUTCOME_UNKNOWN, Outcome.UNKNOWN, posture, safe=False, planned=False, keepable=True
+        )
+        comes = posture in {Face.HOLD, Face.FORWARD}
+        assert told is not None
+        assert told.asked is (Asked.DOUBTFUL if comes else Asked.UNKNOWN)
+
+
 def test_a_full_house_is_an_outage_only_while_nobody_serves() -> None:
     assert cover(Problem.TOO_BUSY, Outcome.NOT_DONE, Face.FORWARD, safe=True, planned=False) is None
     assert cover(Problem.TOO_BUSY, Outcome.NOT_DONE, Face.HOLD, safe=True, planned=False) is not None

@@ -96,9 +96,10 @@ def test_a_page_says_without_a_script_what_is_true(lang: Language, kind: Kind, o
     text = recovery_page(lang, kind, outcome).body.decode().partition("<script")[0]
     says = words(lang)
     assert (says["not_done.line"] in text) == (outcome == "not_done")
-    assert (says["unknown.line"] in text) == (outcome == "unknown")
+    assert (says["unknown.line"] in text) == (outcome in {"unknown", "doubtful"})
+    assert (says["doubtful.wait"] in text) == (outcome == "doubtful")
     assert (says["keepable.line"] in text) == (outcome == "keepable")
-    assert text.count("<form") == text.count("<!--fields-->") == (outcome == "keepable")
+    assert text.count("<form") == text.count("<!--fields-->") == (outcome in {"keepable", "doubtful"})
     assert (says["R15.line"] in text) == (kind in {"recovering", "planned"} and outcome == "get")
     assert says["R3.verified"] not in text
     assert says["draft.stored"] not in text
@@ -114,7 +115,9 @@ def test_a_receipts_page_says_what_became_of_it_and_nothing_else(lang: Language,
     text = page.body.decode().partition("<body")[2].partition("<script")[0]
     which = LANGUAGES.index(lang)
     for other in RECEIPT_OUTCOMES:
-        head = RECEIPTS[{"waiting": "R1c", "ask": "R5.line", "done": "done"}.get(other, f"{other}.line")][which]
+        head = RECEIPTS[{"waiting": "R1c", "ask": "R5.line", "done": "done"}.get(other, f"{other}.line")][
+            which
+        ]
         assert (head.partition("{")[0] in text) == (other == outcome)
     assert text.count("<!--id-->") == 1
     assert ("<!--why-->" in text) == (outcome == "refused")
