@@ -24,7 +24,7 @@ from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
 from hardcore.model import observations as seen
-from hardcore.model.phases import Phase, Wanted
+from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.recorder import Witness
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.drill import DRILL_GRACE_NS
@@ -32,6 +32,8 @@ from hardcore.recovery.policy import Policy, in_full
 from hardcore.recovery.reading import Reading
 
 CORE_ANSWER_S = 2.0
+#: A core that does not say at once which code it runs is taken for one of other code.
+BUILD_ASKED_S = 0.5
 #: How long the drill `dblock` keeps the ledger's lock: long enough to be told from a busy moment.
 LOCK_HELD_S = 4
 LINE_BYTES_MAX = 4096
@@ -128,7 +130,7 @@ class Door:
             case _:
                 assert_never(request.ask)
 
-    def _order(self, verb: seen.Verb, request: Request, on_disk: str = "") -> Answer:
+    def _order(self, verb: seen.Verb, request: Request, *, on_disk: str = "", serves: str = "") -> Answer:
         before = self._house.reading()
         asked = seen.OperatorAsked(
             clock.now_ns(),
@@ -137,13 +139,14 @@ class Door:
             accept_ledger=request.accept_ledger,
             image=request.image,
             build=on_disk,
+            serves=serves,
         )
         self._house.feed(asked)
         after = self._house.reading()
         told = {"ok": True, "incident": after.incident or before.incident, "phase": str(after.phase)}
-        updates = after.switch_waits and before.spare_build not in {"", on_disk}
-        waits = {"waits": after.switch_waits, "updates": updates}
-        return {**told, **waits, "changed": after.phase is not before.phase}, []
+        waits = after.switch_waits and verb is seen.Verb.RESTART
+        updates = waits and after.switch_updates
+        return {**told, "waits": waits, "updates": updates, "changed": after.phase is not before.phase}, []
 
     async def _down(self, request: Request) -> Answer:
         try:
@@ -182,7 +185,20 @@ class Door:
             )
         if request.hard:
             return self._order(seen.Verb.RESTART_HARD, request)
-        return self._order(seen.Verb.RESTART, request, await self._code_on_disk())
+        serves, on_disk = await asyncio.gather(self._code_that_serves(), self._code_on_disk())
+        return self._order(seen.Verb.RESTART, request, on_disk=on_disk, serves=serves)
+
+    async def _code_that_serves(self) -> str:
+        """Return the name of the code that the serving core runs, as it says itself; empty if it does not say."""
+        life = self._house.life()
+        if life is None or self._house.reading().phase not in SERVING:
+            return ""
+        path = self._house.folders.core_control(life.nonce)
+        try:
+            told = await asyncio.wait_for(_ask_core(path, {"verb": "status"}), BUILD_ASKED_S)
+        except (OSError, ValueError, TimeoutError):
+            return ""
+        return str(told.get("build", ""))
 
     async def _code_on_disk(self) -> str:
         """Return the name of the core's code that lies on the disk now."""
@@ -289,9 +305,12 @@ class Door:
         if fault == "oom":
             order["armed"] = True
         try:
-            return await asyncio.wait_for(_ask_core(path, order), CORE_ANSWER_S)
+            told = await asyncio.wait_for(_ask_core(path, order), CORE_ANSWER_S)
         except (OSError, ValueError, TimeoutError) as error:
             return f"The core's control socket does not answer ({type(error).__name__})."
+        if not told or told.get("ok") is True:
+            return ""  # without an answer it is gone already: the drill has begun
+        return str(told.get("error", "it gave no reason"))
 
     # ---- what the gateway reports ----
 
@@ -422,17 +441,15 @@ def _whole(value: object) -> int:
     return value if isinstance(value, int) else 0
 
 
-async def _ask_core(path: Path, order: Mapping[str, object]) -> str:
+async def _ask_core(path: Path, order: Mapping[str, object]) -> Mapping[str, object]:
+    """Return what the core answers to an order; nothing if it went without an answer."""
     reader, writer = await asyncio.open_unix_connection(str(path), limit=LINE_BYTES_MAX)
     try:
         writer.write(write_line(order))
         await writer.drain()
-        line = await reader.readline()
-        if not line:
-            return ""  # gone before it could answer: the drill has begun
-        answer = json.loads(line)
-        return "" if answer.get("ok") is True else str(answer.get("error", "it gave no reason"))
+        answer = json.loads(await reader.readline() or b"{}")
+        return answer if isinstance(answer, dict) else {}
     except ConnectionError:
-        return ""  # as above
+        return {}
     finally:
         writer.close()

@@ -401,6 +401,7 @@ class OperatorAsked:
     )
     image: bool = False  # RESTART, RESTART_HARD: with an image of the old core's memory, if the policy allows
     build: str = ""  # RESTART: the code that lies on the disk now; empty: nobody looked
+    serves: str = ""  # RESTART: the code of the core that serves, as it says itself; empty: it did not say
 
 
 @dataclass(frozen=True, slots=True)

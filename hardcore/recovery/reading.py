@@ -46,10 +46,11 @@ class Reading:
     behind: int | None = None  # the life that lives on behind the fence
     spare: int = 0  # the life that waits, 0: none
     spare_ready: bool = False
-    spare_fault: str = ""  # why there is none, where there never will be by itself
+    spare_fault: str = ""  # why there is none: what became of the last one, or what keeps one from being had
     spare_lack: Lack | None = None  # the same as a word
     spare_build: str = ""  # the code that it runs
     switch_waits: bool = False  # a switch was asked for and has not been done
+    switch_updates: bool = False  # and it waits for a spare to show whether the code on the disk starts
     switch_fault: str = ""  # why the last one was given up
     start_fault: str = ""  # what the core said last that was started and never served, until one serves
     locked_by: str | None = None  # who keeps the ledger's lock from a core that is to write

@@ -2,8 +2,10 @@
 
 import asyncio
 import dataclasses
+import json
 import signal
 import subprocess
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -124,13 +126,42 @@ def test_a_hard_restart_asks_for_no_code(house: House) -> None:
     assert [fact.build for fact in house.told if isinstance(fact, seen.OperatorAsked)] == [""]
 
 
-@pytest.mark.parametrize(("runs", "updates"), [("", False), ("0123456789abcdef", True)])
+@pytest.mark.parametrize("updates", [False, True])
 def test_who_asks_for_a_restart_is_told_whether_a_spare_with_the_new_code_is_waited_for(
-    house: House, runs: str, *, updates: bool
+    house: House, *, updates: bool
 ) -> None:
-    house.moment = dataclasses.replace(house.moment, switch_waits=True, spare_build=runs)
+    house.moment = dataclasses.replace(house.moment, switch_waits=True, switch_updates=updates)
     answer = ask(house, Request(Ask.RESTART))
     assert (answer["waits"], answer["updates"]) == (True, updates)
+
+
+def test_a_hard_restart_waits_for_no_spare_whatever_another_wish_waits_for(house: House) -> None:
+    house.moment = dataclasses.replace(house.moment, switch_waits=True, switch_updates=True)
+    answer = ask(house, Request(Ask.RESTART, hard=True))
+    assert (answer["waits"], answer["updates"]) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("answer", "serves"),
+    [(b'{"ok":true,"build":"abc"}\n', "abc"), (b'{"ok":true}\n', ""), (b"", ""), (b"?\n", "")],
+)
+def test_a_restart_names_the_code_that_serves_as_the_core_says_it(
+    house: House, answer: bytes, serves: str
+) -> None:
+    async def say(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        assert json.loads(await reader.readline())["verb"] == "status"
+        writer.write(answer)
+        writer.close()
+
+    async def restarted() -> None:
+        with tempfile.TemporaryDirectory(prefix="door-") as base:  # short, for the socket in it
+            house.core = Life(1, "0" * 16, Folders(house.folders.data, Path(base)))
+            house.folders = house.core.folders
+            async with await asyncio.start_unix_server(say, house.folders.core_control("0" * 16)):
+                await Door(house).answer(Request(Ask.RESTART))
+
+    asyncio.run(restarted())
+    assert [fact.serves for fact in house.told if isinstance(fact, seen.OperatorAsked)] == [serves]
 
 
 @pytest.mark.parametrize("ready", [False, True])
