@@ -147,7 +147,8 @@ def _take_over(
 def _bringing_up(data: Path, telling: Telling) -> BringUp:
     def bring_up(connection: Connection, version: int, epoch: int) -> StoreError | None:
         asking = AskingForTime(telling.beacon.extend, time.monotonic)
-        error = back_up(data / LEDGER_FILE, version, epoch, size_bytes(connection), asking.tick)
+        step_bytes = schema.bring_up_bytes(connection, version)
+        error = back_up(data / LEDGER_FILE, version, epoch, size_bytes(connection), step_bytes, asking.tick)
         if error is None:
             watch(connection, asking.tick)
             schema.bring_up(connection, version)

@@ -44,7 +44,9 @@ class ReadableBook:
 
 @dataclass(frozen=True, slots=True)
 class _NotOurs:
-    """The file is no ledger that this version can read."""
+    """The file is no ledger that this version can read as it stands. `version`: of a ledger, its schema."""
+
+    version: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +70,8 @@ def open_to_read(data: Path, environment: GuardedEnvironment, settings: Settings
     match opened:
         case StoreError():
             return _unread(opened, data)
-        case _NotOurs():
-            return departure.config_invalid(
-                f"{LEDGER_FILE} is no ledger that this version can read without changing it."
-            )
+        case _NotOurs(version):
+            return _unreadable(version, environment.safe)
         case (readers, head) if head.seq == 0 and environment.safe == _DAMAGED:
             # An empty book shown to somebody whose records are missing would say that there were none.
             readers.dispose()
@@ -101,8 +101,26 @@ def _head(connection: Connection) -> _Head | _NotOurs:
         return _NotOurs()
     row = queries.head(connection)
     if not schema.SCHEMA_VERSION_READABLE <= row.schema_version <= schema.SCHEMA_VERSION:
-        return _NotOurs()
+        return _NotOurs(row.schema_version)
     return _Head(row.epoch, row.head_seq, row.head_hash)
+
+
+def _unreadable(version: int | None, safe: str | None) -> Departure:
+    """An old ledger is taken along as soon as its disk takes a write: then the disk is what is wrong, and passes."""
+    if version is not None and schema.SCHEMA_VERSION_OLDEST <= version < schema.SCHEMA_VERSION_READABLE:
+        text = (
+            f"and a ledger of schema {version} can't be read before it is brought to {schema.SCHEMA_VERSION}"
+        )
+        match safe:
+            case "DISK_FULL":
+                return departure.no_room(text)
+            case "DISK_READ_ONLY":
+                return departure.read_only(text)
+            case _:
+                pass
+    return departure.config_invalid(
+        f"{LEDGER_FILE} is no ledger that this version can read without changing it."
+    )
 
 
 def _is_whole(path: Path) -> bool:

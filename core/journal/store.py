@@ -177,19 +177,46 @@ def copy_whole(ledger: Path, into: Path, tick: Callable[[], object]) -> StoreErr
     """
     try:
         with (
-            closing(sqlite3.connect(f"{ledger.absolute().as_uri()}?mode=ro", uri=True)) as source,
+            closing(_only_read(ledger)) as source,
             closing(sqlite3.connect(into, isolation_level=None)) as copy,
         ):
             source.backup(copy, pages=_COPIED_PAGES, progress=lambda *_: tick())
             copy.execute("PRAGMA journal_mode = DELETE").close()
-            _watch(copy, tick)
-            found = [row[0] for row in copy.execute("PRAGMA quick_check(1)")]
-            heads = [one.execute("SELECT * FROM meta").fetchall() for one in (source, copy)]
+            return _misses(copy, source, tick)
     except sqlite3.Error as error:
         return _driver_error(error)
-    if found == ["ok"] and heads[0] == heads[1]:
-        return None
-    return StoreError(StoreFault.DAMAGED, f"the copy says: {found[0]}" if found != ["ok"] else "another head")
+
+
+def is_copy(copy: Path, ledger: Path, tick: Callable[[], object]) -> bool:
+    """Whether `copy` is whole and holds what is committed in a ledger now; one that can't be read is none.
+
+    `tick` is called again and again while it takes long.
+    """
+    if not copy.is_file():
+        return False
+    try:
+        with closing(_only_read(copy)) as kept, closing(_only_read(ledger)) as source:
+            return _misses(kept, source, tick) is None
+    except sqlite3.Error:
+        return False
+
+
+def _only_read(path: Path) -> sqlite3.Connection:
+    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+
+
+def _misses(
+    copy: sqlite3.Connection, source: sqlite3.Connection, tick: Callable[[], object]
+) -> StoreError | None:
+    """Read a copy whole and say what it lacks. The refused commands' keys are counted: they move no head."""
+    _watch(copy, tick)
+    found = [row[0] for row in copy.execute("PRAGMA quick_check(1)")]
+    if found != ["ok"]:
+        return StoreError(StoreFault.DAMAGED, f"the copy says: {found[0]}")
+    for asked in ("SELECT * FROM meta", "SELECT count(*) FROM idempotency"):
+        if copy.execute(asked).fetchall() != source.execute(asked).fetchall():
+            return StoreError(StoreFault.DAMAGED, "the copy holds something else")
+    return None
 
 
 def watch(connection: Connection, tick: Callable[[], object] | None) -> None:

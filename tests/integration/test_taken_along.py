@@ -1,5 +1,7 @@
 """Ledgers of older versions on the way to this one: a real core starts on them, or a spare is promoted onto them."""
 
+import os
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
@@ -10,6 +12,7 @@ import pytest
 from tests.integration.lone_core import ready, started, verify
 from tests.integration.wired_core import Guard, guarding
 
+STRACE = shutil.which("strace")
 LEDGERS = Path(__file__).parents[1] / "unit" / "core"
 KEPT = {2: "ledger-schema2-epoch1.db", 3: "ledger-schema3-epoch1.db"}
 
@@ -86,3 +89,44 @@ def test_an_older_ledger_can_be_read_where_nothing_can_be_written(guard: Guard) 
     assert len(life.core.ask("GET", "/api/ledger/events").body["items"]) == 15
     assert life.core.ask("GET", "/api/ledger/verify").body["ok"] is True
     assert version_of(guard.data / "ledger.db") == 3
+
+
+@pytest.mark.parametrize(("safe", "word"), [("DISK_FULL", "DISK_FULL"), ("DISK_READ_ONLY", "DISK_READ_ONLY")])
+def test_a_ledger_too_old_to_be_read_as_it_stands_is_no_mistake_in_a_setting_while_its_disk_takes_no_write(
+    guard: Guard, safe: str, word: str
+) -> None:
+    old_ledger(guard.data, 2)
+    life = guard.start(HARDCORE_SAFE=safe)
+    assert life.core.ends_with() == 73
+    words = life.page().last_words
+    assert words is not None
+    assert words.code == word
+    assert "schema 2" in life.core.said()
+    assert version_of(guard.data / "ledger.db") == 2
+
+
+def dying_at_flush(number: int) -> list[str]:
+    """A command line that becomes the one behind it, which is killed at its so manieth flush of a whole file."""
+    inject = f"--inject=fsync:signal=KILL:when={number}"
+    return [STRACE or "strace", "-D", "-f", "-q", "-o", "/dev/null", inject]
+
+
+@pytest.mark.skipif(STRACE is None, reason="no strace here")
+def test_a_start_that_dies_over_the_copy_is_followed_by_one_that_goes_on_from_what_is_whole(
+    tmp_path: Path,
+) -> None:
+    data = tmp_path / "data"
+    old_ledger(data, 3)
+    with started(data, before=dying_at_flush(1)) as core:
+        assert core.ends_with() == -9
+    (left,) = (data / "backups").iterdir()
+    assert left.name == f"{KEPT[3]}.part"
+    with started(data, before=dying_at_flush(2)) as core:
+        assert core.ends_with() == -9
+    (kept,) = (data / "backups").iterdir()
+    assert kept.name == KEPT[3]
+    os.utime(kept, (1, 1))
+    assert version_of(data / "ledger.db") == 3
+    with started(data) as core:
+        ready(core)
+    assert (kept.stat().st_mtime, version_of(data / "ledger.db")) == (1, 4)
