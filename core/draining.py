@@ -73,6 +73,7 @@ class Drain:
             self._take_back(missing)
             return missing
         self._drained = True
+        self._service.lay_down()
         self._on_let_go()
         return self._service.head_seq
 

@@ -21,7 +21,8 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from uvicorn.server import Server
 
 _LIFESPAN: Final = "off"
-import_from_string(LIFESPAN[_LIFESPAN])  # which the server would do when it begins to listen, and somebody waits
+# The server would do so when it begins to listen, and somebody waits.
+import_from_string(LIFESPAN[_LIFESPAN])
 KEEP_ALIVE_S: Final = 3_600  # longer than a gateway keeps an idle connection: the side that asks closes first
 CLOSING_S: Final = 1
 TICK_S: Final = 1.0

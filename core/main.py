@@ -15,7 +15,7 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NoReturn
@@ -172,6 +172,8 @@ class Life:
         self._writer: Writer | None = None
         self._drain: Drain | None = None
         self._holds_guard = True
+        self._behind: list[asyncio.Task[object]] = []
+        self._taking_up: asyncio.Task[None] | None = None
 
     async def run(self) -> Departure | None:
         """Live; return None if the end was asked for, else why there was no life."""
@@ -244,7 +246,12 @@ class Life:
         either: set[asyncio.Future[Any]] = {waiting, self._ended}
         await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
         if waiting.done():
-            return waiting.result()
+            error = waiting.exception()
+            if error is None:
+                return waiting.result()
+            # Whatever it was: the guard goes by the exit code, and a bare traceback has one that means nothing.
+            logger.error("The spare stops at a mistake of our own", exc_info=error)
+            return departure.bug(f"{spare.at_work_on}: {error!r}")
         waiting.cancel()
         await asyncio.wait({waiting})
         await loop.run_in_executor(None, spare.close)
@@ -271,28 +278,39 @@ class Life:
     ) -> Departure | None:
         desk = Desk(service, self._recorder, self._data)
         drain = self._drain = Drain(
-            service, desk, self._writer, self._recorder, functools.partial(self._let_go, book), self._stuck
+            service, desk, self._writer, self._recorder, functools.partial(self._lay_down, book), self._stuck
         )
         self._obedience.drain_with(drain)
         server = LedgerServer(make_app(service, desk, self._spare.app if self._spare is not None else None))
         await server.start(bound)
         self._ready(book, bound)
         if isinstance(book, OpenBook):
-            await desk.start()
-        if not self._obedience.build:
-            self._obedience.build = await asyncio.to_thread(own_build)
-        behind: list[asyncio.Task[Any]] = [loop.create_task(audit_behind(service, self._beacon))]
-        if isinstance(book, OpenBook):
-            rests = self._settings.verify_after_ms, self._settings.ballast_ms
-            behind.append(loop.create_task(ballast.keep_laid(self._data, *rests)))
+            self._taking_up = loop.create_task(desk.start())  # never called off: the desk's end waits for it
+        self._begin_behind(loop, service, book)
         assert self._ended is not None
         left = await self._ended
-        for task in behind:
-            task.cancel()
+        self._end_behind()
         if left is not None:
             await self._leave_at_once(left, service)
         await self._leave(service, server, book, desk)
         return None
+
+    def _begin_behind(self, loop: asyncio.AbstractEventLoop, service: Service, book: Book) -> None:
+        """Begin what nobody waits for: to name the code, to prove the whole ledger, to lay the ballast."""
+        works: list[Coroutine[Any, Any, object]] = [audit_behind(service, self._beacon)]
+        if not self._obedience.build:
+            works.append(self._name_build())
+        if isinstance(book, OpenBook):
+            rests = self._settings.verify_after_ms, self._settings.ballast_ms
+            works.append(ballast.keep_laid(self._data, *rests))
+        self._behind = [loop.create_task(work) for work in works]
+
+    def _end_behind(self) -> None:
+        for task in self._behind:
+            task.cancel()
+
+    async def _name_build(self) -> None:
+        self._obedience.build = await asyncio.to_thread(own_build)
 
     def _bind(self) -> socket.socket | str:
         try:
@@ -354,6 +372,11 @@ class Life:
 
     def _stuck(self) -> NoReturn:
         self._vanish(departure.bug("the store could neither be closed nor used again"))
+
+    def _lay_down(self, book: Book) -> None:
+        """Leave the book to a successor, for good."""
+        self._end_behind()
+        self._let_go(book)
 
     def _let_go(self, book: Book) -> None:
         if self._holds_guard:
@@ -426,6 +449,7 @@ class Life:
         os._exit(_say(left))
 
     def _end(self, left: Departure | None) -> None:
+        self._obedience.leave()
         if self._ended is not None and not self._ended.done():
             self._ended.set_result(left)
 

@@ -11,7 +11,7 @@ from functools import partial
 from time import monotonic_ns
 from typing import Final
 
-from core.draining import Drain
+from core.draining import LEAVING, Drain
 from core.guarded.control import Standing
 from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
 from core.guarded.orders import DrainOrder, DrillOrder, PromoteOrder, SafeOrder
@@ -40,11 +40,16 @@ class Obedience:
         self._exercises: set[asyncio.Task[None]] = set()
         self._spare: Spare | None = None
         self._drain: Drain | None = None
+        self._leaving = False
         self.build = ""  # the name of this code, once it is known
 
     def wait(self, spare: Spare) -> None:
         """Take the order by which this spare becomes the core."""
         self._spare = spare
+
+    def leave(self) -> None:
+        """Promote no more: the end of this process was asked for, or has come."""
+        self._leaving = True
 
     def drain_with(self, drain: Drain) -> None:
         """Take orders to drain from now on."""
@@ -58,13 +63,15 @@ class Obedience:
         """Return where the core stands."""
         if self._service is not None:
             now = self._service
-            return Standing(now.epoch, now.head_seq, now.safe, build=self.build)
+            return Standing(now.epoch, now.head_seq, now.safe, build=self.build, drained=now.is_laid_down)
         if self._spare is not None:
             return Standing(0, self._spare.seq, spare=not self._spare.is_told, build=self.build)
         return Standing(0, 0, build=self.build)
 
     def promote(self, order: PromoteOrder) -> Callable[[], object] | str:
         """Return what has this spare take over once it is called, or why it can't."""
+        if self._leaving:
+            return LEAVING
         return NO_SPARE if self._spare is None else self._spare.promote(order)
 
     async def drain(self, order: DrainOrder) -> int | str:
@@ -92,7 +99,7 @@ class Obedience:
         if isinstance(slot, NoSlot):
             return "Every slot is taken: there is none for the drill."
         if isinstance(slot, Draining):
-            return "The core is leaving."
+            return LEAVING
         work = Exercise(slot, command_id, ACCOUNT, BY_COMMAND[order.drill])
         return partial(self._begin, order, work, self._service, self._writer)
 

@@ -27,12 +27,16 @@ class Tenure:
         self._ask = ask
         self._on_over = on_over
         self._seen_ns = time.monotonic_ns()
+        self._stops = 0
         self._asking: asyncio.Task[None] | None = None
+        self._laid_down = False
 
     def beat(self, now_ns: int) -> None:
         """Say that the loop runs at this moment; a gap since the last one is doubt."""
-        if now_ns - self._seen_ns > STOPPED_NS and self._asking is None:
-            self._asking = asyncio.get_running_loop().create_task(self._look())
+        if now_ns - self._seen_ns > STOPPED_NS and not self._laid_down:
+            self._stops += 1
+            if self._asking is None:
+                self._asking = asyncio.get_running_loop().create_task(self._look())
         self._seen_ns = now_ns
 
     async def sure(self) -> None:
@@ -41,10 +45,19 @@ class Tenure:
         if self._asking is not None:
             await asyncio.shield(self._asking)
 
+    def lay_down(self) -> None:
+        """Speak for the book no more: that another core does is then as it should be, and nobody is told."""
+        self._laid_down = True
+
     async def _look(self) -> None:
         try:
-            actual = await self._ask()
+            seen = 0
+            # A stop while somebody looks may lie behind the moment in which the epoch was read.
+            while seen < self._stops and not self._laid_down:
+                seen = self._stops
+                actual = await self._ask()
+                if actual is not None and actual > self._epoch and not self._laid_down:
+                    self._on_over(actual)
+                    return
         finally:
             self._asking = None
-        if actual is not None and actual > self._epoch:
-            self._on_over(actual)

@@ -20,6 +20,7 @@ from typing import Final
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 from starlette.applications import Starlette
+from starlette.types import Receive, Scope, Send
 
 from core import departure
 from core.departure import Departure
@@ -78,6 +79,7 @@ class Spare:
         self._order: asyncio.Future[PromoteOrder] = asyncio.get_running_loop().create_future()
         self._told = False
         self._seen: Seen | None = None
+        self._at_work_on = "looking at the store"
         self.ahead = Ahead(settings.tail_events)
         self.app: Starlette = lay_out()
         self.engine = WritingEngine(data / LEDGER_FILE)
@@ -88,6 +90,11 @@ class Spare:
     def seq(self) -> int:
         """The last event of the store, as it was seen last."""
         return self._seen.seq if self._seen is not None else 0
+
+    @property
+    def at_work_on(self) -> str:
+        """What it was doing last, for whoever asks why it stopped there."""
+        return self._at_work_on
 
     @property
     def is_told(self) -> bool:
@@ -117,9 +124,11 @@ class Spare:
                 " use that version."
             )
         await asyncio.to_thread(self._open_readers)
+        self._at_work_on = "rehearsing to write"
         await loop.run_in_executor(self._thread, rehearse_writing, self.engine, self._data)
         if not seen.migrates:
             await self._rehearse(seen)
+        self._at_work_on = "waiting"
         self._seen = seen
         return seen
 
@@ -166,8 +175,14 @@ class Spare:
     async def _rehearse(self, seen: Seen) -> None:
         recorder = NoRecorder()
         service = Service(Unwritten(seen.seq), self.readers, recorder, self._settings, seen.epoch, REHEARSING)
+        app = make_app(service, Desk(service, recorder, self._data), self.app)
+
+        async def noted(scope: Scope, receive: Receive, send: Send) -> None:
+            self._at_work_on = f"drawing {scope['path']} for nobody"
+            await app(scope, receive, send)
+
         try:
-            await rehearse(make_app(service, Desk(service, recorder, self._data), self.app))
+            await rehearse(noted)
         finally:
             service.drain()
             await service.end_threads()

@@ -44,7 +44,8 @@ class ControlUnboundError(OSError):
 class Standing:
     """Where the core stands: its epoch (0: none raised yet), the last committed sequence, why it only reads.
 
-    `spare`: it waits to be promoted. `build`: the name of its code, empty while it is not known.
+    `spare`: it waits to be promoted. `build`: the name of its code, empty while it is not known. `drained`: it has
+    let go of its store and only waits for TERM.
     """
 
     epoch: int
@@ -52,6 +53,7 @@ class Standing:
     safe: str | None = None
     spare: bool = False
     build: str = ""
+    drained: bool = False
 
 
 class Guarded(Protocol):

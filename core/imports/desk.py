@@ -54,11 +54,11 @@ class Desk:
     def __init__(self, service: Service, recorder: FlightRecorder, data: Path) -> None:
         """Prepare; the disk is not touched before `start`."""
         self._service = service
+        self._recorder = recorder
         self._imports = Imports(data)
         self._looker = Looker(service)
         self._importer = Importer(service, recorder)
         self._uploads: set[str] = set()
-        self._interrupted: list[Manifest] = []
         self._changing = asyncio.Lock()  # a wish is looked at and replaced in one go
         self._settled = asyncio.Event()
         self._resting = False
@@ -70,22 +70,26 @@ class Desk:
         """Clear up, go on with what a death has interrupted, and work from now on.
 
         A core that writes calls it as soon as it serves. Whoever wants to change something meanwhile waits: what
-        is cleared away must not be what somebody has just begun.
+        is cleared away must not be what somebody has just begun. What the disk does not let it do is left.
         """
         self._begin_work()
         try:
-            await self._clear_up()
-            for manifest in reversed(self._interrupted):
-                await self._go_on(manifest)
+            await self._take_up()
+        # A disk that fails under old files, or a mistake of ours: the ledger is none of their business.
+        except Exception:
+            logger.exception("What earlier lives left of imports could not be taken up")
+            self._recorder.event("IMPORTS_NOT_TAKEN_UP", "")
+        finally:
             if not self._resting:
                 self._importer.start()
             self._settled.set()
-        finally:
             self._end_work()
 
     async def stop(self) -> None:
-        """End between two rows."""
+        """End between two rows, and once all is cleared up. For whoever has called `start`."""
+        self._resting = True
         await self._importer.stop()
+        await self._settled.wait()
 
     async def rest(self) -> None:
         """Take nothing new; return once all that was begun is over, between two rows of a running import."""
@@ -98,11 +102,13 @@ class Desk:
         self._resting = False
         self._importer.start()
 
-    async def _clear_up(self) -> None:
+    async def _take_up(self) -> None:
         await asyncio.to_thread(self._imports.clear_unfinished)
         await self._tidy()
         found = await asyncio.to_thread(self._imports.newest_first)
-        self._interrupted = [one for one in found if one.state is State.COMMITTING]
+        interrupted = [one for one in found if one.state is State.COMMITTING]
+        for manifest in reversed(interrupted):
+            await self._go_on(manifest)
 
     @asynccontextmanager
     async def _working(self) -> AsyncIterator[None]:

@@ -89,11 +89,12 @@ class ImportFolder:
         _write(self.path / _PROGRESS, progress, durable=durable)
 
     def bytes_kept(self) -> int:
-        """Return how much room it takes."""
+        """Return how much room it takes, as far as that can be seen: another look's rows may go meanwhile."""
         total = 0
-        for entry in os.scandir(self.path):
-            with suppress(FileNotFoundError):  # another look's rows may go meanwhile
-                total += entry.stat().st_size if entry.is_file() else 0
+        with suppress(OSError):
+            for entry in os.scandir(self.path):
+                with suppress(OSError):
+                    total += entry.stat().st_size if entry.is_file() else 0
         return total
 
 
@@ -141,11 +142,15 @@ class Imports:
         return sorted(found, key=lambda one: (one.made_ns, one.id), reverse=True)
 
     def clear_unfinished(self) -> None:
-        """Remove what a death left half put together. Only while nothing is being put together."""
+        """Remove what a death left half put together. Only while nothing is being put together.
+
+        What can't be removed stays, and takes room.
+        """
         for left in self._path.glob("*" + UNFINISHED):
             shutil.rmtree(left, ignore_errors=True)
         for left in self._path.glob(f"*/{FRESH_ROWS}*"):
-            left.unlink(missing_ok=True)
+            with suppress(OSError):
+                left.unlink()
 
     def tidy(self, previews_before_ns: int, bytes_max: int, imports_max: int) -> None:
         """Remove old previews, and the oldest imports where it is too much.

@@ -173,7 +173,7 @@ async def look_up(request: Request) -> Response:
 async def health(request: Request) -> Response:
     """GET /healthz: no slot, no store."""
     service = service_of(request)
-    return as_json({"epoch": service.epoch, "seq": service.head_seq})
+    return as_json({"epoch": service.epoch, "seq": service.head_seq, "safe": service.safe})
 
 
 def _account_in_path(request: Request) -> str:

@@ -103,8 +103,12 @@ _LOOK_UP: Final[dict[str, Any]] = {
 
 _HEALTH: Final[dict[str, Any]] = {
     "type": "object",
-    "required": ["epoch", "seq"],
-    "properties": {"epoch": {"type": "integer"}, "seq": {"type": "integer"}},
+    "required": ["epoch", "seq", "safe"],
+    "properties": {
+        "epoch": {"type": "integer"},
+        "seq": {"type": "integer"},
+        "safe": {"type": ["string", "null"]},
+    },
 }
 
 _KEY: Final[dict[str, Any]] = {

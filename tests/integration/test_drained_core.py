@@ -4,6 +4,7 @@ import http.client
 import json
 import signal
 import sqlite3
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -14,6 +15,7 @@ import pytest
 from websockets.sync.client import unix_connect
 from websockets.typing import Subprotocol
 
+from core.tenure import STOPPED_NS
 from hardcore.model.recorder import LifeState
 from tests.integration.lone_core import Answer, verify
 from tests.integration.test_imports import form, statement
@@ -68,6 +70,40 @@ def test_a_drained_core_has_answered_everything_and_takes_nothing_new(guard: Gua
     assert served.drain() == {"ok": True, "seq": 3}, "an order that comes twice is done once"
     served.core.process.terminate()
     assert served.core.ends_with() == 0
+
+
+def test_a_drained_core_says_so_and_no_other_does(guard: Guard, served: Wired) -> None:
+    assert served.order(verb="status")["drained"] is False
+    spare = guard.spare()
+    assert served.drain()["ok"] is True
+    told = served.order(verb="status")
+    assert (told["drained"], told["epoch"], told["seq"]) == (True, 1, 3)
+    spare.promote(1)
+    spare.hears("READY")
+    assert spare.order(verb="status")["drained"] is False
+
+
+def test_a_drained_core_that_was_stopped_waits_for_its_term_with_the_sockets_of_pages_open(
+    guard: Guard, served: Wired
+) -> None:
+    spare = guard.spare()
+    with unix_connect(
+        str(served.folder / "sock"), "ws://core/ws", subprotocols=[Subprotocol("hardcore.v1")]
+    ) as page:
+        assert json.loads(page.recv(timeout=WAIT_S))["type"] == "ledger.hello"
+        assert served.drain()["ok"] is True
+        assert spare.promote(1) == {"ok": True}
+        spare.hears("READY")
+        beats = served.page().beats.loop_count
+        served.core.process.send_signal(signal.SIGSTOP)
+        stopped_ns = time.monotonic_ns()
+        until(lambda: time.monotonic_ns() - stopped_ns > 2 * STOPPED_NS, "it to be stopped for a while")
+        served.core.process.send_signal(signal.SIGCONT)
+        until(lambda: served.page().beats.loop_count > beats + 10, "it to go on")
+        assert page.ping().wait(WAIT_S)
+        assert served.core.process.poll() is None
+        served.core.process.terminate()
+        assert served.core.ends_with() == 0
 
 
 def test_a_planned_switch_loses_nothing_and_the_old_core_leaves_when_told(

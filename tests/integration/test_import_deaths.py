@@ -73,6 +73,19 @@ def folder_of(data: Path, import_id: str) -> Path:
     return data / "imports" / import_id
 
 
+def test_a_core_serves_although_the_leftovers_of_an_import_can_not_be_cleared_away(data: Path) -> None:
+    stuck = data / "imports" / str(uuid.uuid4()) / "rows-stuck"
+    stuck.mkdir(parents=True)
+    with started(data) as core:
+        assert ready(core).open(BANK).status == 201
+        import_id = made(core, statement(3, "row"))
+        assert on(core, import_id, "commit").status == 202
+        assert over(core, import_id)["rows"]["new"] == 3
+        core.process.terminate()
+        assert core.ends_with() == ExitCode.ASKED
+    assert stuck.is_dir()
+
+
 def killed_while_booking(data: Path, count: int) -> str:
     """Leave an import that a death has interrupted."""
     with started(data) as core:

@@ -75,7 +75,14 @@ def test_a_spare_says_what_it_is_and_serves_nothing_before_it_is_promoted(
     assert guard.epoch() == 1
     with pytest.raises(ConnectionRefusedError):
         spare.core.ask("GET", "/healthz")
-    standing = {"epoch": 0, "seq": 3, "safe": None, "spare": True, "build": own_build()}
+    standing = {
+        "epoch": 0,
+        "seq": 3,
+        "safe": None,
+        "spare": True,
+        "build": own_build(),
+        "drained": False,
+    }
     assert spare.order(verb="status") == {"ok": True, "pid": spare.pid, **standing}
     assert spare.order(verb="drain", within_ms=100) == REFUSED["waiting"]
     assert not spare.has_said("READY")
@@ -155,6 +162,21 @@ def test_a_spare_that_misses_a_commit_somebody_saw_does_not_serve(guard: Guard, 
     words = spare.page().last_words
     assert words is not None
     assert words.code == "STORE_CORRUPT"
+
+
+def test_a_spare_that_can_not_draw_a_page_leaves_with_its_name(guard: Guard, served: Wired) -> None:
+    with closing(sqlite3.connect(guard.data / "ledger.db", isolation_level=None)) as store:
+        for (name,) in store.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
+            store.execute(f"DROP TRIGGER {name}")
+        store.execute("UPDATE event SET body = CAST('{' AS BLOB) WHERE seq = 3")
+    spare = guard.start(HARDCORE_SPARE="1")
+    assert spare.core.ends_with() == 70
+    words = spare.page().last_words
+    assert words is not None
+    assert words.code == "BUG"
+    assert "drawing /" in words.text
+    assert served.core.process.poll() is None, "the core goes on"
+    assert not spare.has_said("X_SPARE")
 
 
 def test_a_spare_waits_for_a_held_lock_as_long_as_it_was_told(guard: Guard, served: Wired) -> None:

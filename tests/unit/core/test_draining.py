@@ -14,6 +14,7 @@ from core.guarded.recorder import LifeState
 from core.imports.desk import Desk
 from core.journal.answers import Done, Exercise
 from core.journal.store import LEDGER_FILE, open_reading
+from core.journal.verify import GivenUp
 from core.service import Draining, Service
 from core.settings import Settings
 from tests import waiting
@@ -59,6 +60,17 @@ def test_a_drained_core_lets_go_once_and_says_so_again(tmp_path: Path) -> None:
             assert await now.drain.within(10_000) == now.service.head_seq
             assert let_go == [True]
             assert isinstance(now.service.begin("read.x", b""), Draining)
+
+    asyncio.run(scenario())
+
+
+def test_nothing_is_proven_behind_a_drained_core(tmp_path: Path) -> None:
+    async def scenario() -> None:
+        async with scene(tmp_path, []) as now:
+            assert not now.service.is_laid_down
+            assert isinstance(await now.drain.within(10_000), int)
+            assert now.service.is_laid_down
+            assert isinstance(await now.service.verify_behind(), GivenUp)
 
     asyncio.run(scenario())
 

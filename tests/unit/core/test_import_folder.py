@@ -38,6 +38,20 @@ def test_an_import_is_there_once_it_is_whole_and_not_before(tmp_path: Path) -> N
     assert left(imports) == [1]
 
 
+def test_what_can_not_be_cleared_away_keeps_nothing_else_from_it(tmp_path: Path) -> None:
+    imports = Imports(tmp_path)
+    folder = kept(imports, 1)
+    stuck = folder.path / "rows-stuck.new"
+    stuck.mkdir()
+    (folder.path / "rows-left.new").write_bytes(b"half")
+    imports.begin(import_id(2)).file.write_bytes(b"half")
+    imports.clear_unfinished()
+    assert sorted(path.name for path in folder.path.iterdir()) == ["file", "manifest.json", stuck.name]
+    assert left(imports) == [1]
+    imports.tidy(0, bytes_max=SIZE * 10, imports_max=1)
+    assert left(imports) == [1]
+
+
 def test_the_three_records_are_read_as_they_were_kept(tmp_path: Path) -> None:
     folder = kept(Imports(tmp_path), 1)
     assert (folder.survey(), folder.progress()) == (Survey(0), Progress())

@@ -1,6 +1,7 @@
 """The importer and the desk between two moments: what is settled, what is next, and who may sweep meanwhile."""
 
 import asyncio
+import errno
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -8,6 +9,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from uuid import UUID
+
+import pytest
 
 from core.guarded.recorder import NoRecorder
 from core.imports.desk import Desk
@@ -100,7 +103,7 @@ def test_nothing_is_swept_away_while_a_wish_is_being_kept(tmp_path: Path) -> Non
         asyncio.get_running_loop().set_default_executor(ThreadPoolExecutor(1))
         desk = Desk(service, NoRecorder(), tmp_path)
         async with desk._changing:
-            sweeping = asyncio.create_task(desk._clear_up())
+            sweeping = asyncio.create_task(desk._take_up())
             for _ in range(10):  # one thread: what the sweeping has asked for is done before this is
                 await asyncio.to_thread(lambda: None)
             committed = Manifest(IMPORT, State.COMMITTING, "bank.csv", 1, "00", made_ns=1)
@@ -111,3 +114,22 @@ def test_nothing_is_swept_away_while_a_wish_is_being_kept(tmp_path: Path) -> Non
     kept = folder.manifest()
     assert kept is not None
     assert kept.state is State.COMMITTING
+
+
+def test_a_disk_that_fails_under_old_imports_keeps_nobody_from_new_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unreadable(_: Imports) -> None:
+        raise OSError(errno.EIO, "the folder can't be listed")
+
+    monkeypatch.setattr(Imports, "newest_first", unreadable)
+    service: Any = SimpleNamespace(settings=Settings(), safe=None, draining=False)
+
+    async def scenario() -> None:
+        desk = Desk(service, NoRecorder(), tmp_path)
+        await desk.start()
+        assert isinstance(await desk.begin(IMPORT), Path)
+        await desk.end(IMPORT)
+        await desk.stop()
+
+    asyncio.run(scenario())

@@ -82,3 +82,37 @@ def test_a_core_that_is_still_the_core_or_can_not_know_goes_on() -> None:
             assert (store.asked, over) == (1, [])
 
     run(scenario)
+
+
+def test_a_stop_while_the_store_is_looked_at_is_doubt_of_its_own() -> None:
+    async def scenario() -> None:
+        store, over = Store(1), list[int]()
+        tenure = Tenure(1, store.ask, over.append)
+        tenure.beat(tenure._seen_ns + STOPPED_NS + 1)
+        await asyncio.sleep(0)
+        assert store.asked == 1, "it looks"
+        tenure.beat(tenure._seen_ns + STOPPED_NS + 1)
+        tenure._seen_ns = 2**62
+        answer = asyncio.ensure_future(tenure.sure())
+        store.readable.set()
+        await answer
+        assert (store.asked, over) == (2, [])
+
+    run(scenario)
+
+
+def test_a_core_that_has_let_go_of_its_book_asks_no_more_whose_it_is() -> None:
+    async def scenario() -> None:
+        store, over = Store(2), list[int]()
+        tenure = Tenure(1, store.ask, over.append)
+        tenure.beat(tenure._seen_ns + STOPPED_NS + 1)
+        await asyncio.sleep(0)
+        tenure.lay_down()
+        store.readable.set()
+        await tenure.sure()
+        tenure.beat(tenure._seen_ns + STOPPED_NS + 1)
+        tenure._seen_ns = 2**62
+        await tenure.sure()
+        assert (store.asked, over) == (1, [])
+
+    run(scenario)
