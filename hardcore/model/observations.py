@@ -396,9 +396,7 @@ class OperatorAsked:
     at_ns: int
     verb: Verb
     reason: str = ""
-    accept_ledger: bool = (
-        False  # RESUME: whatever stands in the store is right, nobody's word counts against it
-    )
+    accept_ledger: bool = False  # RESUME: what stands in the store is right, whoever says otherwise
     image: bool = False  # RESTART, RESTART_HARD: with an image of the old core's memory, if the policy allows
     build: str = ""  # RESTART: the code that lies on the disk now; empty: nobody looked
     serves: str = ""  # RESTART: the code of the core that serves, as it says itself; empty: it did not say
@@ -406,10 +404,7 @@ class OperatorAsked:
 
 @dataclass(frozen=True, slots=True)
 class DrillStarted:
-    """The core was told to break itself: its next death is a drill. An empty `fault` takes that back.
-
-    `life` is the one that was told.
-    """
+    """The core `life` was told to break itself: its next death is a drill. An empty `fault` takes that back."""
 
     at_ns: int
     fault: str

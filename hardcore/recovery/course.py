@@ -50,15 +50,17 @@ class Given:
 class Switching:
     """A switch that a person asked for and that has not been done. Times are monotonic.
 
-    `build`: the code that lay on the disk then; `updates`: no spare was ever seen to run it.
-    `give_up_ns`: until when a spare is waited for; `again_ns`: when a core that could not be drained is asked again.
+    `build`: the code that lay on the disk then; `updates`: it is not what serves, or spares have died of it, so only a
+    spare can show that it starts. `born`: the last life that had begun by then. `give_up_ns`: until when a spare is waited
+    for, from when one may be kept; `again_ns`: when a core that could not be drained is asked again.
     """
 
     trouble: Trouble
     reason: str
     build: str
-    give_up_ns: int
+    born: int
     updates: bool = False
+    give_up_ns: int | None = None
     drains: int = 0
     again_ns: int | None = None
 

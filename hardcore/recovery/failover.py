@@ -23,7 +23,7 @@ from hardcore.recovery.course import LATER_MAX, Course, Given, course
 from hardcore.recovery.moves import dismiss, fire
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.reading import Reading, Transition
-from hardcore.recovery.spare import SpareState
+from hardcore.recovery.spare import Lack, SpareState
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.telling import BOOTING, mark, order
 from hardcore.recovery.transitions import Trigger, step
@@ -154,7 +154,8 @@ class FailoverManager:
         serving = c.phase in phases.SERVING
         shown = phases.stage(c.phase)
         stuck = c.behind is not None and c.behind.stuck
-        yellow = c.worry.shown or c.audit.worries or c.troubles.on or c.spare.lost or stuck
+        spareless = c.spare.lost or (c.switch_fault != "" and c.spare.lack is Lack.DIED)
+        yellow = c.worry.shown or c.audit.worries or c.troubles.on or spareless or stuck
         safe = c.safety.reason if serving else None
         locked = safe is Diagnosis.DB_LOCKED
         alone = _left_alone(c) if serving else None
@@ -185,6 +186,7 @@ class FailoverManager:
             spare_lack=c.spare.lack,
             spare_build=c.spare.build,
             switch_waits=c.switching is not None,
+            switch_updates=c.switching is not None and c.switching.updates,
             switch_fault=c.switch_fault,
             start_fault="" if serving else c.start_fault,
             locked_by=c.holder.why if c.holder is not None and (locked or not serving) else None,
@@ -249,7 +251,7 @@ def _obey(c: Course, fact: seen.OperatorAsked) -> None:
         case seen.Verb.RESTART | seen.Verb.RESTART_HARD:
             asked = Testimony("operator", Colour.GREEN, fact.reason or "no reason was given")
             trouble = Trouble(Death(Diagnosis.OPERATOR, Grade.CERTAIN, (asked,)), fact.at_ns)
-            trigger = _restart(c, fact)
+            trigger, c.switch_fault = _restart(c, fact), ""
             if trigger is Trigger.RESTART and succession.asked(c, fact, trouble):
                 return
             c.pending = trouble
@@ -343,8 +345,7 @@ def _receive_of_serving(
             relief.switched(c, fact)
         case seen.Surveyed():
             relief.surveyed(c, fact)
-            if fact.free_bytes is not None:
-                c.spare.free_bytes = fact.free_bytes
+            c.spare.survey(fact.free_bytes)
         case seen.Probed():
             relief.probed(c, fact)
         case _:

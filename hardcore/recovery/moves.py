@@ -277,6 +277,7 @@ def _challenge(c: Course) -> tuple[int | None, tuple[Witness, ...]]:
 
 def _release(c: Course, now_ns: int) -> None:
     c.trying = c.outlasted_ns = None
+    c.switch_fault = ""  # it was about a core that is gone
     c.audit.begin(c.story.id if c.story else None)
     c.safety.begin(c.reader, now_ns)
     c.holder = c.holder if c.reader else None

@@ -19,6 +19,8 @@ DEATHS_MAX = 2
 WINDOW_NS = 300 * NS_PER_S
 #: The pause after a spare that ended unasked, so that one that dies at once costs little.
 PAUSE_NS = 2 * NS_PER_S
+#: After too many deaths one is tried again so often: whatever ends them may have been mended.
+QUIET_NS = 60 * NS_PER_S
 #: A spare that has been silent for this long is ended and replaced; until then it is only not promoted.
 SILENT_NS = 5 * NS_PER_S
 #: What was last seen of a spare holds for this long: our own looks come late on a busy machine.
@@ -26,7 +28,7 @@ LOOK_HOLDS_NS = 2 * NS_PER_S
 
 
 class Lack(StrEnum):
-    """Why no spare is kept."""
+    """Why there is no spare."""
 
     OFF = "off"
     MEMORY = "memory"
@@ -46,8 +48,8 @@ class SpareState(StrEnum):
 class Spare:
     """The spare, or why there is none. Times are monotonic.
 
-    `wanted`: the policy's word. `build`: the code that it runs; `known`: what the last that was ready ran. `fault`: what
-    became of the last one, in words.
+    `wanted`: the policy's word. `build`: the code that it runs. `fault`: what became of the last one, in words, until
+    another is ready. `free_bytes`: this machine's memory; None: nobody has said, `surveyed`: though it was asked.
     """
 
     wanted: bool
@@ -59,9 +61,9 @@ class Spare:
     life: int = 0
     since_ns: int = 0
     build: str = ""
-    known: str = ""
     migrates: bool = False
     free_bytes: int | None = None
+    surveyed: bool = False
     fault: str = ""
     drilled: bool = False  # its next end is a drill's: it says nothing about it
     pause_until_ns: int = 0
@@ -69,23 +71,40 @@ class Spare:
     _heard_ns: int = 0
     _borne_ns: int = 0  # silence from before this was ours: we had not looked
     _runs: bool = False
+    _told: bool = False  # that they die again and again
 
     @property
     def lost(self) -> bool:
-        """Whether spares have died too often to try another one for now."""
+        """Whether spares have died so often that another one is tried only now and then."""
         return self.wanted and self.budget.limit < len(self.budget.deaths_ns)
 
     @property
     def lack(self) -> Lack | None:
-        """Why no spare is kept on this machine; None if one is."""
+        """Why there is no spare that is ready; None where there is, or where one is only on its way."""
+        if self.state is SpareState.READY:
+            return None
         if not self.wanted:
             return Lack.OFF
-        if self.free_bytes is not None and self.free_bytes < self.floor_bytes and self.life == 0:
+        if self._is_small:
             return Lack.MEMORY
-        return Lack.DIED if self.lost else None
+        return Lack.DIED if self.fault else None
+
+    @property
+    def unwanted(self) -> bool:
+        """Whether one is there that the policy does not want: a wish of a person's had it tried."""
+        return not self.wanted and self.life != 0
+
+    @property
+    def unknown(self) -> bool:
+        """Whether nobody has looked yet if this machine can keep one."""
+        return self.wanted and self.free_bytes is None and not self.surveyed
+
+    @property
+    def _is_small(self) -> bool:
+        return self.free_bytes is not None and self.free_bytes < self.floor_bytes and self.life == 0
 
     def why_not(self) -> str:
-        """Return why no spare is kept, in words, or an empty text if one is."""
+        """Return why there is no spare, in words, or an empty text."""
         match self.lack:
             case None:
                 return ""
@@ -98,15 +117,22 @@ class Spare:
 
     @property
     def comes(self) -> bool:
-        """Whether there is one or will be. Without a look at this machine's memory nobody knows."""
-        return self.free_bytes is not None and self.why_not() == ""
+        """Whether there is one or will be soon. Without a look at this machine's memory nobody knows."""
+        return self.wanted and self.free_bytes is not None and not self._is_small and not self.lost
+
+    def survey(self, free_bytes: int | None) -> None:
+        """Take in a look at this machine's memory; None: it could not be had."""
+        self.surveyed = True
+        if free_bytes is not None:
+            self.free_bytes = free_bytes
 
     def due(self, now_ns: int) -> bool:
         """Return whether one is to be started now."""
         if self.state is not SpareState.NONE or now_ns < self.pause_until_ns:
             return False
         self.budget = self.budget.at(now_ns)
-        return self.comes
+        self._told = self._told and self.lost
+        return self.wanted and self.free_bytes is not None and not self._is_small
 
     def begin(self, life: int, now_ns: int) -> None:
         """One is being started as `life`."""
@@ -119,7 +145,6 @@ class Spare:
         """It waits from now on. Its word is no look at it: it may have lain there while we slept."""
         if self.state is SpareState.STARTING:
             self.state, self.build, self.migrates = SpareState.READY, fact.build, fact.migrates
-            self.known = fact.build
             self.fault = ""
 
     def looked(self, now_ns: int, beats: Beats | None, process: ProcessSample | None) -> None:
@@ -180,9 +205,15 @@ class Spare:
         self.state, self.life = SpareState.NONE, 0
         return taken
 
+    def is_news(self) -> bool:
+        """Return whether they die again and again and nobody has been told."""
+        news = self.lost and not self._told
+        self._told = self._told or news
+        return news
+
     def _count(self, now_ns: int) -> None:
         self.budget = self.budget.after_death(now_ns)
-        self.pause_until_ns = now_ns + PAUSE_NS
+        self.pause_until_ns = now_ns + (QUIET_NS if self.lost else PAUSE_NS)
 
 
 def spare(policy: Policy) -> Spare:

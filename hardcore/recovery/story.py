@@ -173,7 +173,8 @@ def begin(
 ) -> Story:
     """Begin the story of a trouble under the id `known`. `down`: nobody is served because of it.
 
-    `old` is an incident that the operator had opened and that a death has overtaken: it becomes the death's.
+    `old` is an incident that the operator had opened and that a death has overtaken: it becomes the death's. Or it is
+    that of a switch that could not be done and is tried again: people were served in between.
     """
     story = Story(
         id=known,
@@ -190,6 +191,6 @@ def begin(
         requests=old.requests if old else (),
         down=down,
     )
-    story.mark("fault", old.steps["fault"] if old else trouble.fault_ns)
+    story.mark("fault", old.steps["fault"] if old and old.down else trouble.fault_ns)
     story.mark("detected", now_ns)
     return story

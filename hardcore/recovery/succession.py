@@ -1,9 +1,15 @@
 """Who comes after the core that serves: the spare is kept, asked for, and waited for here.
 
 A spare is kept while a proven core serves. A switch that a person asks for waits for it to be there, and for one that
-runs the code that lies on the disk: so an update is a switch. If that spare never comes, an update is refused and the
-code that serves goes on; a mere restart is done the cold way then. A core that can't be drained serves again, and is
+runs the code that lies on the disk: so an update is a switch. Code that nobody has seen start never takes the place of
+a core that serves: where no spare is kept, or spares have died, one is started for that wish alone, and if it fails the
+wish is refused with its last words. One spare at most is there, so an old one makes room for that try; if it fails
+there is none until the code is mended, which is looked for every minute, and said meanwhile. A mere restart, with the
+code that serves, is done the cold way where there can be no spare. A core that can't be drained serves again, and is
 asked again a few times.
+
+After a death the spare takes over whatever lies on the disk by then: all that it needs is loaded, it has been seen to
+start, and what lies there has not.
 
 Not chosen: a spare that takes over by itself when the core is silent. Two judges are one too many, and the fence
 would be all that stood between them.
@@ -19,7 +25,7 @@ from hardcore.recovery import plan, telling
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.course import Course, Switching
 from hardcore.recovery.moves import dismiss, fire, next_life
-from hardcore.recovery.spare import SpareState
+from hardcore.recovery.spare import Spare, SpareState
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.telling import order
 from hardcore.recovery.transitions import Trigger
@@ -42,13 +48,17 @@ def tend(c: Course, now_ns: int) -> None:
     if why := spare.hangs(now_ns):
         spare.end(why, now_ns, unasked=True)
         order(c, Kill(spare.life))
-        _lost(c, now_ns)
+        _lost(c, spare.life, now_ns)
     elif spare.state is SpareState.ENDING and now_ns - spare.since_ns > plan.KILL_AGAIN_MS * NS_PER_MS:
         spare.since_ns = now_ns
         order(c, Kill(spare.life))
-    if _keeps(c) and spare.due(now_ns):
-        spare.begin(next_life(c), now_ns)
-        order(c, SpawnSpare(spare.life))
+    tries = c.switching is not None and c.switching.updates
+    if tries or not (spare.unwanted or c.reader):
+        if _keeps(c) and (spare.due(now_ns) or (tries and spare.state is SpareState.NONE)):
+            spare.begin(next_life(c), now_ns)
+            order(c, SpawnSpare(spare.life))
+    else:
+        dismiss(c, now_ns)  # it was there for a wish that is over
     _switch_if_ready(c, now_ns)
 
 
@@ -89,15 +99,14 @@ def behind(c: Course, fact: seen.Observation) -> bool:
 
 
 def asked(c: Course, fact: seen.OperatorAsked, trouble: Trouble) -> bool:
-    """Take in the wish for another core if a spare is to fulfil it; return whether one is."""
-    ill = c.reader is not None or c.safety.on or (c.behind is not None and c.behind.stuck)
-    if c.phase not in SERVING or ill or not c.spare.comes:
+    """Take in the wish for another core if a spare is to fulfil or to try it; return whether that is so."""
+    if c.phase not in SERVING:
         return False
-    give_up_ns = fact.at_ns + WAITED_STARTS_MAX * c.spare.startup_ns
-    c.switch_fault = ""
-    updates = fact.build not in {"", c.spare.known}
+    updates = fact.build not in {"", fact.serves} or c.spare.fault != ""
+    if not updates and (c.reader is not None or c.safety.on or _hopeless(c)):
+        return False
     why = fact.reason or "the operator asked for it"
-    c.switching = Switching(trouble, why, fact.build, give_up_ns, updates=updates)
+    c.switching = Switching(trouble, why, fact.build, c.born, updates=updates)
     tend(c, fact.at_ns)
     return True
 
@@ -119,8 +128,7 @@ def drained(c: Course, fact: seen.Drained) -> None:
     fire(c, Trigger.NOT_DRAINED, fact.at_ns, fact.reason)
     wish = c.switching
     if wish is None or wish.drains >= DRAINS_MAX:
-        c.switching, c.switch_fault = None, fact.reason
-        telling.alert(c, Diagnosis.PLANNED_SWITCH, f"The switch was given up: {fact.reason}")
+        _refuse(c, fact.reason, f"The switch was given up: {fact.reason}", fact.at_ns)
         return
     wish.again_ns = fact.at_ns + DRAIN_AGAIN_NS
 
@@ -146,21 +154,48 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
     if wish is None or c.phase not in _KEEPING or (wish.again_ns is not None and now_ns < wish.again_ns):
         return
     wish.again_ns = None
-    if c.safety.on and now_ns < wish.give_up_ns:
+    if wish.give_up_ns is None and _keeps(c):
+        wish.give_up_ns = now_ns + WAITED_STARTS_MAX * c.spare.startup_ns
+    due = wish.give_up_ns is not None and now_ns >= wish.give_up_ns
+    if c.safety.on and not (due or c.reader or c.safety.locked):
         return  # a core that reads only for a while is not the one to change; its successor could not write either
-    if c.spare.state is SpareState.READY and wish.build not in {"", c.spare.build}:
-        dismiss(c, now_ns)  # other code lies on the disk now
+    if c.spare.state is SpareState.READY and _is_of_other_code(c.spare, wish):
+        dismiss(c, now_ns)
     if c.spare.fit(now_ns):
-        wish.drains += 1
         c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
-        fire(c, Trigger.SWITCH, now_ns, wish.reason)
-    elif not c.spare.comes or now_ns >= wish.give_up_ns:
+        if c.safety.on:
+            c.switching = None
+            fire(c, Trigger.RESTART, now_ns, wish.reason)
+        else:
+            wish.drains += 1
+            fire(c, Trigger.SWITCH, now_ns, wish.reason)
+    elif due or (_is_stuck(c) if wish.updates else _hopeless(c)):
         _give_up(c, wish, now_ns)
 
 
+def _is_of_other_code(spare: Spare, wish: Switching) -> bool:
+    """Whether other code was asked for than this spare runs. One that was begun after the asking runs what lay there
+    by then: the files may still have been changing.
+    """
+    return spare.life <= wish.born and wish.build not in {"", spare.build}
+
+
+def _is_stuck(c: Course) -> bool:
+    return c.behind is not None and c.behind.stuck
+
+
+def _hopeless(c: Course) -> bool:
+    """Whether no spare is going to be kept. As long as nobody has looked at the memory that is not known."""
+    return _is_stuck(c) or not (c.spare.comes or c.spare.unknown)
+
+
 def _keeps(c: Course) -> bool:
-    """Whether this is a time to have a spare: none beside a core that only reads, none while an old one is there."""
-    proven = c.phase in _KEEPING and c.reader is None and not c.safety.locked
+    """Whether this is a time to have a spare: none beside a core that only reads, none while an old one is there.
+
+    One that has to show whether new code starts is had beside any core.
+    """
+    tries = c.switching is not None and c.switching.updates
+    proven = c.phase in _KEEPING and (tries or (c.reader is None and not c.safety.locked))
     return proven and c.wanted is Wanted.UP and c.behind is None
 
 
@@ -169,26 +204,35 @@ def _give_up(c: Course, wish: Switching, now_ns: int) -> None:
 
     Nor is anything that a spare has just failed at: a core that is started the cold way runs the same code.
     """
-    c.switching = None
     if wish.updates or c.spare.fault:
-        c.switch_fault = c.spare.fault or c.spare.why_not() or "no spare was ready in time"
-        text = (
-            f"The code that lies on the disk does not start ({c.switch_fault}). The old code goes on serving."
-        )
-        telling.alert(c, Diagnosis.PLANNED_SWITCH, text)
+        late = "an old core is still there" if _is_stuck(c) else "no spare was ready in time"
+        why = c.spare.fault or late
+        text = f"The code that lies on the disk was not seen to start ({why}). The core that serves goes on."
+        _refuse(c, why, text, now_ns)
         return
+    c.switching = None
     c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
     fire(c, Trigger.RESTART, now_ns, wish.reason)
 
 
+def _refuse(c: Course, why: str, text: str, now_ns: int) -> None:
+    """The wish is not done: the core that serves goes on."""
+    c.switching, c.switch_fault = None, why
+    telling.close_switch(c, why, now_ns)
+    telling.alert(c, Diagnosis.PLANNED_SWITCH, text)
+
+
 def _ended(c: Course, why: str, now_ns: int) -> None:
+    life = c.spare.life
     if c.spare.ended(why, now_ns):
-        _lost(c, now_ns)
+        _lost(c, life, now_ns)
 
 
-def _lost(c: Course, now_ns: int) -> None:
-    if c.spare.lost:
+def _lost(c: Course, life: int, now_ns: int) -> None:
+    """A spare is gone that nobody had asked to go. Only one that was begun for a wish decides about it."""
+    if c.spare.is_news():
         text = f"Spare cores die again and again ({c.spare.fault}). Without one, a restart takes longer."
         telling.alert(c, Diagnosis.SPARE_LOST, text)
-    elif c.switching is not None and c.switching.updates:
-        _give_up(c, c.switching, now_ns)
+    wish = c.switching
+    if wish is not None and wish.updates and life > wish.born:
+        _give_up(c, wish, now_ns)

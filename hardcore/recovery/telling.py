@@ -7,7 +7,7 @@ and as long as reads only are served by a core that was started for it. An end i
 
 from hardcore.model.actions import Action, Alert, CloseIncident, KeepBudget, TakeEvidence
 from hardcore.model.phases import SERVING, Phase, StartCause, Wanted
-from hardcore.model.verdicts import Colour, Diagnosis
+from hardcore.model.verdicts import Colour, Diagnosis, Testimony
 from hardcore.recovery import plan
 from hardcore.recovery.budget import NS_PER_S, Budget
 from hardcore.recovery.course import Course
@@ -55,6 +55,8 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
         close(c, now_ns, recovered=True)  # a proven core had served: what comes now is another story
     if c.phase in SERVING and c.story is not None and not c.story.planned and not c.story.deaths:
         close(c, now_ns, recovered=True)  # a trouble that stopped nobody: an end is never told under its name
+    if c.phase in SERVING and c.story is not None and not c.story.down and c.story.planned and not planned:
+        close(c, now_ns, recovered=True)  # a core that could not be drained was serving again
     if c.story is None or c.story.planned:
         _begin(c, trouble, now_ns, planned=planned).drill = drill
     story = _story(c)
@@ -125,6 +127,13 @@ def close(c: Course, now_ns: int, *, recovered: bool) -> None:
     c.stage_max = 0
     c.troubles.clear()
     c.safety.forget()
+
+
+def close_switch(c: Course, why: str, now_ns: int) -> None:
+    """Close the incident of a switch that was given up, if it has come to one: the same core goes on."""
+    if c.story is not None and c.story.planned and not c.story.deaths and c.phase in SERVING:
+        c.story.add_evidence((Testimony("switch", Colour.YELLOW, f"it was given up: {why}"),))
+        close(c, now_ns, recovered=True)
 
 
 def close_if_over(c: Course, now_ns: int, after: Phase) -> None:

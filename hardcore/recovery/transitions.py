@@ -25,6 +25,14 @@ Who lives on behind the fence then is no phase but a value beside it (`successio
 successor serves, or none will. A spare that fails is ended first, and then the way is the cold one: it was the only one. Unless who was left behind
 was never fenced off (STUCK): that one is the core again, and only its end lets another begin.
 
+A core that can't be drained serves again, and its incident stays open until the switch is done or given up: one wish
+is one incident.
+
+Why nobody serves reads while UNKILLABLE. A core that only reads needs no fence, so one could serve beside a core that was
+killed, is still there and holds the store's lock. But that is a core that hangs in the kernel, most often in the very
+disk that the reader would have to read; the sockets, receipts and look-ups of its clients wait for a core that may
+write, which its end alone lets begin; and a third kind of core beside the fence would double the questions above.
+
 Why a dead core has no phase for its evidence: its recorder page is never reused, so it can be read at the
 wake-up (1 ms) and copied beside the restart; a phase in which to wait would only make the outage longer.
 Why UNKILLABLE is a phase: a START given there would make two cores. Why FATAL has no process: for the same
@@ -217,7 +225,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     },
     P.DRAINING: {
         T.DRAINED: (P.SWITCHING, (S.LEAVE_BEHIND, S.PROMOTE)),
-        T.NOT_DRAINED: (P.RUNNING, (S.RELEASE_AGAIN, S.CLOSE)),
+        T.NOT_DRAINED: (P.RUNNING, (S.RELEASE_AGAIN,)),
         T.UNSPARED: _LEAVE,
         T.DEADLINE: _LEAVE,
         T.EXITED: _DIED,

@@ -106,9 +106,11 @@ class Play:
         process = seen.ProcessSample(state, 1, 1 << 20, 3)
         return self.tell(seen.Sampled(self.now_ns, self.spare, beats, Threads(1, 3, 2), process))
 
-    def ask(self, verb: seen.Verb, reason: str = "", build: str = "") -> list[orders.Action]:
+    def ask(
+        self, verb: seen.Verb, reason: str = "", build: str = "", serves: str = ""
+    ) -> list[orders.Action]:
         """The operator speaks."""
-        return self.tell(seen.OperatorAsked(self.now_ns, verb, reason, build=build))
+        return self.tell(seen.OperatorAsked(self.now_ns, verb, reason, build=build, serves=serves))
 
     def die(self, how: seen.Exit | None = None, page: Page | None = None) -> list[orders.Action]:
         """The present core ends."""

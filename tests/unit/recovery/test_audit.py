@@ -78,7 +78,7 @@ def test_another_life_has_no_word_in_it(life: int) -> None:
 
 
 def test_a_core_that_is_being_ended_says_nothing_about_the_ledger() -> None:
-    play = Play().begin().running()
+    play = Play(Policy(spare=False)).begin().running()
     play.ask(seen.Verb.RESTART)
     assert told(play, FAULT) == []
     assert heard(play) is None

@@ -261,7 +261,7 @@ def test_each_life_answers_for_its_own_end() -> None:
 
 
 def test_a_crash_instead_of_leaving_makes_suspects_too() -> None:
-    play = Play().begin().running()
+    play = Play(Policy(spare=False)).begin().running()
     play.ask(seen.Verb.RESTART)
     play.die(seen.Exit(signal=11), a_page(4, deciding("k")))
     play.ready(5)
@@ -269,7 +269,7 @@ def test_a_crash_instead_of_leaving_makes_suspects_too() -> None:
 
 
 def test_a_planned_incident_that_a_death_overtook_keeps_its_suspects() -> None:
-    play = Play().begin().running()
+    play = Play(Policy(spare=False)).begin().running()
     play.ask(seen.Verb.RESTART)
     play.die(seen.Exit(signal=11), a_page(4, deciding("k")))
     play.die(seen.Exit(code=1))
@@ -328,7 +328,7 @@ def test_nothing_is_started_while_a_core_may_live() -> None:
 
 
 def test_a_planned_restart_is_an_incident_and_not_on_the_budget() -> None:
-    play = Play().begin().running()
+    play = Play(Policy(spare=False)).begin().running()
     play.ask(seen.Verb.RESTART, "new release")
     assert "KeepBudget" not in kinds(play.die(seen.Exit(code=0)))
     play.running(5)
@@ -338,7 +338,7 @@ def test_a_planned_restart_is_an_incident_and_not_on_the_budget() -> None:
 
 
 def test_every_change_of_phase_has_a_reason() -> None:
-    play = Play().begin().running()
+    play = Play(Policy(spare=False)).begin().running()
     play.ask(seen.Verb.RESTART)
     play.die(seen.Exit(code=0))
     assert all(change.reason for change in play.manager.take_transitions())
@@ -408,7 +408,7 @@ def test_the_proof_of_a_core_that_is_being_ended_counts_for_nothing() -> None:
 
 
 def test_what_became_of_the_requests_stays_with_an_incident_that_changes_its_name() -> None:
-    play = Play().begin().running()
+    play = Play(Policy(spare=False)).begin().running()
     play.ask(seen.Verb.RESTART)
     outcome = seen.RequestOutcome("POST", "/", "k", "replayed", 201, 5)
     play.tell(seen.RequestsSettled(play.now_ns, "i1", (outcome,)))

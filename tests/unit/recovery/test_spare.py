@@ -7,8 +7,10 @@ from hardcore.recovery.spare import (
     DEATHS_MAX,
     LOOK_HOLDS_NS,
     PAUSE_NS,
+    QUIET_NS,
     SILENT_NS,
     WINDOW_NS,
+    Lack,
     Spare,
     SpareState,
     spare,
@@ -166,8 +168,47 @@ def test_an_end_that_was_asked_for_counts_for_nothing() -> None:
     assert one.due(T0)
 
 
-def test_what_was_last_ready_is_known_after_its_end() -> None:
+def test_after_too_many_deaths_one_is_tried_quietly_now_and_then() -> None:
+    one = _died_too_often()
+    assert one.is_news()
+    now_ns = one.pause_until_ns
+    assert not one.comes, "nobody waits for it"
+    assert one.due(now_ns)
+    one.begin(9, now_ns)
+    assert one.ended("exit 1", now_ns)
+    assert not one.is_news(), "a person has been told"
+    assert not one.due(now_ns + QUIET_NS - 1)
+    assert one.due(now_ns + QUIET_NS)
+
+
+def test_one_that_was_mended_is_no_lack_any_more() -> None:
+    one = _died_too_often()
+    assert (one.lack, one.why_not()) == (Lack.DIED, "exit 1")
+    one.begin(9, one.pause_until_ns)
+    assert one.lack is Lack.DIED, "it has to show first that it starts"
+    one.ready(seen.SpareReady(one.pause_until_ns, 9, "b2", 4))
+    assert (one.why_not(), one.fault) == ("", "")
+
+
+def test_why_there_is_none_is_said_from_the_first_death_on() -> None:
     one = _waiting()
-    one.ended("killed", T0)
-    one.begin(3, T0)
-    assert (one.build, one.known) == ("", "b1")
+    one.ended("exit 1", T0)
+    assert (one.lack, one.lost) == (Lack.DIED, False)
+
+
+def test_nobody_knows_yet_is_no_none_will_come() -> None:
+    one = spare(Policy())
+    assert (one.comes, one.unknown) == (False, True)
+    one.survey(None)
+    assert (one.comes, one.unknown) == (False, False)
+    one.survey(PLENTY)
+    assert one.comes
+
+
+def _died_too_often() -> Spare:
+    one = spare(Policy())
+    one.free_bytes = PLENTY
+    for life in range(DEATHS_MAX + 1):
+        one.begin(2 + life, one.pause_until_ns or T0)
+        one.ended("exit 1", one.since_ns)
+    return one

@@ -182,7 +182,7 @@ def test_a_core_that_can_not_be_drained_serves_again_and_is_asked_again() -> Non
     play = _spared()
     play.ask(RESTART)
     given = drained(play, done=False)
-    assert kinds(given) == ["Release", "CloseIncident"]
+    assert kinds(given) == ["Release"]
     assert play.phase is Phase.RUNNING
     for _ in range(DRAINS_MAX - 1):
         play.glance()
@@ -194,6 +194,34 @@ def test_a_core_that_can_not_be_drained_serves_again_and_is_asked_again() -> Non
         drained(play, done=False)
     assert not play.manager.reading().switch_waits
     assert _last(play, orders.Alert).diagnosis is Diagnosis.PLANNED_SWITCH
+    assert play.closed().id == "i1", "one wish is one incident"
+    assert kinds(play.ordered).count("CloseIncident") == 1
+    assert any("given up: it takes too long" in fact.why for fact in play.closed().evidence)
+
+
+def test_a_death_between_two_tries_to_drain_is_a_story_of_its_own() -> None:
+    play = _spared()
+    play.ask(RESTART)
+    drained(play, done=False)
+    play.die(page=a_page(4, seq=9))
+    assert (play.closed().id, play.closed().deaths) == ("i1", ())
+    assert play.manager.reading().incident == "i2"
+
+
+def test_the_outage_of_a_second_try_to_drain_begins_with_it() -> None:
+    play = _spared()
+    play.ask(RESTART)
+    drained(play, done=False)
+    began_ns = play.now_ns
+    play.now_ns += S
+    play.glance()
+    play.ring()
+    drained(play)
+    raised(play, 5)
+    proven(play, 5)
+    play.ring()
+    assert play.closed().id == "i1"
+    assert dict(play.closed().timeline)["fault"] == began_ns + S
 
 
 def test_what_is_known_of_a_core_outlives_a_drain_in_vain() -> None:
