@@ -1,9 +1,9 @@
 """Reading only: how a living core stops taking writes, and how it takes them again.
 
-Two may say so: the store, when it takes a write no longer, and the guard, when it sees from outside that a restart
-would not help. What stands in the writer's line then is finished; what comes later is refused before it is begun,
+Three may say so: the store, when it takes a write no longer, the writer, when the book is not one to be written on, and
+the guard, when it sees from outside that a restart would not help. What stands in the writer's line then is finished; what comes later is refused before it is begun,
 and reads go on. The way back is a write without effect: only a store that has committed one is believed. A core
-that nobody guards tries that by itself from time to time. One that was started to read only has no writer, and no
+that nobody guards tries that by itself from time to time; not with a damaged book, which no time makes whole. One that was started to read only has no writer, and no
 way back: another core has to be started. Not chosen: one flag inside the writer's thread, because whoever asks
 during a stalled write must be refused at once.
 """
@@ -12,6 +12,7 @@ import asyncio
 import logging
 from typing import Final, NoReturn, assert_never
 
+from core import departure
 from core.guarded.beacon import Beacon
 from core.guarded.recorder import FlightRecorder
 from core.journal.answers import (
@@ -27,7 +28,7 @@ from core.journal.answers import (
     StoreBusy,
     Touch,
 )
-from core.journal.append import SHUT
+from core.journal.append import WHY_NOT
 from core.journal.store import StoreError, StoreFault
 from core.journal.writer import Writer
 from core.service import Draining, NoSlot, Service
@@ -50,16 +51,19 @@ class Safety:
         self._recorder = recorder
         self._beacon = beacon
         self._told = False  # the guard knows of the store's fault from us
+        self._unsound = False  # and this of the book's
         self._orders = 0
 
     def shut(self, error: StoreError) -> None:
-        """Take no more writes: the store has just refused one, and nothing of it was done."""
-        if not self._told:
+        """Take no more writes: one could not be written just now, and nothing of it was done."""
+        if error.fault is StoreFault.DAMAGED:
+            self._tell_unsound(departure.corrupt(error.text).sentence)
+        elif not self._told:
             self._told = True
             self._beacon.store("READ_ONLY" if error.fault is StoreFault.READ_ONLY else "FULL")
-        if self._service.safe is None:
-            logger.warning("The store takes no write (%s): this core serves reads only.", error.text)
-            self._set(SHUT[error.fault])
+        if self._service.safe is None or error.fault is StoreFault.DAMAGED:
+            logger.warning("Nothing can be written (%s): this core serves reads only.", error.text)
+            self._set(WHY_NOT[error.fault])
 
     async def switch(self, reason: str | None) -> str | None:
         """Serve reads only because of `reason`, or (None) everything again.
@@ -76,7 +80,8 @@ class Safety:
         """Try to take writes again, every `every_ms`, for a core that nobody tells to."""
         while True:
             await asyncio.sleep(every_ms / 1000)
-            await self.switch(None)
+            if not self._unsound:
+                await self.switch(None)
 
     async def _take_writes_again(self, order: int) -> str | None:
         if self._service.safe is None:
@@ -101,11 +106,18 @@ class Safety:
             self._open()
         return fault
 
+    def _tell_unsound(self, sentence: str) -> None:
+        if not self._unsound:
+            self._unsound = True
+            self._beacon.unsound(sentence)
+            logger.error("%s", sentence)
+
     def _open(self) -> None:
         self._set(None)
         if self._told:
             self._told = False
             self._beacon.store("OK")
+        self._unsound = False  # somebody has decided so; it is told again where it is met again
         logger.info("The store takes writes again.")
 
     def _set(self, reason: str | None) -> None:

@@ -13,8 +13,8 @@ from typing import Final
 
 from sqlalchemy import Connection
 
-from core.journal import attestation, queries
-from core.journal.attestation import Attestation
+from core.journal import queries
+from core.journal.attestation import attested_before
 from core.journal.chain import Broken
 from core.journal.proof import Tail, Walk, Witness
 
@@ -24,7 +24,8 @@ SLICE_EVENTS: Final = 500
 class Ahead:
     """What this process has seen of the chain so far. One thread at a time.
 
-    `fault`: where the chain broke; such a book is not served by this process or any other.
+    `fault`: where the chain broke. It stays so: an attestation that the writer has made since says nothing of what
+    lies before it.
     """
 
     def __init__(self, tail_events: int) -> None:
@@ -66,6 +67,8 @@ class Ahead:
 
         The proof takes the walk along: nothing may be asked of this object afterwards.
         """
+        if self.fault is not None:
+            return self.fault
         head = queries.head(connection)
         walk = self._walk or _begun(connection, head.head_seq, self._tail_events)
         if isinstance(walk, Broken):
@@ -90,9 +93,7 @@ class Ahead:
 
 def _begun(connection: Connection, head_seq: int, tail_events: int) -> Walk | Broken:
     """Begin a walk at the last attestation; in a book without one at its first event, or not too far back."""
-    base: Attestation | None = queries.newest_attestation(connection)
-    if base is None:
-        base = attestation.NOTHING if head_seq <= attestation.EVENTS_BETWEEN else None
+    base = attested_before(queries.newest_attestation(connection), head_seq)
     start = base.seq if base is not None else max(0, head_seq - tail_events)
     last = queries.event_row(connection, start) if start else None
     if start and last is None:

@@ -3,8 +3,9 @@
 The head, the keys and the accounts are read inside the transaction each time. A cache across batches was
 measured, gained nothing that stood out of the noise, and would be one more thing that can be older than the
 store. What the store raises comes back as a value. Before BEGIN has returned nothing was done. A disk that takes
-no write is met before COMMIT was sent, and what was rolled back was not done either. Whatever else is raised,
-COMMIT above all, leaves a batch of which nobody can say what became, and such a journal never writes again.
+no write is met before COMMIT was sent, and what was rolled back was not done either; nor is a batch after which
+the book would have to be attested and does not stand where it was left. Whatever else is raised, COMMIT above all,
+leaves a batch of which nobody can say what became, and such a journal never writes again.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -36,8 +37,9 @@ from core.journal.answers import (
     found,
     repeated,
 )
-from core.journal.attestation import attest, due_between, standing
+from core.journal.attestation import Balance, attest, attested_before, due_between, standing
 from core.journal.batch import Batch
+from core.journal.proof import check_balances
 from core.journal.room import Room
 from core.journal.shelf import fetch_book, fetch_keys
 from core.journal.store import StoreError, StoreFault, is_open, store_error
@@ -48,6 +50,8 @@ from core.ledger.fields import folded
 
 #: What a store that takes no write is called, by its fault.
 SHUT: Final = MappingProxyType({StoreFault.NO_ROOM: "DISK_FULL", StoreFault.READ_ONLY: "DISK_READ_ONLY"})
+#: Why nothing was written, by the fault: the store did not take it, or the book is not one to be written on.
+WHY_NOT: Final = MappingProxyType({**SHUT, StoreFault.DAMAGED: "STORE_CORRUPT"})
 NAMED_IN_FRAME_MAX: Final = 8  # orders whose ids are kept in a frame's locals
 
 
@@ -86,7 +90,7 @@ class FencedBy:
 
 @dataclass(frozen=True, slots=True)
 class NotTaken:
-    """The store takes no write now: nothing was done, and what was known before is answered all the same."""
+    """Nothing can be written now (see `WHY_NOT`), nothing was done, and what was known before is answered."""
 
     answers: tuple[Answer, ...]
     error: StoreError
@@ -195,11 +199,12 @@ class Journal:
         return Committed(answers, tuple(batch.happened))
 
     def _lay_down(self, batch: Batch, works: Sequence[Work]) -> StoreError | None:
-        """Write the batch, all but its COMMIT; return why the store takes no write, with nothing left of it."""
+        """Write the batch, all but its COMMIT; return why it can't be written, with nothing left of it."""
         error = self._room.fault(batch.bytes_written)
         if error is None:
             try:
                 self._store(batch, works)
+                error = self._attest(batch)
             except DBAPIError as raised:
                 error = store_error(raised)
                 if error.fault not in SHUT:
@@ -268,9 +273,6 @@ class Journal:
         ):
             if rows:
                 connection.execute(statement, rows)
-        attested = _attested(connection, batch)
-        if attested:
-            connection.execute(_ATTEST, attested)
         # Of nothing, it is the write without effect that a `Touch` asks for.
         if batch.events or batch.is_empty:
             moved = connection.execute(
@@ -278,10 +280,23 @@ class Journal:
             )
             assert moved.rowcount == 1, "the epoch changed under an exclusive lock"
 
+    def _attest(self, batch: Batch) -> StoreError | None:
+        """Attest what falls due within a batch that was laid down; return why it must not be, with nothing attested."""
+        due = due_between(batch.head_seq - len(batch.events), batch.head_seq)
+        if not due:
+            return None
+        now = queries.balances(self._connection)
+        base = attested_before(queries.newest_attestation(self._connection), due[0] - 1)
+        moved = queries.moved_between(self._connection, base.seq + 1) if base is not None else {}
+        broken = check_balances(base, now, moved)
+        if broken is not None:
+            return StoreError(StoreFault.DAMAGED, broken.sentence)
+        self._connection.execute(_ATTEST, _attested(batch, due, now))
+        return None
 
-def _attested(connection: Connection, batch: Batch) -> list[dict[str, Any]]:
-    """Return the attestations that fall due within a batch that was laid down; as a rule there is none."""
-    due = due_between(batch.head_seq - len(batch.events), batch.head_seq)
+
+def _attested(batch: Batch, due: Sequence[int], now: Sequence[Balance]) -> list[dict[str, Any]]:
+    """Return the attestations of a batch. `now`: all balances, as they stand after it."""
     hashes = {row["seq"]: row["hash"] for row in batch.events if row["seq"] in due}
     made = []
     for seq in due:
@@ -289,7 +304,7 @@ def _attested(connection: Connection, batch: Batch) -> list[dict[str, Any]]:
         for row in batch.postings:
             if row["seq"] > seq:
                 moved[row["account_id"]] = moved.get(row["account_id"], 0) + row["amount"]
-        made.append(asdict(attest(seq, hashes[seq], standing(queries.balances(connection), moved))))
+        made.append(asdict(attest(seq, hashes[seq], standing(now, moved))))
     return made
 
 
@@ -313,7 +328,7 @@ def _recall(keys: Mapping[str, KeyRow], work: Work, error: StoreError) -> Answer
         case Order(key=str(key)) if key in keys:
             return repeated(keys[key], work.fingerprint)
         case _:
-            return ReadOnly(SHUT[error.fault])
+            return ReadOnly(WHY_NOT[error.fault])
 
 
 def _named(works: Sequence[Work]) -> tuple[str, str]:

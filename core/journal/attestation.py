@@ -6,8 +6,12 @@ all balances as they stand after exactly this event. From then on "the balances 
 must give that digest again, so a proof before serving needs the events since the last attestation and no more, and
 covers every balance; and the replay of the whole book, which comes to each of those places, compares them there with
 balances of its own. `sums` say the same for a person: per currency what stands on the debit and on the credit side.
+Before the writer attests, it makes that very sum itself, back to the attestation before: balances that somebody else
+has moved would be certified for ever, and every later proof would go by them. Where it does not come out nothing is
+attested and nothing is written.
 It proves that the book is what its writer believed at that moment, not that the writer was right; that is what the
-whole replay is for. Not chosen: a running total of each account beside it, which every batch would have to write, and a
+whole replay is for. Not chosen: to hash the ten thousand events again at that moment as well, which would hold the
+store's lock ten times as long; the replay behind each start does so; and: a running total of each account beside it, which every batch would have to write, and a
 digest of the accounts' names and rules too, which have events of their own.
 
 Accounts that stand at zero are left out: one that was opened since then stood at nothing, which is the same.
@@ -89,3 +93,14 @@ def _sums(stood: Standing) -> str:
 
 #: Before the first event: no account, no balance.
 NOTHING: Final = attest(0, GENESIS, {})
+
+
+def attested_before(newest: Attestation | None, head_seq: int) -> Attestation | None:
+    """Return what the balances of a book can be held against: the `newest` attestation, or that it began empty.
+
+    None: a ledger that was brought up to attestations, and has more events before its first one than a sum should hold
+    up a start or a batch for.
+    """
+    if newest is not None or head_seq > EVENTS_BETWEEN:
+        return newest
+    return NOTHING

@@ -23,6 +23,8 @@ BALLAST_BYTES: Final = 8 << 20
 #: (16 MiB, `sentinel/patience.py`), so that the ballast itself never makes one.
 ROOM_BYTES: Final = BALLAST_BYTES + (32 << 20)
 
+_BLOCK_BYTES: Final = 512  # the unit of `st_blocks`, whatever the file system's own is
+
 
 def drop(data: Path) -> bool:
     """Free the room of the ballast in a data folder; return whether there was any."""
@@ -39,7 +41,7 @@ def lay_down(data: Path) -> bool:
     """Allocate the ballast where it is missing and there is room; return whether it lies there now. Blocks."""
     path = data / BALLAST_FILE
     try:
-        if path.exists() and path.stat().st_size == BALLAST_BYTES:
+        if _is_laid(path):
             return True
         free = free_bytes(os.statvfs(data), reserve_is_ours=has_reserve())
         if free is not None and free < ROOM_BYTES:
@@ -50,6 +52,15 @@ def lay_down(data: Path) -> bool:
             path.unlink(missing_ok=True)  # half of it would only take room
         return False
     return True
+
+
+def _is_laid(path: Path) -> bool:
+    """Whether it takes its room: a copy of it, which is all zeros, may be long and take none."""
+    try:
+        seen = path.stat()
+    except FileNotFoundError:
+        return False
+    return seen.st_size == BALLAST_BYTES and seen.st_blocks * _BLOCK_BYTES >= BALLAST_BYTES
 
 
 async def keep_laid(data: Path, after_ms: int, every_ms: int) -> NoReturn:

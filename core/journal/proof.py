@@ -168,14 +168,21 @@ def _check_end(tail: Tail, keys: Mapping[int, str]) -> Broken | None:
     if keys:
         orphan = min(keys)
         return Broken(orphan, f"a key names event {orphan}, which does not carry it")
-    return check_sums(sums_by_currency(tail.balances)) or _check_balances(tail)
+    return check_sums(sums_by_currency(tail.balances)) or check_balances(
+        tail.walk.base, tail.balances, tail.walk.moved
+    )
 
 
-def _check_balances(tail: Tail) -> Broken | None:
-    base = tail.walk.base
+def check_balances(
+    base: Attestation | None, balances: Iterable[Balance], moved: Mapping[str, int]
+) -> Broken | None:
+    """Say whether the balances are those that were attested last, `moved` by what was posted since.
+
+    `base` None: nothing was attested (see `Walk`), so nothing can be said.
+    """
     if base is None:
         return None
-    stood = attest(base.seq, base.hash, standing(tail.balances, tail.walk.moved))
+    stood = attest(base.seq, base.hash, standing(balances, moved))
     if stood.balances == base.balances:
         return None
     since = f"attested after event {base.seq}" if base.seq else "nothing"

@@ -11,9 +11,12 @@ from sqlalchemy.exc import IntegrityError
 from core.journal import ahead as ahead_room
 from core.journal import attestation, queries
 from core.journal.ahead import Ahead
+from core.journal.answers import Done, KeyUnknown, LookUp, ReadOnly
+from core.journal.append import NotTaken
 from core.journal.attestation import NOTHING, attest, due_between, is_due, standing
 from core.journal.chain import Broken
 from core.journal.proof import ProofKind, Proven, Walk, Witness, prove
+from core.journal.store import StoreFault
 from core.ledger.accounts import AccountType
 from tests.unit.core.books import Pen, entering, moving, opened, opening, order, pen, replacing, tamper
 from tests.unit.core.test_verify import verdict
@@ -107,6 +110,62 @@ def test_the_balances_after_exactly_the_due_event_are_attested_wherever_it_falls
         assert stored == attest(10, row.hash, by_hand)
         assert attested(made) == [10]
     assert verdict(tmp_path).ok
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE account SET posted = posted + iif(id = 'food', 1000, -1000)",
+        "UPDATE posting SET amount = amount + 1 WHERE seq = 14 AND line = 0",
+        "DELETE FROM posting WHERE seq = 14",
+        "UPDATE attestation SET balances = zeroblob(32) WHERE seq = 10",
+    ],
+)
+def test_balances_that_do_not_follow_from_the_attestation_before_are_not_attested_and_not_written_on(
+    tmp_path: Path, statement: str
+) -> None:
+    known = order(moving(1, "food", "bank"), "known")
+    with pen(tmp_path) as made:
+        accounts(made)
+        book(made, 15)
+        made.write(known)
+        tamper(tmp_path, statement)
+        book(made, 1)
+        before = verdict(tmp_path).reason
+        for _ in range(2):
+            outcome = made.journal.write(
+                [order(moving(7, "food", "bank"), "new"), known, LookUp("known", 0), LookUp("new", 0)]
+            )
+            assert isinstance(outcome, NotTaken)
+            assert outcome.error.fault is StoreFault.DAMAGED
+            assert "attested after event 10" in outcome.error.text
+            new, again, found, unknown = outcome.answers
+            assert new == ReadOnly("STORE_CORRUPT")
+            assert isinstance(again, Done)
+            assert isinstance(found, Done)
+            assert isinstance(unknown, KeyUnknown)
+        assert (attested(made), queries.head(made.connection).head_seq) == ([10], 19)
+        assert isinstance(proof(made.connection), Broken)
+    assert verdict(tmp_path).reason == before
+
+
+def test_the_first_attestation_is_held_against_the_book_that_began_empty(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        accounts(made)
+        book(made, 7)
+        tamper(tmp_path, "UPDATE account SET posted = posted + iif(id = 'food', 1000, -1000)")
+        assert isinstance(made.journal.write([order(moving(7, "food", "bank"))]), NotTaken)
+        assert attested(made) == []
+
+
+def test_a_long_book_that_was_never_attested_is_attested_as_it_stands(tmp_path: Path) -> None:
+    """Nobody has looked at it, and a batch is no time to do so: the replay of the whole book is."""
+    with pen(tmp_path) as made:
+        accounts(made)
+        book(made, 17)
+        tamper(tmp_path, "DELETE FROM attestation")
+        book(made, 1)
+        assert attested(made) == [20]
 
 
 def test_a_batch_that_passes_two_due_events_attests_both(tmp_path: Path) -> None:
@@ -281,6 +340,25 @@ def test_a_spare_that_meets_a_broken_chain_says_so_and_its_proof_fails(tmp_path:
     found = proof(connection, walked)
     connection.close()
     assert isinstance(found, Broken)
+
+
+def test_what_a_spare_has_seen_broken_stays_broken_whatever_the_writer_attests_since(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        accounts(made)
+        book(made, 5)
+        walked = Ahead(ALL)
+        follow_to_the_head(walked, made.connection)
+        book(made, 2)
+        tamper(tmp_path, "UPDATE event SET body = zeroblob(9) WHERE seq = 8")
+        while not walked.follow(made.connection):
+            pass
+        assert walked.fault is not None
+        seen_broken = walked.fault
+        book(made, 10)
+        assert attested(made) == [10]
+        assert isinstance(proof(made.connection), Proven), "who begins at the attestation has not seen it"
+        assert walked.follow(made.connection)
+        assert proof(made.connection, walked) == seen_broken
 
 
 def test_an_older_book_that_was_never_attested_is_proven_over_its_last_events(tmp_path: Path) -> None:

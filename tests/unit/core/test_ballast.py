@@ -1,5 +1,6 @@
 """The room that is kept for the fence."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -28,6 +29,17 @@ def test_what_a_death_left_half_allocated_is_completed(tmp_path: Path) -> None:
     (tmp_path / BALLAST_FILE).write_bytes(b"x" * 4096)
     assert lay_down(tmp_path)
     assert (tmp_path / BALLAST_FILE).stat().st_size == BALLAST_BYTES
+
+
+def test_a_copy_of_it_that_takes_no_room_is_allocated(tmp_path: Path) -> None:
+    """Copied with holes, as a backup may be: it is all zeros."""
+    path = tmp_path / BALLAST_FILE
+    path.touch()
+    os.truncate(path, BALLAST_BYTES)
+    assert path.stat().st_blocks == 0
+    assert lay_down(tmp_path)
+    assert path.stat().st_blocks * 512 >= BALLAST_BYTES
+    assert drop(tmp_path)
 
 
 @pytest.mark.parametrize(("free", "laid"), [(ROOM_BYTES - 1, False), (ROOM_BYTES, True), (None, True)])

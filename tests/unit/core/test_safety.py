@@ -8,7 +8,10 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import pytest
+
 from core.guarded.beacon import Beacon
+from core.journal import attestation
 from core.journal.answers import Done, Exercise, KeyUnknown, OutcomeUnknown, ReadOnly
 from core.journal.fence import Raised
 from core.journal.store import LEDGER_FILE, open_reading
@@ -17,7 +20,7 @@ from core.safety import Safety
 from core.service import Service
 from core.settings import Settings
 from tests import waiting
-from tests.unit.core.books import Pen, fenced, opened, opening
+from tests.unit.core.books import Pen, fenced, opened, opening, tamper
 from tests.unit.core.test_writer import Heard, writing
 
 FOR_EVER_NS = 3_600_000_000_000
@@ -100,6 +103,33 @@ def test_a_refusing_store_shuts_the_core_once_and_only_a_committed_write_opens_i
             assert one.safe() is None
             assert one.told() == [b"X_STORE=OK"]
             assert isinstance(await one.open("a"), Done)
+
+    asyncio.run(scenario())
+
+
+def test_a_book_that_must_not_be_attested_is_told_unsound_and_no_core_opens_it_by_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(attestation, "EVENTS_BETWEEN", 2)
+
+    async def scenario() -> None:
+        async with switch(tmp_path, Settings(safe_again_ms=10)) as one:
+            assert isinstance(await one.open("a"), Done)
+            tamper(tmp_path, "UPDATE account SET posted = 5")
+            for _ in range(2):
+                assert await one.open("b") == ReadOnly("STORE_CORRUPT")
+                one.safety.shut(one.heard.shut[-1])
+                one.safety.shut(one.heard.shut[-1])
+                assert one.safe() == "STORE_CORRUPT"
+                (told,) = one.told()
+                assert told.startswith(b"X_UNSOUND=The ledger is not whole: the accounts do not stand")
+                trying = asyncio.create_task(one.safety.keep_trying(1))
+                await asyncio.wait({trying}, timeout=0.05)
+                trying.cancel()
+                assert one.safe() == "STORE_CORRUPT"
+                # A person's word opens it, up to the next booking after which it would have to be attested.
+                assert await one.safety.switch(None) is None
+                assert (one.safe(), one.told()) == (None, [])
 
     asyncio.run(scenario())
 
