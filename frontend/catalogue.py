@@ -134,6 +134,14 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "바꾸지 못했어요. 지금 서버가 그대로 일하고 있고 잃은 것은 없어요.\n  까닭: {why}\n{log} 파일을 보고 고친 뒤 `hardcore restart`를 다시 하세요.",
         "Not switched. The core that served goes on, and nothing is lost.\n  Why: {why}\nLook at {log}, mend it, then `hardcore restart` again.",
     ),
+    "switch_unspared": (
+        "고칠 때까지는 예비 서버가 없어요. 디스크의 코드로는 새 서버를 켤 수 없으니, 지금 서버가 멈추면 돌아올 수 없어요.",
+        "Until it is mended no spare waits, and if the core that serves dies, none can be started from this code.",
+    ),
+    "stopped_meanwhile": (
+        "기다리는 동안 전체가 꺼졌어요. 다시 켜려면 `hardcore up`을 하세요.",
+        "Everything was stopped meanwhile, as somebody asked. `hardcore up` starts it.",
+    ),
     "switch_forgotten": (
         "감시자가 바뀌면서 이 부탁이 사라졌어요. 지금 서버가 그대로 일하고 있어요. `hardcore restart`를 다시 하세요.",
         "The guard was replaced meanwhile, and the wish is gone. The core goes on: `hardcore restart` again.",
@@ -147,6 +155,10 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "Restarted, but it only reads at present. {next} Incident: {incident}",
     ),
     "not_back": ("다시 켜지 못했어요. {next}", "It does not serve. {next}"),
+    "not_back_why": (
+        "다시 켜지 못했어요. {next}\n  까닭: {why}",
+        "It does not serve. {next}\n  Why: {why}",
+    ),
     "starting_already": (
         "이미 새로 켜는 중이에요. 돌아오기를 기다려요.",
         "A new core is on its way already. Waiting for it.",
@@ -299,6 +311,11 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "switch_waits": ("예비 서버가 준비되면 바꿔요", "waits for a spare"),
     "spare_ready": ("준비됨", "ready"),
     "spare_starting": ("준비하는 중", "being started"),
+    "spare_soon": ("곧 준비해요", "none yet: one is started in a moment"),
+    "spare_later": (
+        "아직 없음: 핵심 서버가 안정된 뒤에 준비해요",
+        "none yet: one is started once the core has proven itself",
+    ),
     "spare_outdated": (
         "디스크의 코드와 달라요 (`hardcore restart`로 바꿔요)",
         "not the code that is on the disk (`hardcore restart` takes it)",
@@ -311,6 +328,14 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "last_incident": ("지난 사건", "Last incident"),
     "verified": ("장부 확인", "Ledger checked"),
     "safe": ("읽기만 하는 이유", "Reads only"),
+    "start_fault": ("켜지 못한 까닭", "Start failed"),
+    "switch_fault": ("바꾸지 못한 까닭", "Not switched"),
+    "estimate": ("예상 시간", "Estimates"),
+    "estimate_none": ("아직 맞춰 본 적 없음", "none has been put to the test yet"),
+    "estimate_score": (
+        "예상한 {scored}번 중 {within}번 맞음 (기록 {samples}번)",
+        "{within} of {scored} came true ({samples} ways back on record)",
+    ),
     "worry": ("걱정되는 점", "Worry"),
     "none": ("없음", "none"),
     "epoch": ("세대", "epoch"),
@@ -334,8 +359,8 @@ SPARE_LACKS: Final[dict[str, tuple[str, str]]] = {
         "none: too little memory is free (`spare_memory_mb` in the policy). A restart takes longer",
     ),
     "died": (
-        "없음: 거듭 실패했어요. 멈추면 새로 켜는 동안 기다려요. 까닭: {why}",
-        "none: it failed again and again. A restart takes longer. Why: {why}",
+        "없음: 지난번에 켜지 못했어요. 그사이 멈추면 돌아오는 데 더 걸려요. 까닭: {why}",
+        "none: the last one failed; another is tried. Until then a way back takes longer. Why: {why}",
     ),
 }
 

@@ -84,8 +84,12 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
         "No spare core is kept, as asked (`spare` in the policy, or `up --no-spare`): a way back takes longer.",
     ),
     "spare_died": (
-        "예비 서버가 거듭 실패했어요 ({why}). logs/core.log 파일을 보세요. 멈추면 새로 켜는 동안 기다려요.",
-        "Spare cores failed again and again ({why}). See logs/core.log; until then a way back takes longer.",
+        "예비 서버를 켜지 못했어요 ({why}). logs/core.log 파일을 보고 고치세요. 그사이 멈추면 돌아오는 데 더 걸려요.",
+        "The spare core failed ({why}). See logs/core.log and mend it; until then a way back takes longer.",
+    ),
+    "core_unstartable": (
+        "디스크의 코드로 핵심 서버를 켤 수 없어요 ({why}). logs/core.log 파일을 보고 고치세요. 고치면 저절로 켜져요.",
+        "The core can't be started ({why}). See logs/core.log and mend it; it is tried again by itself.",
     ),
     "spare_untold": (
         "이 컴퓨터는 빈 메모리를 알려 주지 않아서 예비 서버를 두지 않아요. 그대로 두어도 돼요.",

@@ -5,7 +5,9 @@ sentence known here is said anew: the left side is the English one with its valu
 Korean one. What is not known here is shown as it is. A Korean particle never stands right after a value.
 """
 
+import re
 from collections.abc import Mapping
+from functools import cache
 
 #: Who says it.
 WITNESSES: Mapping[str, str] = {
@@ -20,6 +22,7 @@ WITNESSES: Mapping[str, str] = {
     "guard": "감시자",
     "judge": "판단",
     "last words": "마지막 말",
+    "log": "로그",
     "machine": "컴퓨터",
     "memory": "메모리",
     "operator": "사람",
@@ -79,7 +82,9 @@ SENTENCES: tuple[tuple[str, str], ...] = (
     ("guard and core are gone", "감시자와 장부 서버 모두 사라짐"),
     ("no process could be started: {reason}", "프로세스를 시작할 수 없었음: {reason}"),
     ("no reason was given", "이유를 적지 않음"),
-    ("the guard itself ended before this incident was over", "이 사고가 끝나기 전에 감시자도 종료됨"),
+    ("the guard itself ended before this incident was over", "이 사건이 끝나기 전에 감시자도 종료됨"),
+    ("it ended in the middle of incident {incident}", "다른 사건을 처리하던 중에 종료됨 ({incident})"),
+    ("the core was found to serve reads only: {fault}", "장부 서버가 읽기만 하고 있음: {fault}"),
     ("the loop's last beat is {ms} ms old", "주 작업의 마지막 박동이 {ms}ms 전"),
     ("the thread's last beat is {ms} ms old", "보조 스레드의 마지막 박동이 {ms}ms 전"),
     ("the process is stopped (state T), not by us", "프로세스가 정지됨(상태 T), 감시자가 한 일이 아님"),
@@ -215,4 +220,38 @@ SENTENCES: tuple[tuple[str, str], ...] = (
     ("the watch's last look: {mib} MiB in memory", "마지막으로 본 메모리 크기: {mib}MiB"),
     ("no holder is on record", "누가 쥐고 있는지 기록되지 않음"),
     ("no witness of the disk is on record", "디스크에 대한 증거가 기록되지 않음"),
+    # What becomes of a spare, and of a switch.
+    ("it ended without a word", "아무 말 없이 종료됨"),
+    ("it was not ready within {ms} ms", "{ms}ms 안에 준비되지 않음"),
+    ("it has been silent for {ms} ms", "{ms}ms 동안 소식이 없음"),
+    ("it is being started", "준비하는 중"),
+    ("it is turned off", "꺼 둠"),
+    ("less than {mb} MB of memory are free", "빈 메모리가 {mb}MB보다 적음"),
+    ("no spare was ready in time", "예비 서버가 제때 준비되지 않음"),
+    ("an old core is still there", "앞의 서버가 아직 끝나지 않음"),
+    ("An earlier order to drain is being carried out.", "앞서 부탁한 마무리를 아직 하는 중"),
+    ("Not drained in time: the writer is not done.", "하던 일을 제때 마치지 못함"),
 )
+
+_FIELD = re.compile(r"\\\{(\w+)\\\}")
+
+
+def in_korean(line: str) -> str:
+    """Return a sentence, or its parts between semicolons, in Korean; what is not known here as it is."""
+    whole = _korean(line)
+    return whole or "; ".join(_korean(part) or part for part in line.split("; "))
+
+
+def _korean(sentence: str) -> str | None:
+    for pattern, korean in _sentences():
+        if (match := pattern.fullmatch(sentence)) is not None:
+            return korean.format_map(match.groupdict())
+    return None
+
+
+@cache
+def _sentences() -> tuple[tuple[re.Pattern[str], str], ...]:
+    return tuple(
+        (re.compile(_FIELD.sub(r"(?P<\1>[^;]+?)", re.escape(english))), korean)
+        for english, korean in SENTENCES
+    )

@@ -93,6 +93,18 @@ OUTCOMES: Mapping[str, Text] = {
         "복구 중에 감시 프로세스도 종료돼서 결과를 기록하지 못했어요.",
         "the guard itself ended before it could tell how it came out.",
     ),
+    "taken_over": _text(
+        "복구 중에 감시 프로세스도 종료됐고, 다음 감시 프로세스가 장부를 이어받았어요.",
+        "the guard itself ended before it was over, and the next one found the ledger answering.",
+    ),
+    "taken_over_in": _text(
+        "복구 중에 감시 프로세스도 종료됐지만 {seconds}초 만에 다시 응답했어요.",
+        "the guard itself ended before it was over; it answered again after {seconds} s.",
+    ),
+    "left_open": _text(
+        "다른 사건을 처리하던 중이었어요. 그동안 기다린 요청은 그 사건에 있어요 ({incident}).",
+        "it was in the middle of another incident, which tells what people waited for: {incident}.",
+    ),
 }
 
 #: What recovery waits for, put behind the second half: only where another try alone changes nothing.
@@ -116,7 +128,7 @@ WAITS: Mapping[str, Text] = {
 #: What a person is to do; `docs/recover.md` says the same at greater length.
 NEXT_STEPS: Mapping[str, Text] = {
     "CRASH_LOOP": _text(
-        "최근 사고들을 읽어 보고 `hardcore resume`으로 다시 시도해 주세요.",
+        "최근 사건들을 읽어 보고 `hardcore resume`으로 다시 시도해 주세요.",
         "Read the last incidents, then `hardcore resume` tries again.",
     ),
     "STORE_CORRUPT": _text(
@@ -125,7 +137,7 @@ NEXT_STEPS: Mapping[str, Text] = {
         "everything was stopped.",
     ),
     "CONFIG_INVALID": _text(
-        "이 사고의 마지막 말에 적힌 설정을 고치고 `hardcore resume`을 실행해 주세요.",
+        "이 사건의 마지막 말에 적힌 설정을 고치고 `hardcore resume`을 실행해 주세요.",
         "Correct the setting that the last words name, then `hardcore resume`.",
     ),
     "DB_LOCKED": _text(
@@ -152,6 +164,7 @@ OUTCOME_WORDS: Mapping[str, Text] = {
     "assist": _text("결정 대기", "to be decided"),
     "open": _text("진행 중", "open"),
     "untold": _text("결과 모름", "not known"),
+    "taken_over": _text("이어받음", "taken over"),
 }
 
 STEPS: Mapping[str, Text] = {
@@ -167,7 +180,7 @@ STEPS: Mapping[str, Text] = {
     "ready": _text("장부 확인 후 준비 완료", "ledger proven, ready"),
     "serving": _text("첫 응답", "first answer"),
     "verified": _text("잔액과 기록 확인", "balances and records checked"),
-    "closed": _text("사고 종료", "closed"),
+    "closed": _text("사건 종료", "closed"),
 }
 
 FINDINGS: Mapping[str, Text] = {
@@ -295,9 +308,9 @@ MONEY: Mapping[str, Text] = {
         "장부가 비어 있었어요. 잃을 기록이 없었어요.", "The ledger was empty: there was nothing to lose."
     ),
     "none": _text("아직 확인하지 않았어요.", "Not verified yet."),
-    "no_proof": _text("이 사고에는 확인 기록이 없어요.", "No proof is on record for this incident."),
+    "no_proof": _text("이 사건에는 확인 기록이 없어요.", "No proof is on record for this incident."),
     "went_on": _text(
-        "장부 서버가 멈추지 않아서 이 사고 때문에 새로 확인하지는 않았어요.",
+        "장부 서버가 멈추지 않아서 이 사건 때문에 새로 확인하지는 않았어요.",
         "The ledger's core went on all the time, so nothing was checked anew because of this.",
     ),
     "whole": _text(
@@ -312,9 +325,9 @@ MONEY: Mapping[str, Text] = {
 
 #: Headings and small words of reports and of the terminal.
 WORDS: Mapping[str, Text] = {
-    "report": _text("사고 보고서", "Incident report"),
-    "incident": _text("사고", "Incident"),
-    "no_incidents": _text("기록된 사고가 없어요.", "No incident on record."),
+    "report": _text("사건 보고서", "Incident report"),
+    "incident": _text("사건", "Incident"),
+    "no_incidents": _text("기록된 사건이 없어요.", "No incident on record."),
     "diagnosis": _text("진단", "Diagnosis"),
     "evidence": _text("증거", "Evidence"),
     "timeline": _text("진행", "Timeline"),
@@ -323,7 +336,7 @@ WORDS: Mapping[str, Text] = {
     "nothing_in_flight": _text("처리 중이던 요청이 없어요.", "Nothing was in flight."),
     "requests": _text("기다린 요청의 결과", "What became of the requests"),
     "no_requests": _text(
-        "이 사고를 겪은 요청이 기록돼 있지 않아요.", "No request is on record that met this outage."
+        "이 사건을 겪은 요청이 기록돼 있지 않아요.", "No request is on record that met this outage."
     ),
     "refusals_untold": _text(
         "장부 서버는 멈추지 않았어요. 그동안 거절된 요청이 있었는지는 기록하지 않아요.",
@@ -365,11 +378,11 @@ WORDS: Mapping[str, Text] = {
 
 ERRORS: Mapping[str, Text] = {
     "unknown": _text(
-        "{id}: 이런 사고는 없어요. `hardcore incidents`로 목록을 볼 수 있어요.",
+        "{id}: 이런 사건은 없어요. `hardcore incidents`로 목록을 볼 수 있어요.",
         "There is no incident {id}. `hardcore incidents` lists them.",
     ),
     "ambiguous": _text(
-        "{id}: 이렇게 시작하는 사고가 {count}건 있어요. 몇 글자 더 적어 주세요: {examples}",
+        "{id}: 이렇게 시작하는 사건이 {count}건 있어요. 몇 글자 더 적어 주세요: {examples}",
         "{id} begins {count} incidents. Give a few more characters: {examples}",
     ),
     "bad_ending": _text(

@@ -19,15 +19,19 @@ from typing import Any, NoReturn
 import click
 
 from frontend.catalogue import next_step, refused_words, text
+from frontend.catalogue_evidence import in_korean
 from hardcore import status
 from hardcore.control import client
 from hardcore.host.folders import Folders, locate
 from hardcore.lines import wrapped
+from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, read_policy
 from hardcore.up import held
 
 WAIT_S = 60.0
 LOOK_EVERY_S = 0.05
+#: A guard that dies is followed by another within a second; after this it is asked who would start one.
+SILENT_S = 3.0
 
 
 @dataclass(slots=True)
@@ -60,6 +64,10 @@ class Asked:
         """Return a text in the operator's language."""
         return text(key, self.lang, **values)
 
+    def why(self, sentence: str) -> str:
+        """Return the guard's own sentence in the operator's language, as far as it is known there."""
+        return in_korean(sentence) if self.lang == "ko" else sentence
+
     def tell(self, value: object) -> None:
         """Print a value, if a program reads."""
         if self.json:
@@ -90,6 +98,14 @@ def next_words(told: Mapping[str, Any], lang: str) -> str:
 def is_held(folders: Folders) -> bool:
     """Tell whether a sentinel lives for these folders."""
     return folders.run.is_dir() and held(folders.run / "sentinel.lock")
+
+
+def is_kept(folders: Folders) -> bool:
+    """Tell whether a sentinel lives for these folders, or a launcher that starts one.
+
+    To ask takes their locks for a moment, so it is not for asking again and again.
+    """
+    return folders.state.is_dir() and (held(folders.launcher_lock) or is_held(folders))
 
 
 def _language() -> str:
@@ -169,16 +185,26 @@ def until(holds: Callable[[], bool], within_s: float = WAIT_S) -> bool:
 def come_back(
     asked: Asked, back: Callable[[dict[str, Any]], bool], within_s: float = WAIT_S, left: str = "goes_on"
 ) -> dict[str, Any]:
-    """Wait until the status says what is meant; end with a sentence if it does not in time.
+    """Wait until the status says what is meant; end with a sentence if it does not in time, or never will.
 
     `left`: the text for somebody who does not wait for it.
     """
     told: dict[str, Any] = {}
+    heard = time.monotonic()
 
     def look() -> bool:
-        nonlocal told
+        nonlocal told, heard
         told = status_of(asked)
-        return told["state"] != "UNKNOWN" and (back(told) or told["state"] == "MANUAL_INTERVENTION")
+        if told["wanted"] == Wanted.DOWN:
+            asked.fail(text("stopped_meanwhile", asked.lang))
+        if told["state"] != "UNKNOWN":
+            heard = time.monotonic()
+            return back(told) or told["state"] == "MANUAL_INTERVENTION"
+        if time.monotonic() - heard > SILENT_S:
+            if not is_kept(asked.folders):
+                asked.fail(text("unreachable", asked.lang))
+            heard = time.monotonic()
+        return False
 
     try:
         back_in_time = until(look, within_s)

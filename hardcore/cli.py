@@ -22,16 +22,17 @@ from hardcore import __version__, standing
 from hardcore import up as starting
 from hardcore.asked import WAIT_S as STOP_S
 from hardcore.asked import Asked, come_back, is_held, next_words, operator, options, status_of, until
+from hardcore.crisis.history import estimate_score
 from hardcore.drilling import drill
 from hardcore.examination import doctor
 from hardcore.host import leftovers
-from hardcore.host.files import take_lock
+from hardcore.host.files import read_json, take_lock
 from hardcore.host.folders import Folders
 from hardcore.looking_back import incidents, replay
 from hardcore.model.phases import Wanted
 from hardcore.policy_words import policy
-from hardcore.restarting import PROVEN, restart
-from hardcore.status_page import printed_status
+from hardcore.restarting import restart
+from hardcore.status_page import PROVEN, printed_status
 from hardcore.up import held
 
 STATE_CODES = {"OPERATIONAL": 0, "STARTING": 3, "DEGRADED": 3, "RECOVERY": 3, "SAFE_MODE": 3}
@@ -152,6 +153,8 @@ def show_status(asked: Asked, *, watch: bool) -> None:
 
 def _show_once(asked: Asked, *, clear: bool) -> int:
     told = status_of(asked)
+    # The gateway's own file: how long it said that an outage would take, and how long it took.
+    told["estimate"] = estimate_score(read_json(asked.folders.state / "recoveries.json"))
     if clear and not asked.json:
         click.clear()
     asked.tell(told)

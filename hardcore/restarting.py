@@ -14,9 +14,9 @@ import click
 from hardcore.asked import Asked, come_back, next_words, operator, status_of
 from hardcore.looking_back import told_incident
 from hardcore.model.phases import Phase
+from hardcore.recovery.spare import Lack
+from hardcore.status_page import PROVEN
 
-#: A core serves and has proven itself; a worry is no reason to wait.
-PROVEN = {"RUNNING", "SUSPECT"}
 #: A spare may take two starts before the guard gives up on it, then comes the switch and its probation.
 SWITCH_S = 180.0
 
@@ -36,19 +36,21 @@ def restart(asked: Asked, reason: str, *, hard: bool, image: bool) -> None:
     asked.say(_begun(answer))
     told = come_back(
         asked,
-        lambda told: _is_another(told, before) or _given_up(told) or _forgotten(told, sentinel),
+        lambda told: (
+            _is_another(told, before) or _refused(told, before) or _forgotten(told, before, sentinel)
+        ),
         SWITCH_S,
-        "switch_left",
+        "switch_left" if answer.get("waits") else "goes_on",
     )
-    if not _is_another(told, before) and _given_up(told):
-        log = asked.folders.logs / "core.log"
-        asked.fail(asked.words("switch_refused", why=told["switch_fault"], log=log))
-    if not _is_another(told, before) and _forgotten(told, sentinel):
+    if _refused(told, before):
+        asked.fail(_why_refused(asked, told))
+    if _forgotten(told, before, sentinel):
         asked.fail(asked.words("switch_forgotten"))
     told = come_back(asked, lambda told: _is_another(told, before) and told["phase"] in PROVEN)
     step = next_words(told, asked.lang)
     if not _is_another(told, before):
-        asked.fail(asked.words("not_back", next=step))
+        why = asked.why(told["start_fault"])
+        asked.fail(asked.words("not_back_why" if why else "not_back", next=step, why=why))
     incident = answer.get("incident") or told["last_incident"]
     outage_ms = told_incident(asked, str(incident))["outage_ms"] if incident else None
     shown = "-" if outage_ms is None else f"{outage_ms:.0f}"
@@ -66,15 +68,24 @@ def _begun(answer: Mapping[str, Any]) -> str:
     return "starting_already"
 
 
-def _given_up(told: Mapping[str, Any]) -> bool:
-    """Tell whether the guard has found that the switch can't be done."""
-    return bool(told["switch_fault"]) and not told["switch_waits"]
+def _refused(told: Mapping[str, Any], before: tuple[object, object]) -> bool:
+    """Tell whether the guard has given the switch up and the core that was to be changed serves on."""
+    serves_on = bool(told["core"]["ready"]) and _core_of(told) == before
+    return serves_on and bool(told["switch_fault"]) and not told["switch_waits"]
 
 
-def _forgotten(told: Mapping[str, Any], sentinel: object) -> bool:
+def _why_refused(asked: Asked, told: Mapping[str, Any]) -> str:
+    log = asked.folders.logs / "core.log"
+    words = asked.words("switch_refused", why=asked.why(told["switch_fault"]), log=log)
+    unspared = told["spare_lack"] == Lack.DIED
+    return f"{words}\n{asked.words('switch_unspared')}" if unspared else words
+
+
+def _forgotten(told: Mapping[str, Any], before: tuple[object, object], sentinel: object) -> bool:
     """Tell whether another guard has taken over, and goes on with the core that was to be changed."""
     followed = told["sentinel"]["pid"] not in {None, sentinel}
-    return followed and told["phase"] in PROVEN and not told["switch_waits"]
+    goes_on = told["phase"] in PROVEN and not told["switch_waits"] and not _is_another(told, before)
+    return followed and goes_on
 
 
 def _core_of(told: Mapping[str, Any]) -> tuple[object, object]:

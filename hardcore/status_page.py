@@ -3,9 +3,15 @@
 from typing import Any
 
 from frontend.catalogue import label, next_step, spare_lack, state_words
+from frontend.catalogue_evidence import in_korean
 from frontend.catalogue_policy import diagnosis_words
 from hardcore.lines import cells, wrapped
+from hardcore.model.phases import Phase
 
+#: A core serves and has proven itself; a worry is no reason to wait.
+PROVEN = frozenset({Phase.RUNNING, Phase.SUSPECT})
+#: What could not be done, by the names of the status; each has a label.
+FAULTS = ("start_fault", "switch_fault")
 #: Of somebody's last words so many characters are shown; all of them stand in the log.
 WORDS_MAX = 160
 
@@ -27,6 +33,7 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
         rows.append(("spare", _spare(told, lang)))
     if told["switch_waits"]:
         rows.append(("switch", label("switch_waits", lang)))
+    rows += [(name, _why(told[name], lang)) for name in FAULTS if told[name]]
     rows.append(("gateway", _gateway(told["gateway"], lang)))
     if sentinel["pid"]:
         cpu = "-" if sentinel["cpu_percent"] is None else f"{sentinel['cpu_percent']} %"
@@ -35,7 +42,11 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
     rows.append(("incident", told["incident"] or none))
     rows.append(("last_incident", told["last_incident"] or none))
     rows.append(("verified", told["ledger_verified_at"] or none))
-    rows += [("worry", worry) for worry in told.get("worries", [])]
+    estimate = told.get("estimate", {})
+    if estimate.get("samples"):
+        key = "estimate_score" if estimate["scored"] else "estimate_none"
+        rows.append(("estimate", label(key, lang).format(**estimate)))
+    rows += [("worry", _why(worry, lang)) for worry in told.get("worries", [])]
     names = [label(key, lang) for key, _value in rows]
     width = max(cells(name) for name in names)
     lines = zip(names, rows, strict=True)
@@ -64,14 +75,17 @@ def _spare(told: dict[str, Any], lang: str) -> str:
     spare = told["spare"]
     if spare is None:
         lack = told["spare_lack"]
-        return spare_lack(lack, lang, _cut(told["spare_off"])) if lack else label("none", lang)
+        if lack:
+            return spare_lack(lack, lang, _why(told["spare_off"], lang))
+        return label("spare_soon" if told["phase"] in PROVEN else "spare_later", lang)
     ready = label("spare_ready" if spare["ready"] else "spare_starting", lang)
     outdated = f", {label('spare_outdated', lang)}" if spare["build_fits"] is False else ""
     return f"pid {spare['pid']}, {ready}{outdated}"
 
 
-def _cut(words: str) -> str:
-    """Return the beginning of last words, which may be a whole traceback."""
+def _why(words: str, lang: str) -> str:
+    """Return the guard's own words in a language; of last words, which may be a whole traceback, the beginning."""
+    words = in_korean(words) if lang == "ko" else words
     return words if len(words) <= WORDS_MAX else f"{words[: WORDS_MAX - 1]}…"
 
 

@@ -5,12 +5,7 @@ others as they are. A second, Korean text in the facts was not chosen: every wit
 twice, and an old incident could never be read in a new language.
 """
 
-import re
-from functools import cache
-
 from frontend import catalogue_evidence as texts
-
-_FIELD = re.compile(r"\\\{(\w+)\\\}")
 
 
 def kind_word(kind: str, language: str) -> str:
@@ -35,22 +30,4 @@ def told(line: str, language: str) -> str:
     kind, colon, rest = line.partition(": ")
     if colon and kind in texts.WITNESSES:
         return f"{texts.WITNESSES[kind]}: {told(rest, language)}"
-    whole = _korean(line)
-    if whole is not None:
-        return whole
-    return "; ".join(_korean(part) or part for part in line.split("; "))
-
-
-def _korean(sentence: str) -> str | None:
-    for pattern, korean in _sentences():
-        if (match := pattern.fullmatch(sentence)) is not None:
-            return korean.format_map(match.groupdict())
-    return None
-
-
-@cache
-def _sentences() -> tuple[tuple[re.Pattern[str], str], ...]:
-    return tuple(
-        (re.compile(_FIELD.sub(r"(?P<\1>[^;]+?)", re.escape(english))), korean)
-        for english, korean in texts.SENTENCES
-    )
+    return texts.in_korean(line)

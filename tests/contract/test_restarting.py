@@ -72,11 +72,11 @@ def guard(tmp_path: Path) -> Iterator[Guard]:
         serving.join(10)
 
 
-def restart(guard: Guard, lang: str = "en") -> Done:
+def restart(guard: Guard, *words: str, lang: str = "en") -> Done:
     kept = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
     env = {**kept, "LANG": "C.UTF-8", "PYTHONPATH": str(Path(__file__).parents[2])}
     assert sys.executable
-    return run_cli("--data", str(guard.folders.data), "--lang", lang, "restart", env=env)
+    return run_cli("--data", str(guard.folders.data), "--lang", lang, "restart", *words, env=env)
 
 
 @pytest.mark.parametrize("lang", ["ko", "en"])
@@ -85,7 +85,7 @@ def test_an_update_that_does_not_start_is_told_with_the_spares_last_words_and_th
 ) -> None:
     guard.restarted = {"waits": True, "updates": True}
     guard.after = [guard.shown(switch_waits=True), guard.shown(switch_fault="SyntaxError in main.py")]
-    done = restart(guard, lang)
+    done = restart(guard, lang=lang)
     assert done.code == 1
     assert ("with the new code" if lang == "en" else "새 코드로") in done.out
     assert "SyntaxError in main.py" in done.err
@@ -122,3 +122,56 @@ def test_a_restart_that_was_refused_before_is_no_fault_of_this_one(guard: Guard)
     done = restart(guard)
     assert done.code == 0, done
     assert "Switching to the spare" in done.out
+
+
+@pytest.mark.parametrize(("lang", "why"), [("en", "it ended without a word"), ("ko", "아무 말 없이 종료됨")])
+def test_a_reason_of_the_guards_own_is_said_in_the_operators_language(
+    guard: Guard, lang: str, why: str
+) -> None:
+    guard.restarted = {"waits": True, "updates": True}
+    guard.after = [guard.shown(switch_fault="it ended without a word", spare_lack="died")]
+    done = restart(guard, lang=lang)
+    assert (done.code, why in done.err) == (1, True)
+    assert ("no spare waits" if lang == "en" else "예비 서버가 없어요") in done.err
+
+
+def test_a_hard_restart_is_never_told_as_a_switch_that_was_refused(guard: Guard) -> None:
+    guard.restarted = {"changed": True, "phase": "KILLING"}
+    another = {"pid": 102, "epoch": 8}
+    none = {"pid": None, "epoch": None, "ready": False}
+    guard.after = [
+        guard.shown(phase="KILLING", state="RECOVERY", core=none, switch_fault="an older one's"),
+        guard.shown(core=another, switch_fault="an older one's"),
+    ]
+    done = restart(guard, "--hard")
+    assert done.code == 0, done
+    assert "A new core serves" in done.out
+
+
+def test_nobody_is_told_that_a_core_goes_on_where_none_serves(guard: Guard) -> None:
+    guard.restarted = {"waits": True, "updates": True}
+    none = {"pid": None, "epoch": None, "ready": False}
+    guard.after = [
+        guard.shown(phase="BACKOFF", state="RECOVERY", core=none, switch_fault="SyntaxError"),
+        guard.shown(phase="FATAL", state="MANUAL_INTERVENTION", core=none, start_fault="SyntaxError in it"),
+    ]
+    done = restart(guard)
+    assert (done.code, "goes on" in done.err) == (1, False), done
+    assert "SyntaxError in it" in done.err
+
+
+def test_a_restart_of_what_is_stopped_meanwhile_waits_for_nothing(guard: Guard) -> None:
+    guard.restarted = {"waits": True}
+    guard.after = [guard.shown(switch_waits=True), guard.shown(state="SHUTDOWN", wanted="DOWN")]
+    done = restart(guard)
+    assert done.code == 1
+    assert "was stopped meanwhile" in done.err
+
+
+def test_a_restart_whose_guard_is_gone_for_good_waits_for_nothing(guard: Guard) -> None:
+    guard.restarted = {"waits": True}
+    guard.after = [guard.shown(switch_waits=True), guard.shown(state="UNKNOWN")]
+    (guard.folders.data / "state").mkdir()
+    done = restart(guard)
+    assert done.code == 1
+    assert "`hardcore up`" in done.err

@@ -395,7 +395,7 @@ def test_the_report_of_a_closed_incident_is_made_by_a_child_and_the_same_each_ti
     assert texts[0] == texts[1]
     assert bundle.verify_bundle(taken.path) == []
     assert json.loads(texts[0][0])["diagnosis"] == "LOOP_BLOCKED"
-    assert "사고 보고서" in texts[0][1]
+    assert "사건 보고서" in texts[0][1]
     assert "settle" in texts[0][1]
 
 

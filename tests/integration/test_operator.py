@@ -275,7 +275,7 @@ def test_a_replay_takes_what_a_list_prints_and_says_truly_what_is_not_there(new_
     until(lambda: recording.exists() and house.cli("replay", incident[:11]).code == 0, "the recording")
     assert house.cli("--json", "replay", incident[:11]).told["incident"] == incident
     nothing = house.cli("--lang", "ko", "replay", "nix")
-    assert (nothing.code, "이런 사고는 없어요" in nothing.err) == (1, True)
+    assert (nothing.code, "이런 사건은 없어요" in nothing.err) == (1, True)
     recording.write_bytes(recording.read_bytes()[:100])
     damaged = house.cli("replay", incident)
     assert (damaged.code, "damaged" in damaged.err, ".." in damaged.err) == (1, True, False)

@@ -103,3 +103,37 @@ def test_the_spare_is_shown_or_why_there_is_none(
     assert any(line.startswith("Old core") and "pid 100, can write no more" in line for line in lines)
     assert any(line.startswith("Switch") for line in lines)
     assert "예비 서버" in printed_status(told, "ko")
+
+
+@pytest.mark.parametrize(("phase", "said"), [("RUNNING", "in a moment"), ("PROBATION", "has proven itself")])
+def test_a_spare_that_is_still_to_come_is_no_spare_without_a_reason(
+    tmp_path: Path, phase: str, said: str
+) -> None:
+    told = status.from_files(Folders(tmp_path, tmp_path)) | {"phase": phase}
+    told["sentinel"] |= {"pid": 7, "rss_bytes": 1 << 20}
+    told["budget"] |= {"limit": 5, "window_s": 60}
+    assert any(line.startswith("Spare") and said in line for line in printed_status(told, "en").splitlines())
+
+
+@pytest.mark.parametrize(("lang", "label"), [("en", "Start failed"), ("ko", "켜지 못한 까닭")])
+def test_why_a_core_does_not_start_stands_in_the_status(tmp_path: Path, lang: str, label: str) -> None:
+    why = "SyntaxError: invalid syntax (core/limits.py, line 28)"
+    told = status.from_files(Folders(tmp_path, tmp_path)) | {"state": "RECOVERY", "start_fault": why}
+    found = [line for line in printed_status(told, lang).splitlines() if line.startswith(label)]
+    assert found, "it is told"
+    assert why in found[0]
+
+
+def test_a_worry_is_told_in_korean_where_its_sentence_is_known(tmp_path: Path) -> None:
+    told = status.from_files(Folders(tmp_path, tmp_path)) | {"worries": ["it ended without a word"]}
+    assert "아무 말 없이 종료됨" in printed_status(told, "ko")
+
+
+@pytest.mark.parametrize(
+    ("scored", "said"),
+    [(4, "3 of 4 came true (9 ways back on record)"), (0, "none has been put to the test yet")],
+)
+def test_how_the_estimates_came_true_is_told(tmp_path: Path, scored: int, said: str) -> None:
+    told = status.from_files(Folders(tmp_path, tmp_path))
+    told["estimate"] = {"samples": 9, "scored": scored, "within": 3}
+    assert said in printed_status(told, "en")
