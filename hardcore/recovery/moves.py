@@ -169,7 +169,8 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             _leave_behind(c, now_ns)
         case Step.REJOIN:
             assert c.behind is not None, "somebody was left behind"
-            c.life, c.there, c.behind, c.hopeless = c.behind.life, True, None, None
+            c.life, c.there, c.blame = c.behind.life, True, c.behind.blame
+            c.behind = c.hopeless = None
         case Step.RETIRE:
             _retire(c, now_ns)
         case Step.DISMISS:
@@ -236,7 +237,9 @@ def _promote(c: Course, busy_ms: int | None) -> None:
 def _leave_behind(c: Course, now_ns: int) -> None:
     assert c.behind is None, "one core at most is left behind: there is no spare while one is"
     stuck = c.phase is Phase.UNKILLABLE
-    c.behind = Behind(c.life, stuck, now_ns + plan.KILL_AGAIN_MS * NS_PER_MS if stuck else None)
+    c.behind = Behind(
+        c.life, stuck, now_ns + plan.KILL_AGAIN_MS * NS_PER_MS if stuck else None, blame=c.blame
+    )
 
 
 def dismiss(c: Course, now_ns: int) -> None:

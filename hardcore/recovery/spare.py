@@ -11,6 +11,7 @@ from enum import StrEnum
 
 from hardcore.model.observations import ProcessSample, SpareReady, StartExtended
 from hardcore.model.recorder import Beats
+from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
 from hardcore.recovery.policy import Policy
 
@@ -240,3 +241,4 @@ class Behind:
     stuck: bool
     leave_by_ns: int | None = None
     fenced: bool = False
+    blame: Diagnosis = Diagnosis.OPERATOR  # what its end is called

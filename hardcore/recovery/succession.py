@@ -94,6 +94,7 @@ def behind(c: Course, fact: seen.Observation) -> bool:
     if isinstance(fact, seen.CoreExited):
         if c.story is not None and c.story.life == c.behind.life:
             telling.mark(c, "killed", fact.at_ns)
+            c.story.add_page(fact.page, c.behind.blame)
         c.behind = None
     return True
 

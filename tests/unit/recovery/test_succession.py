@@ -378,6 +378,21 @@ def test_a_spare_that_can_not_fence_off_a_stuck_core_gives_the_place_back() -> N
     assert play.phase is Phase.STARTING
 
 
+def test_a_stuck_core_that_is_the_core_again_still_has_its_suspects() -> None:
+    play = _spared()
+    for _ in range(60):
+        if play.phase is Phase.SNAPSHOT_LIVE:
+            break
+        look(play, play.now_ns // MS)  # no beat has ever been heard of since
+    play.tell(seen.EvidenceTaken(play.now_ns, play.life, complete=False, page=None))
+    assert _wait(play) is Phase.SWITCHING
+    play.die(seen.Exit(code=69), a_page(0, words="DB_LOCKED"))
+    play.die(page=a_page(4, deciding("k1"), seq=9))
+    raised(play, 5)
+    proven(play, 5, 9)
+    assert _last(play, orders.Release).suspects == ("k1",)
+
+
 def test_once_a_stuck_core_is_fenced_off_its_successor_may_have_one_too() -> None:
     play = _behind()
     raised(play, 5)
