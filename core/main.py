@@ -260,7 +260,7 @@ class Life:
     async def _until_told(self, spare: Spare) -> Terms | Departure:
         seen = await spare.warm_up()
         if isinstance(seen, Departure):
-            return seen
+            return self._of_no_use(seen)
         # What was loaded lives as long as the process: no collection need ever look at it.
         gc.freeze()
         gc.enable()
@@ -269,9 +269,17 @@ class Life:
         )
         logger.info("A spare for the ledger of %s waits, at event %d.", self._data, seen.seq)
         order = await spare.told()
+        if isinstance(order, Departure):
+            return self._of_no_use(order)
         self._recorder.set_state(LifeState.STARTING)
         oom.rank(oom.CORE)
         return Terms(order.expected_epoch, _as_witnesses(order.witnesses), order.busy_ms, shared=True)
+
+    def _of_no_use(self, left: Departure) -> Departure:
+        if left.code is ExitCode.STORE_CORRUPT:
+            # The core that serves began at an attestation, and may never come across it.
+            self._beacon.unsound(left.sentence)
+        return left
 
     async def _serve(
         self, loop: asyncio.AbstractEventLoop, bound: socket.socket, book: Book, service: Service

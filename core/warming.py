@@ -123,17 +123,19 @@ class Spare:
                 f"{LEDGER_FILE} has schema {seen.schema_version}, made by another version of this program:"
                 " use that version."
             )
+        if (unsound := self._unsound()) is not None:
+            return unsound
         await asyncio.to_thread(self._open_readers)
         self._at_work_on = "rehearsing to write"
-        await loop.run_in_executor(self._thread, rehearse_writing, self.engine, self._data)
+        await loop.run_in_executor(self._thread, rehearse_writing, self.engine)
         if not seen.migrates:
             await self._rehearse(seen)
         self._at_work_on = "waiting"
         self._seen = seen
         return seen
 
-    async def told(self) -> PromoteOrder:
-        """Follow the book until the order comes; by then nothing of this is at work any more.
+    async def told(self) -> PromoteOrder | Departure:
+        """Follow the book until the order comes, or it is seen broken; by then nothing of this is at work any more.
 
         A look that fails is tried again: what the store is worth is said at the promotion.
         """
@@ -146,6 +148,9 @@ class Spare:
             else:
                 self._recorder.event("SPARE_LOOK", found.text)
                 rest_s = LOOK_EVERY_S
+            if (unsound := self._unsound()) is not None:
+                self._thread.shutdown(wait=False)
+                return unsound
         self._thread.shutdown(wait=False)
         return self._order.result()
 
@@ -153,6 +158,11 @@ class Spare:
         """Let go of the store, of a spare that was never promoted."""
         self._thread.shutdown()
         self.readers.dispose()
+
+    def _unsound(self) -> Departure | None:
+        """Return that the book is broken, if it was seen so: no core may come of whoever has seen that."""
+        fault = self.ahead.fault
+        return None if fault is None else departure.corrupt(fault.sentence)
 
     async def _look(self) -> Seen | StoreError:
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._read)

@@ -2,12 +2,11 @@
 
 Putting a statement into words costs some tenths of a millisecond, and from a fence to the answer of a booking there
 are some thirty of them. They are kept by the engine that has met them, so a core that waits to be promoted lets the
-engine that will write meet them on another book, which is gone afterwards. The household's own is not touched. Not
-chosen: the same statements against the real file, which may not even be locked by somebody who only waits.
+engine that will write meet them on another book, which is gone afterwards. The household's own is not touched, nor is
+its disk looked at: a full one takes no spare from anybody. Not chosen: the same statements against the real file, which may not even be locked by somebody who only waits.
 """
 
 import time
-from pathlib import Path
 from typing import Final
 
 from sqlalchemy import Connection
@@ -37,12 +36,12 @@ CURRENCY: Final = "KRW"
 TAIL_EVENTS: Final = 100
 
 
-def rehearse_writing(engine: WritingEngine, data: Path) -> None:
-    """Go through all that a core does from its fence to its first bookings. Blocks; `data` is only looked at."""
+def rehearse_writing(engine: WritingEngine) -> None:
+    """Go through all that a core does from its fence to its first bookings. Blocks."""
     recorder = NoRecorder()
     with engine.tried() as connection:
         epoch = _raised(connection)
-        journal = Journal(connection, epoch, 0, recorder, Room(data, time.monotonic_ns), time.time_ns)
+        journal = Journal(connection, epoch, 0, recorder, Room(None, time.monotonic_ns), time.time_ns)
         for works in _batches(recorder):
             done = journal.write(works)
             assert isinstance(done, Committed), done

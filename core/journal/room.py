@@ -35,10 +35,10 @@ def free_bytes(seen: os.statvfs_result, *, reserve_is_ours: bool) -> int | None:
 
 
 class Room:
-    """The room on the file system of one folder. Any thread."""
+    """The room on the file system of one folder, or the boundless one of a book in memory. Any thread."""
 
-    def __init__(self, folder: Path, now_ns: Callable[[], int]) -> None:
-        """Look at the file system of `folder`; `now_ns` is monotonic."""
+    def __init__(self, folder: Path | None, now_ns: Callable[[], int]) -> None:
+        """Look at the file system of `folder`, None: in memory; `now_ns` is monotonic."""
         self._folder = folder
         self._now_ns = now_ns
         self._full_until_ns = 0
@@ -52,6 +52,8 @@ class Room:
         """Return why nothing can be written now, None where `bytes_needed` and what is always kept free fit."""
         if self._now_ns() < self._full_until_ns:
             return StoreError(StoreFault.NO_ROOM, "SQLITE_FULL: a drill says that the disk is full")
+        if self._folder is None:
+            return None
         try:
             seen = os.statvfs(self._folder)
         except OSError:

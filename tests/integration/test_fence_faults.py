@@ -14,6 +14,7 @@ import pytest
 
 from tests.integration.lone_core import Answer, Core, moving, verify
 from tests.integration.wired_core import Guard, Wired, guarding
+from tests.unit.core.books import tamper
 from tests.waiting import until
 
 STRACE = shutil.which("strace")
@@ -190,6 +191,23 @@ def test_an_answer_says_what_it_has_booked_and_a_replay_says_nothing_of_this_lif
     kill(served)
     life = guard.core(HARDCORE_WITNESS=f"{seq}:1:{digest}")
     assert life.hears("READY")["X_PROOF"] == "witness"
+
+
+@pytest.mark.parametrize("waits", [True, False])
+def test_a_spare_that_meets_a_broken_chain_tells_it_and_is_none(
+    guard: Guard, served: Wired, *, waits: bool
+) -> None:
+    spare = guard.spare() if waits else None
+    assert book(served.core, "after").status == 201
+    tamper(guard.data, "UPDATE event SET body = zeroblob(9) WHERE seq = 4")
+    met = spare or guard.start(HARDCORE_SPARE="1")
+    assert "the hash of event 4 does not follow" in met.hears("X_UNSOUND")["X_UNSOUND"]
+    assert met.core.ends_with() == 65
+    words = met.page().last_words
+    assert words is not None
+    assert words.code == "STORE_CORRUPT"
+    assert met.has_said("X_SPARE") == waits
+    assert not met.has_said("X_EPOCH")
 
 
 def test_a_promoted_spare_has_seen_the_book_before_and_hashes_what_came_since(

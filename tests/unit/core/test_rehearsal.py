@@ -20,7 +20,7 @@ def test_every_question_of_the_core_is_rehearsed_but_those_that_take_long() -> N
 
 def test_the_writing_side_is_rehearsed_without_a_trace_on_the_disk(tmp_path: Path) -> None:
     engine = WritingEngine(tmp_path / LEDGER_FILE)
-    rehearse_writing(engine, tmp_path)
+    rehearse_writing(engine)
     assert list(tmp_path.iterdir()) == []
     connection = engine.connect(1_000)
     assert not isinstance(connection, StoreError)
