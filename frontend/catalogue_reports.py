@@ -94,8 +94,8 @@ OUTCOMES: Mapping[str, Text] = {
         "the guard itself ended before it could tell how it came out.",
     ),
     "taken_over": _text(
-        "복구 중에 감시 프로세스도 종료됐고, 다음 감시 프로세스가 장부를 이어받았어요.",
-        "the guard itself ended before it was over, and the next one found the ledger answering.",
+        "복구 중에 감시 프로세스도 종료됐고, 그 뒤에 장부가 다시 응답했어요.",
+        "the guard itself ended before it was over; the ledger answered again later.",
     ),
     "taken_over_in": _text(
         "복구 중에 감시 프로세스도 종료됐지만 {seconds}초 만에 다시 응답했어요.",

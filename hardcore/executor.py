@@ -6,13 +6,12 @@ a collector that hangs in the kernel can't keep the next core from being started
 """
 
 import asyncio
-import shutil
+import dataclasses
+import functools
 import signal
-import sys
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, assert_never
 
 from hardcore.clearing import Clearing
@@ -23,8 +22,10 @@ from hardcore.host.lives import CoreLimits, Life, Terms
 from hardcore.host.steps import Steps
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.reporting import have_report
 from hardcore.senses import Senses
 from hardcore.snapshot import writer
+from hardcore.snapshot.facts import facts
 from hardcore.snapshot.filing import Filing
 from hardcore.snapshot.image import ImageLimits
 from hardcore.snapshot.stacks import find_tools
@@ -34,8 +35,6 @@ THREADS_MAX = 4
 LIVES_KEPT_MAX = 4
 #: Keys of suspects in one line of the feed, which a gateway reads up to 64 KiB.
 SUSPECTS_A_LINE = 512
-#: A report is made in a second or two; one that takes this long hangs.
-REPORT_S = 20.0
 #: What is under way when all is stopped gets this long: a last report, and evidence that a slow disk takes.
 FINISH_S = 30.0
 #: Whoever still lives when all is stopped gets this long to be gone, once killed.
@@ -88,9 +87,12 @@ class Executor:
         self.tools = find_tools()
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
         self._handover = Handover(folders, generation, self._steps, tell)
+        self._making: set[str] = set()
+        self._adopted_in = ""
         self._tasks: set[asyncio.Task[None]] = set()
         self._evidence: dict[str, list[asyncio.Event]] = {}
-        self.filing = Filing(folders.incidents, self, self._report, shelter=folders.shelter)
+        report = functools.partial(have_report, self, folders)
+        self.filing = Filing(folders.incidents, self, report, shelter=folders.shelter)
         self.serving: tuple[dict[str, object], ...] = ()
 
     def carry_out(self, action: orders.Action) -> None:
@@ -186,14 +188,19 @@ class Executor:
 
     async def _spawn(self, number: int, terms: Terms) -> None:
         self._handover.over()
+        nonce = lives.new_nonce()
         try:
-            living = {life.nonce for life in self.lives.values()}  # here: the loop changes them meanwhile
-            life = await self.in_hand(self._make, number, terms, living)
+            # Here: the loop changes them meanwhile, and another hand may be making one beside this.
+            self._making.add(nonce)
+            living = {life.nonce for life in self.lives.values()} | self._making
+            life = await self.in_hand(self._make, number, nonce, terms, living)
         except Exception as error:  # noqa: BLE001  # a core that could not be made, for whatever reason, is a fact
+            self._making.discard(nonce)
             self._tell(seen.SpawnFailed(clock.now_ns(), number, _said(error)))
             return
         assert life.handle is not None, "it was made with its process"
         self._keep_watch(life)
+        self._making.discard(nonce)
         self._tell(seen.CoreSpawned(clock.now_ns(), number, life.handle.pid))
 
     def _keep_watch(self, life: Life) -> None:
@@ -205,13 +212,13 @@ class Executor:
         except OSError as error:
             logs.end_with(f"a core's end can't be watched: {error}")  # the next guard finds and ends it
 
-    def _make(self, number: int, terms: Terms, living: set[str]) -> Life:
+    def _make(self, number: int, nonce: str, terms: Terms, living: set[str]) -> Life:
         if terms.spare:
             self._still_ours()  # a spare is no step of a switch
         else:
             self.mark("spawn", life=number, expected_epoch=terms.expected_epoch)
         lives.sweep(self._folders, living)
-        life = lives.conceive(self._folders, number)
+        life = lives.conceive(self._folders, number, nonce)
         life.spare = terms.spare
         try:
             lives.start(life, terms, WATCHDOG_USEC, self._bounds.core if self._bounds else None)
@@ -286,7 +293,7 @@ class Executor:
         life = self.adoptable
         assert life is not None, "it was found before the watch began"
         assert life.handle is not None, "as above"
-        self.adoptable = None
+        self.adoptable, self._adopted_in = None, self.filing.left_open
         life.number, life.adopted_ns = order.life, clock.now_ns()
         life.oom = memory.oom_counter(life.handle.pid)
         self._keep_watch(life)
@@ -433,19 +440,37 @@ class Executor:
                 "socket": str(self._folders.core_socket(life.nonce)),
                 "epoch": order.epoch,
             },
-            {"type": "release", "epoch": order.epoch, "incident": order.incident},
+            {"type": "release", "epoch": order.epoch, "incident": self._waited_in(order.incident)},
         )
         for line in self.serving:
             self._publish(line)
-        self.begin(self.in_hand(self.mark, "released"))
-        self.begin(self.filing.served_again(clock.now_ns()))
+        at_ns = clock.now_ns()
+        told = {"released_at": clock.wall(at_ns), "incident_released": order.incident}
+        self.begin(self.in_hand(functools.partial(self.mark, "released", **told)))
+        self.begin(self.filing.served_again(at_ns))
+
+    def _waited_in(self, incident: str | None) -> str | None:
+        """Return the incident in which people wait now: it may be one that an earlier guard did not live to end."""
+        left, self._adopted_in = self._adopted_in, ""
+        return left or incident
 
     async def _close(self, order: orders.CloseIncident) -> None:
         incident = order.incident
+        evidence = self._evidence.pop(incident.id, [])
+        await self.filing.close(incident, *self._whose(incident), evidence)
+        self._steps.forget(incident.id)
+
+    def _whose(self, incident: orders.Incident) -> tuple[int | None, str]:
         life = self.lives.get(incident.life)
         pid = life.handle.pid if life and life.handle else None
-        evidence = self._evidence.pop(incident.id, [])
-        await self.filing.close(incident, pid, life.nonce if life else "", evidence)
+        return pid, life.nonce if life else ""
+
+    def know(self, incident: orders.Incident) -> None:
+        """Let what is known of an incident be written with the next deed: a guard that dies then has told it."""
+        brief = dataclasses.replace(
+            incident, in_flight=(), requests=(), suspects=incident.suspects[:SUSPECTS_A_LINE]
+        )
+        self._steps.tell(facts(brief, *self._whose(incident), clock.wall))
 
     def keep_open(self, incident: orders.Incident) -> None:
         """Have written down what is known of an incident that goes on. Of its evidence, what was ordered comes first."""
@@ -453,32 +478,8 @@ class Executor:
 
     async def _open(self, incident: orders.Incident) -> None:
         await self._handover.calm()
-        life = self.lives.get(incident.life)
-        pid = life.handle.pid if life and life.handle else None
         evidence = list(self._evidence.get(incident.id, ()))
-        await self.filing.open(incident, pid, life.nonce if life else "", evidence)
-
-    async def _report(self, folder: Path) -> None:
-        """Have the investigators read the box: a process of its own, which nothing of the guard waits for."""
-        log = await self.in_hand(logs.place, self._folders.logs / "postmortem.log", self._folders.run)
-        argv = [sys.executable, "-I", "-m", "postmortem", "report", str(folder)]
-        handle = await self.in_hand(
-            processes.spawn,
-            ["nice", "-n", "19", *argv] if shutil.which("nice") else argv,
-            lives.clean_environment(),
-            log,
-            self._folders.data,
-        )
-        ended = False
-        try:
-            ended = await processes.gone(handle, REPORT_S)
-        finally:
-            if not ended:  # it hangs, or the guard ends and can't wait for it
-                self.note("report", incident=folder.name, failed="it did not end by itself")
-                handle.kill_tree()
-                await processes.gone(handle, lives.KILL_S)
-            handle.reap()
-            handle.close()
+        await self.filing.open(incident, *self._whose(incident), evidence)
 
     async def _keep(self, order: orders.KeepBudget) -> None:
         await self._handover.calm()

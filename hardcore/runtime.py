@@ -16,25 +16,23 @@ import sys
 import traceback
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
 from hardcore import rehearsal, standing
+from hardcore.arrival import Setup, set_up
 from hardcore.control.server import ControlServer
 from hardcore.door import Door
 from hardcore.executor import Executor
 from hardcore.gatekeeper import Gatekeeper
-from hardcore.host import clock, deaths, files, leftovers, lives, logs
-from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
+from hardcore.host import clock, deaths, files, lives, logs
 from hardcore.host.ids import new_id
-from hardcore.host.leftovers import Leftovers
 from hardcore.host.lives import Life
 from hardcore.host.notify import NotifySocket, Tally
-from hardcore.host.processes import Handle, start_of
+from hardcore.host.processes import Handle
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
-from hardcore.model.phases import LIVING, SERVING, Wanted
+from hardcore.model.phases import LIVING, SERVING
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import Tape
@@ -47,29 +45,13 @@ from hardcore.sentinel.heartbeat import (
     SpareNotice,
     read_notice,
 )
-from hardcore.snapshot import writer
+from hardcore.snapshot.facts import stops
 
 FEED_EVERY_S = 1.0
 #: A spare that waits has nothing to do but to beat; what was seen of it holds for some seconds.
 SPARE_EVERY_TICKS = 3
 SWITCH_INTERVAL_S = 0.0005
-EXIT_ANOTHER_WATCHES = 3
 EXIT_UNREACHABLE = 4
-EXIT_UNUSABLE = 78
-
-
-@dataclass(slots=True)
-class Setup:
-    """What the sentinel process begins with."""
-
-    folders: Folders
-    lock_fd: int
-    listen_fd: int
-    url: str
-    generation: int
-    in_force: standing.PolicyInForce
-    leftovers: Leftovers
-    abandoned: tuple[writer.Abandoned, ...]
 
 
 class Runtime:
@@ -148,13 +130,15 @@ class Runtime:
             self.executor.note("policy", fault=setup.in_force.fault)
         found = setup.leftovers
         self.executor.inherit(found.cores, found.adoptable)
-        self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned))
+        self.executor.filing.left_open = str(setup.noted["id"]) if stops(setup.noted) else ""
+        self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned, setup.noted))
         self.feed(
             seen.SentinelBegan(
                 clock.now_ns(),
                 leftovers=bool(found.cores),
                 page=found.last_page,
                 adoptable=found.adoptable_page,
+                suspects=tuple(map(str, setup.noted.get("suspects", ()))),
             )
         )
 
@@ -176,6 +160,11 @@ class Runtime:
     def _obey(self) -> None:
         # The moment first: the gateway must hold before the hands begin.
         self._publish_reading()
+        news = self._news()
+        if (
+            news is not None
+        ):  # before the deeds, which write it down: a guard that dies in them has told of it
+            self.executor.know(news)
         given = self.manager.take_actions()
         self.tape.ordered(given)
         # Then who takes over: people wait for that, and for nothing else that may be ordered with it.
@@ -184,7 +173,8 @@ class Runtime:
             if isinstance(action, orders.CloseIncident):
                 self.door.last_incident = action.incident.id
                 self._keep_recording(action.incident.id)
-        self._keep_open()
+        if news is not None:
+            self.executor.keep_open(news)
         self._set_timer()
         for change in self.manager.take_transitions():
             self.executor.note(
@@ -196,13 +186,12 @@ class Runtime:
                 at_ns=change.at_ns,
             )
 
-    def _keep_open(self) -> None:
-        """Have the open incident written down when there is more to tell of it: it may last for hours."""
+    def _news(self) -> orders.Incident | None:
+        """Return the open incident if there is more to tell of it than was written down: it may last for hours."""
         told = self.manager.open_incident()
         known = (told.id, len(told.evidence), len(told.deaths)) if told is not None else None
-        if told is not None and known != self._kept_open:
-            self.executor.keep_open(told)
-        self._kept_open = known
+        news, self._kept_open = known != self._kept_open, known
+        return told if news else None
 
     def _keep_recording(self, incident: str) -> None:
         recording = self.tape.cut()
@@ -413,49 +402,6 @@ def _die(what: str, error: object) -> NoReturn:
     logs.end_with(what)
 
 
-def _set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
-    """Take the lock and find out where we stand. Returns an exit code when we may not watch."""
-    made = prepare_data(data)
-    # Kept until we end, and taken before the link is touched: one guard for one data folder.
-    guarding = None if isinstance(made, Unusable) else files.take_lock(made.guard_lock)
-    folders = prepare(data) if guarding is not None else made
-    if isinstance(folders, Unusable):
-        sys.stderr.write(f"{folders.reason}\n")
-        return EXIT_UNUSABLE
-    lock_fd = None if guarding is None else files.take_lock(folders.run / "sentinel.lock")
-    if lock_fd is None:
-        sys.stderr.write("Another sentinel watches this data folder.\n")
-        return EXIT_ANOTHER_WATCHES
-    leftovers.sweep_drafts(folders)
-    standing.own_run_folder(folders)
-    generation = standing.next_generation(folders)
-    files.write_json(
-        folders.sentinel,
-        {
-            "pid": os.getpid(),
-            "start": start_of(os.getpid()),
-            "nonce": new_id(),
-            "generation": generation,
-            "launcher": os.getppid(),
-            "url": url,
-            "argv": sys.orig_argv,
-        },
-        durable=False,
-    )
-    standing.ship_policy(folders)
-    in_force = standing.policy_in_force(folders)
-    return Setup(
-        folders,
-        lock_fd,
-        listen_fd,
-        url,
-        generation,
-        in_force,
-        leftovers.find_leftovers(folders, adopt=standing.wanted(folders) is Wanted.UP),
-        writer.find_abandoned(folders.incidents, folders.shelter),
-    )
-
-
 def main() -> int:
     """Run the sentinel."""
     parser = argparse.ArgumentParser(prog="hardcore.runtime", description="The sentinel; started by `up`.")
@@ -470,7 +416,7 @@ def main() -> int:
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     # Inherited by all we start: a core file would hold the ledger's memory, and the policy says never.
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
-    setup = _set_up(asked.data, asked.listen_fd, asked.url)
+    setup = set_up(asked.data, asked.listen_fd, asked.url)
     if isinstance(setup, int):
         return setup
     return asyncio.run(_run(setup))

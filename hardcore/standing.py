@@ -50,14 +50,8 @@ def load_policy_file(path: Path) -> Policy | list[PolicyFault]:
 
 
 def policy_in_force(folders: Folders) -> PolicyInForce:
-    """Return the policy of the data folder and keep it as the last good one, if it is one.
-
-    What the command line has taken away is no part of what is kept.
-    """
+    """Return the policy of the data folder, less what the command line has taken away."""
     found = policy_at_next_start(folders)
-    if not found.fault:
-        with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
-            files.write_whole(folders.good_policy, folders.policy.read_bytes())
     if os.environ.get(NO_SPARE_SWITCH) == "1":
         return PolicyInForce(dataclasses.replace(found.policy, spare=False), found.fault)
     return found
@@ -136,11 +130,27 @@ def own_run_folder(folders: Folders) -> None:
 
 
 def next_generation(folders: Folders) -> int:
-    """Take the next generation number. The caller holds the sentinel's lock."""
+    """Take the next generation number. The caller holds the sentinel's lock, and has `keep` called soon.
+
+    Nothing waits for a disk here: where that hangs, a guard that died must be replaced all the same.
+    """
     paths = (folders.generation, folders.run / "generation")
     stored = [files.read_json(path).get("generation") for path in paths]
     number = max(value if isinstance(value, int) else 0 for value in stored) + 1
-    with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
-        files.write_json(paths[0], {"generation": number})
-    files.write_json(paths[1], {"generation": number}, durable=False)  # for when that disk was full
+    files.write_json(paths[1], {"generation": number}, durable=False)
     return number
+
+
+def keep(folders: Folders, generation: int) -> None:
+    """Write to the disk what this guard began with: its generation, and the policy as the last good one, if it is one.
+
+    It may take as long as the disk likes.
+    """
+    with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
+        files.write_json(folders.generation, {"generation": generation})
+    found = load_policy_file(folders.policy)
+    if isinstance(found, Policy):
+        with contextlib.suppress(OSError):  # as above
+            text = folders.policy.read_bytes()
+            if not folders.good_policy.exists() or folders.good_policy.read_bytes() != text:
+                files.write_whole(folders.good_policy, text)

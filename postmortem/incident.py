@@ -13,7 +13,7 @@ from typing import Any
 
 TEXT_MAX = 4_096
 ITEMS_MAX = 2_000
-OUTCOMES = frozenset({"recovered", "manual", "safe_mode", "assist", "open"})
+OUTCOMES = frozenset({"recovered", "manual", "safe_mode", "assist", "open", "abandoned"})
 _MOMENT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,9})?(?:Z|[+-]\d\d:\d\d)", re.ASCII)
 GRADES = frozenset({"certain", "likely", "unknown"})
 
@@ -140,6 +140,7 @@ class Incident:
     waits_for: str | None
     served_again_at: str | None
     blamed: tuple[str, ...] = ()  # ids of the commands that the evidence names
+    left_open: str | None = None  # the incident in whose middle this one, a guard's end, came
 
 
 #: Stages in which the core was at work on a command; QUEUED only waited for its turn.
@@ -183,6 +184,7 @@ def from_facts(incident_id: str, raw: object) -> Incident:
         waits_for=optional_text(facts.get("waits_for")),
         served_again_at=moment(facts.get("served_again_at")),
         blamed=texts(facts.get("blamed")),
+        left_open=optional_text(facts.get("left_open")),
     )
 
 
@@ -202,10 +204,13 @@ def still_open(incident_id: str, opened_at: str | None, page: object) -> Inciden
 def ending(outcome: str, closed_at: str | None, served_again_at: str | None) -> str:
     """Return what came of it, in one word: its outcome, or what the outcome alone does not say.
 
-    `untold`: its guard died before it was over. `served`: recovery had stopped, and a core served again later.
+    `untold`: its guard died before it was over. `taken_over`: so it was, and a core served again later. `served`:
+    recovery had stopped, and a core served again later.
     """
     if outcome == "manual" and served_again_at is not None:
         return "served"
+    if outcome == "abandoned":
+        return "untold" if served_again_at is None else "taken_over"
     return "untold" if outcome == "open" and closed_at is not None else outcome
 
 
@@ -218,8 +223,8 @@ def waits_for(incident: Incident) -> str | None:
 
 def went_on(incident: Incident) -> bool:
     """Tell whether the core served all through a closed incident, so that it has neither an outage nor a new proof."""
-    ended = incident.deaths or incident.exit != Exit() or incident.outage_ms is not None
-    told = incident.closed_at is not None and incident.outcome != "open" and bool(incident.timeline)
+    ended = incident.deaths or incident.exit != Exit() or incident.outage_ms is not None or incident.left_open
+    told = incident.closed_at is not None and incident.outcome not in {"open", "abandoned"} and bool(incident.timeline)
     return told and not ended and not any(step.step == "spawned" for step in incident.timeline)
 
 

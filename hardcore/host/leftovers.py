@@ -26,14 +26,13 @@ from hardcore.host.folders import Folders
 from hardcore.host.lives import KILL_S, Life, clean_environment
 from hardcore.host.processes import Handle, Identity
 from hardcore.host.recorder import PageReader
+from hardcore.host.steps import condemned
 from hardcore.model.recorder import LifeState, Page
 
 ENVIRONMENT_BYTES_MAX = 1 << 20
 #: A core that serves answers at once; what does not is no reason to end it, the watch will see to it.
 ASKED_S = 0.3
 ANSWER_BYTES_MAX = 4096
-#: Nonces of lives that were given up on: more than there can be of them, so that a damaged file costs nothing.
-CONDEMNED_MAX = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +123,7 @@ def _reachable(folders: Folders, life: Life) -> bool:
 
 
 def _reads_only(folders: Folders, life: Life) -> bool:
-    """Whether the core says that it only reads. One that does not answer is judged later, by what it does."""
+    """Whether the core says that it only reads. One that does not answer in time is asked again by each health probe."""
     try:
         with socket.socket(socket.AF_UNIX) as connection:
             connection.settimeout(ASKED_S)
@@ -134,12 +133,6 @@ def _reads_only(folders: Folders, life: Life) -> bool:
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(told, dict) and told.get("safe") is not None
-
-
-def condemned(folders: Folders) -> frozenset[str]:
-    """Return the nonces of the lives that the earlier guard had begun to stop, to drain or to end."""
-    told = files.read_json(folders.switch).get("condemned")
-    return frozenset(str(nonce) for nonce in told[:CONDEMNED_MAX]) if isinstance(told, list) else frozenset()
 
 
 def end_leftovers(folders: Folders, grace_s: float) -> int:

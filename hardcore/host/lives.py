@@ -16,6 +16,7 @@ from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle
 from hardcore.host.recorder import PageReader, make_page
 from hardcore.host.said import LogEnd
+from hardcore.host.steps import BRAND
 from hardcore.model.observations import Exit, ProcessSample, Sampled
 from hardcore.model.recorder import Beats, CommandNote, Page, SlotStage, Threads, Witness
 
@@ -202,14 +203,20 @@ def _files(folders: Folders, nonce: str) -> tuple[Path, ...]:
     return (
         page,
         page.with_name(f"{page.name}.stacks"),
+        page.with_name(f"{page.name}{BRAND}"),
         folders.core_socket(nonce),
         folders.core_control(nonce),
     )
 
 
-def conceive(folders: Folders, number: int) -> Life:
+def new_nonce() -> str:
+    """Return a name for a life that nobody has had."""
+    return secrets.token_hex(8)
+
+
+def conceive(folders: Folders, number: int, nonce: str = "") -> Life:
     """Return a new life with its recorder page made. Raises OSError when there is no room for it."""
-    nonce = secrets.token_hex(8)
+    nonce = nonce or new_nonce()
     path = folders.recorder(nonce)
     make_page(path, nonce, clock.boot_id())
     return Life(number, nonce, folders, PageReader(path, nonce))

@@ -14,6 +14,8 @@ from hardcore.model.verdicts import Grade
 from hardcore.snapshot.masking import mask_line
 
 VERSION = 1
+#: The outcome of an incident whose guard ended before it was over.
+ABANDONED = "abandoned"
 _MS = 1_000_000
 
 
@@ -85,8 +87,7 @@ def audit(told: LedgerAudited, wall: Callable[[int], str]) -> dict[str, Any]:
 def abandoned(incident_id: str, closed_at: str, page: Mapping[str, Any]) -> dict[str, Any]:
     """Return the closing facts of an incident whose guard died, from the `recorder.json` in its folder.
 
-    Its outcome stays `open`: nobody saw how it ended, and a time of closing beside it says just that. Which
-    commands were in flight is read from the page itself, as in any report.
+    Nobody saw how it ended; that a core served again is added when one does. Which commands were in flight is read from the page itself, as in any report.
     """
     beats = page.get("beats")
     return {
@@ -94,7 +95,7 @@ def abandoned(incident_id: str, closed_at: str, page: Mapping[str, Any]) -> dict
         "id": incident_id,
         "opened_at": _id_time(incident_id),
         "closed_at": closed_at,
-        "outcome": "open",
+        "outcome": ABANDONED,
         "diagnosis": "UNKNOWN",
         "grade": str(Grade.UNKNOWN),
         "evidence": [{"kind": "guard", "text": "the guard itself ended before this incident was over"}],
@@ -108,17 +109,53 @@ def abandoned(incident_id: str, closed_at: str, page: Mapping[str, Any]) -> dict
     }
 
 
-def left_open(known: Mapping[str, Any], closing: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the closing facts of an incident whose guard died, from what was `known` of it while it was open."""
+def left_open(
+    known: Mapping[str, Any], closing: Mapping[str, Any], released_at: str | None = None
+) -> dict[str, Any]:
+    """Return the closing facts of an incident whose guard died, from what was `known` of it while it was open.
+
+    `released_at`: when that guard had requests go to a core again, if it lived to do it.
+    """
+    if not known:
+        return dict(closing)
     evidence = known.get("evidence")
     told = evidence if isinstance(evidence, list) else []
-    return {
+    whole = {
         **closing,
-        **known,
+        **{name: value for name, value in known.items() if name != "released_at"},
         "closed_at": closing["closed_at"],
+        "outcome": ABANDONED,
         "evidence": [*told, *closing["evidence"]],
         "last_words": known.get("last_words") or closing["last_words"],
     }
+    return whole if released_at is None else served_again(whole, released_at)
+
+
+def served_again(told: Mapping[str, Any], at: str) -> dict[str, Any]:
+    """Return the facts of an incident after which a core served at `at`, though nobody saw it to its end."""
+    if told.get("outcome") != ABANDONED or told.get("outage_ms") is not None or not stops(told):
+        return {**told, "served_again_at": at}
+    fault = next((step.get("at") for step in told.get("timeline", ()) if step.get("step") == "fault"), None)
+    return {**told, "served_again_at": at, "outage_ms": _apart_ms(fault, at)}
+
+
+def stops(told: Mapping[str, Any]) -> bool:
+    """Tell whether people had to wait in an incident: its core ended, or was asked to make room for another."""
+    return bool(told.get("deaths")) or told.get("planned") is True
+
+
+def in_the_middle(told: Mapping[str, Any], other: str) -> dict[str, Any]:
+    """Return the facts of a guard's end in the middle of another incident: people were waiting already."""
+    line = {"kind": "guard", "colour": "yellow", "text": f"it ended in the middle of incident {other}"}
+    return {**told, "left_open": other, "evidence": [*told["evidence"], line]}
+
+
+def _apart_ms(first: object, second: str) -> float | None:
+    try:
+        passed = datetime.fromisoformat(second) - datetime.fromisoformat(str(first))
+    except (ValueError, TypeError):
+        return None
+    return max(0.0, round(passed.total_seconds() * 1000, 1))
 
 
 def _id_time(incident_id: str) -> str | None:

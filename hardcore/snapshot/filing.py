@@ -17,8 +17,9 @@ from weakref import WeakValueDictionary
 from hardcore.host import clock
 from hardcore.model.actions import AddAudit, Incident
 from hardcore.model.observations import RequestOutcome, RequestsSettled
+from hardcore.model.verdicts import Diagnosis
 from hardcore.snapshot import storing, writer
-from hardcore.snapshot.facts import audit, facts, requests
+from hardcore.snapshot.facts import audit, facts, in_the_middle, requests
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.storing import BundleFailed
 from hardcore.snapshot.subject import EvidenceFailed, Kept
@@ -66,6 +67,10 @@ class Filing:
         self._late: dict[str, list[RequestOutcome]] = {}
         self._stopped: deque[str] = deque(maxlen=writer.STOPPED_MAX)
         self._looked = False
+        self._inherited = asyncio.Event()  # what a dead guard left has been gone through once
+        self._inherited.set()
+        #: The incident in which people waited when the guard before this one ended; empty: nobody did.
+        self.left_open = ""
 
     def lose(self, incident_id: str, failed: EvidenceFailed) -> None:
         """Remember until an incident is closed that evidence of it is not on its disk, and why."""
@@ -106,6 +111,8 @@ class Filing:
         if incident.outcome == "manual":
             self._stopped.append(incident.id)
         told = facts(incident, pid, nonce, clock.wall)
+        if self.left_open and incident.diagnosis is Diagnosis.SENTINEL_LOST:
+            told = in_the_middle(told, self.left_open)
         folder = self._incidents / incident.id
         async with self._alone(incident.id):
             for evidence in after:
@@ -190,6 +197,7 @@ class Filing:
         self._stopped.clear()
         self._looked = True
         if not looked:
+            await self._inherited.wait()
             stopped += await self._hands.in_hand(writer.find_stopped, self._incidents)
         for incident_id in dict.fromkeys(stopped):
             folder = self._incidents / incident_id
@@ -197,22 +205,42 @@ class Filing:
                 if await self._persist(incident_id, writer.add_served, folder, clock.wall(at_ns)):
                     await self._have_report(folder)
 
-    async def close_abandoned(self, found: Sequence[writer.Abandoned]) -> None:
-        """Close what a dead guard left open: each gets closing facts and a report, or is removed."""
-        await self._hands.in_hand(writer.sweep, self._incidents)
-        left, pauses = list(found), self._pauses()
-        while left := [one for one in left if not await self._close_one(one)]:
+    async def close_abandoned(
+        self, found: Sequence[writer.Abandoned], known: Mapping[str, Any] | None = None
+    ) -> None:
+        """Close what a dead guard left open: each gets closing facts and a report, or is removed.
+
+        `known`: what that guard had noted beside its last deed, of the one among them that it was dealing with.
+        """
+        self._inherited.clear()
+        try:
+            await self._hands.in_hand(writer.sweep, self._incidents)
+            left, pauses = await self._close_each(found, known), self._pauses()
+        finally:
+            self._inherited.set()
+        while left:
             pause_s = next(pauses, None)
             if pause_s is None or self._hands.halted.is_set():
                 return
             await _first(self._hands.halted, pause_s)
+            left = await self._close_each(left, known)
 
-    async def _close_one(self, one: writer.Abandoned) -> bool:
+    async def _close_each(
+        self, found: Sequence[writer.Abandoned], known: Mapping[str, Any] | None
+    ) -> list[writer.Abandoned]:
+        noted = known or {}
+        return [
+            one
+            for one in found
+            if not await self._close_one(one, noted if noted.get("id") == one.id else None)
+        ]
+
+    async def _close_one(self, one: writer.Abandoned, known: Mapping[str, Any] | None) -> bool:
         failed = await self._bring_home(one.id)
         if failed is not None:
             self._hands.note("incident", id=one.id, failed=failed.reason)
             return False
-        path = await self._hands.in_hand(writer.close_abandoned, one, clock.wall(clock.now_ns()))
+        path = await self._hands.in_hand(writer.close_abandoned, one, clock.wall(clock.now_ns()), known)
         if isinstance(path, Path):
             self._hands.note("incident", id=one.id, abandoned=True)
             await self._have_report(path)

@@ -18,7 +18,7 @@ from typing import Any
 
 from hardcore.model.observations import ProcessSample
 from hardcore.snapshot import recipe, storing
-from hardcore.snapshot.facts import abandoned, left_open
+from hardcore.snapshot.facts import ABANDONED, abandoned, left_open, served_again
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.gathering import Gathering, abandon, gather, prepare
 from hardcore.snapshot.image import ImageLimits, write_image
@@ -134,7 +134,10 @@ def add_recording(path: Path, write: Callable[[], bytes]) -> bundle.BundleFailed
 
 
 def find_stopped(incidents: Path) -> list[str]:
-    """Return the ids of the newest incidents in which recovery had stopped and nothing has served since."""
+    """Return the ids of the newest incidents after which nothing has served, as far as they say.
+
+    Recovery had stopped in them, or the guard had ended.
+    """
     told = [
         (found, _read(found.path, bundle.FACTS)) for found in bundle.find_bundles(incidents)[:STOPPED_MAX]
     ]
@@ -142,15 +145,15 @@ def find_stopped(incidents: Path) -> list[str]:
 
 
 def add_served(path: Path, at: str) -> bundle.BundleFailed | None:
-    """Add to the facts of an incident in which recovery had stopped that a core serves again."""
+    """Add to the facts of an incident in which recovery had stopped, or its guard ended, that a core serves again."""
     facts = _read(path, bundle.FACTS)
     if isinstance(facts, bundle.BundleFailed):
         return facts
-    return write_facts(path, {**facts, "served_again_at": at}) if _stopped(facts) else None
+    return write_facts(path, served_again(facts, at)) if _stopped(facts) else None
 
 
 def _stopped(facts: Mapping[str, Any]) -> bool:
-    return facts.get("outcome") == "manual" and "served_again_at" not in facts
+    return facts.get("outcome") in {"manual", ABANDONED} and facts.get("served_again_at") is None
 
 
 def is_id(text: str) -> bool:
@@ -158,10 +161,11 @@ def is_id(text: str) -> bool:
     return bundle.is_incident_id(text)
 
 
-def find_abandoned(incidents: Path, shelter: Path | None = None) -> tuple[Abandoned, ...]:
+def find_abandoned(incidents: Path, shelter: Path | None = None, noted: str = "") -> tuple[Abandoned, ...]:
     """Return the incidents that a dead guard left without facts, or with something of them in the shelter.
 
-    To be asked before a new one is opened.
+    `noted`: the one that it had noted beside its last deed; there may be no folder of it yet. To be asked before a new
+    one is opened.
     """
     found = [
         one
@@ -169,23 +173,30 @@ def find_abandoned(incidents: Path, shelter: Path | None = None) -> tuple[Abando
         if one.partial or not bundle.is_there(one.path / bundle.FACTS)
     ]
     known = {one.id for one in found}
-    waiting = storing.sheltered(shelter) if shelter is not None else []
+    waiting = list(storing.sheltered(shelter)) if shelter is not None else []
+    if is_id(noted) and noted not in waiting and not bundle.is_there(incidents / noted):
+        waiting.append(noted)
     left = (Abandoned(one, incidents / one, partial=False) for one in waiting if one not in known)
     return (*found, *left)
 
 
-def close_abandoned(found: Abandoned, closed_at: str) -> Path | bundle.BundleFailed | None:
-    """Give an incident that a dead guard left open its closing facts, as far as its folder tells them.
+def close_abandoned(
+    found: Abandoned, closed_at: str, noted: Mapping[str, Any] | None = None
+) -> Path | bundle.BundleFailed | None:
+    """Give an incident that a dead guard left open its closing facts, as far as its folder and `noted` tell them.
 
     None: there was nothing in it worth keeping, and it was removed.
     """
     half = found.partial and bundle.is_there(found.path)  # the second time it has its name already
     path = bundle.complete_partial(found) if half else found.path.with_name(found.id)
+    if path is None and noted is not None:
+        path = found.path.with_name(found.id)
     if not isinstance(path, Path) or bundle.is_there(path / bundle.FACTS):
         return path
-    page, known = _read(path, "recorder.json"), _read(path, bundle.OPENING)
+    page, opening = _read(path, "recorder.json"), _read(path, bundle.OPENING)
     told = abandoned(found.id, closed_at, {} if isinstance(page, bundle.BundleFailed) else page)
-    failed = write_facts(path, told if isinstance(known, bundle.BundleFailed) else left_open(known, told))
+    known = {} if isinstance(opening, bundle.BundleFailed) else opening
+    failed = write_facts(path, left_open({**(noted or {}), **known}, told, (noted or {}).get("released_at")))
     return path if failed is None else failed
 
 

@@ -35,6 +35,7 @@ _OUTCOME_STYLES = {
     "manual": "bad",
     "served": "good",
     "untold": "warn",
+    "taken_over": "good",
 }
 
 

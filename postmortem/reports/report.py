@@ -81,10 +81,14 @@ def summarise(incident: Incident, language: str) -> str:
     how = ending(incident.outcome, incident.closed_at, incident.served_again_at)
     if incident.outcome == "recovered" and went_on(incident):
         how = "went_on"
+    if incident.outcome == "recovered" and incident.left_open is not None and not timed:
+        how = "left_open"
+    if how == "taken_over" and incident.outage_ms is not None:
+        how = "taken_over_in"
     outcome = texts.OUTCOMES["recovered_in" if timed else how][language]
     seconds = f"{(incident.outage_ms or 0) / 1000:.1f}"
     joint = " " if language == "ko" else "; "
-    sentence = f"{lead}{cause}{joint}{outcome.format(seconds=seconds)}"
+    sentence = f"{lead}{cause}{joint}{outcome.format(seconds=seconds, incident=incident.left_open)}"
     if (waits := waits_for(incident)) is not None and waits in texts.WAITS:
         reason = texts.WAITS[waits][language]
         sentence = f"{sentence.removesuffix('.')}: {waits} — {reason}"

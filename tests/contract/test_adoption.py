@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from core.guarded.recorder import Recorder
-from hardcore.host import clock, files, leftovers
+from hardcore.host import clock, files, leftovers, steps
 from hardcore.host.folders import Folders
 from hardcore.host.leftovers import Leftovers, find_leftovers
 from hardcore.host.recorder import make_page
@@ -135,7 +135,7 @@ def test_a_core_that_the_guard_before_had_begun_to_end_is_ended(ground: Ground) 
 @pytest.mark.parametrize("told", [None, 7, "everything", {"nonces": []}])
 def test_a_damaged_word_about_who_was_given_up_on_is_none(ground: Ground, told: object) -> None:
     files.write_json(ground.folders.switch, {"condemned": told}, durable=False)
-    assert leftovers.condemned(ground.folders) == frozenset()
+    assert steps.condemned(ground.folders) == frozenset()
 
 
 def test_a_core_that_nothing_leads_to_any_more_is_ended(ground: Ground) -> None:

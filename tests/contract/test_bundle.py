@@ -362,7 +362,7 @@ def test_a_half_written_bundle_is_completed_with_what_is_whole_in_it(tmp_path: P
     assert isinstance(path, Path), path
     assert {*manifest_of(path).files} == {"log.txt", bundle.FACTS}
     assert bundle.verify_bundle(path) == ["its evidence was never finished"]
-    assert json.loads((path / bundle.FACTS).read_text())["outcome"] == "open"
+    assert json.loads((path / bundle.FACTS).read_text())["outcome"] == "abandoned"
     assert writer.find_abandoned(tmp_path) == ()
 
 

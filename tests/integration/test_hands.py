@@ -13,7 +13,7 @@ from tests.waiting import until
 #: A sentinel without a launcher; it makes its listener itself. `%s`: what is different about it.
 SENTINEL = """
 import socket, sys
-from hardcore import executor, gatekeeper, runtime
+from hardcore import executor, gatekeeper, reporting, runtime
 from hardcore.host.lives import Life
 %s
 listener = socket.create_server(("127.0.0.1", 0))
@@ -37,7 +37,7 @@ signal.signal(signal.SIGTERM, signal.SIG_IGN)
 (pathlib.Path(__file__).parent / "deaf").touch()
 time.sleep(600)
 """
-HASTY = SENTINEL % "executor.REPORT_S = 0.5; executor.FINISH_S = gatekeeper.MAKING_S = 1.0"
+HASTY = SENTINEL % "reporting.REPORT_S = 0.5; executor.FINISH_S = gatekeeper.MAKING_S = 1.0"
 
 
 def spoil_hints(house: House) -> Path:

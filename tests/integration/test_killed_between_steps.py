@@ -13,7 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Final
+from typing import Any, Final
 
 import pytest
 
@@ -119,6 +119,33 @@ def test_a_guard_that_is_killed_at_a_step_is_followed_to_one_core(
             assert process.wait(START_S) == 0, f"the guard never came to {step!r}"
 
         converges(house, fault, kill)
+
+
+@pytest.mark.parametrize("step", ["promote", "released"])
+def test_a_death_that_its_guard_did_not_live_to_tell_is_told_by_the_next(house: House, step: str) -> None:
+    house.spared()
+    before = {item["id"] for item in house.incidents()}
+    house.folders.switch.unlink(missing_ok=True)
+    with at_work(house, 2, f"told-{step}") as clients:
+        until(lambda: len(clients.told) > 5, "the load to run")
+        with killer(house, step) as process:
+            house.hit("core", signal.SIGKILL)
+            assert process.wait(START_S) == 0, f"the guard never came to {step!r}"
+        house.spared()
+
+    def told() -> dict[str, dict[str, Any]]:
+        new = [item for item in house.incidents() if item["id"] not in before]
+        return {
+            item["diagnosis"]: item
+            for item in new
+            if (item["closed_at"] and item["served_again_at"]) or item["diagnosis"] == "SENTINEL_LOST"
+        }
+
+    until(lambda: set(told()) == {"KILLED_FROM_OUTSIDE", "SENTINEL_LOST"}, "both to be told", START_S)
+    death, loss = told()["KILLED_FROM_OUTSIDE"], told()["SENTINEL_LOST"]
+    assert (death["outcome"], death["outage_ms"] > 0) == ("abandoned", True)
+    assert "it answered again after" in death["summary"]
+    assert "all the while" not in loss["summary"]
 
 
 @pytest.mark.parametrize("seed", range(SEEDS))

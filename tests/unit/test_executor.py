@@ -24,6 +24,7 @@ from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Diagnosis
+from hardcore.reporting import have_report
 from tests.waiting import until
 
 
@@ -112,7 +113,7 @@ def test_the_investigators_log_is_rotated_too(house: Folders, monkeypatch: pytes
     monkeypatch.setattr(logs, "LOG_BYTES_MAX", 10)
     log = house.logs / "postmortem.log"
     log.write_text("x" * 11)
-    at_work(house, lambda e: e.begin(e._report(house.incidents)))
+    at_work(house, lambda e: e.begin(have_report(e, house, house.incidents)))
     assert log.with_name("postmortem.log.1").read_text() == "x" * 11
 
 

@@ -35,14 +35,14 @@ def test_the_pages_of_the_same_data_folder_stay(folders: Folders) -> None:
 
 
 def test_the_pages_of_data_from_before_there_were_identities_stay(folders: Folders) -> None:
-    standing.next_generation(folders)
+    standing.keep(folders, standing.next_generation(folders))
     standing.own_run_folder(folders)
     standing.own_run_folder(folders)
     assert has_page(folders)
 
 
 def test_a_new_data_folder_beside_pages_whose_owner_is_known_has_none_of_them(folders: Folders) -> None:
-    standing.next_generation(folders)
+    standing.keep(folders, standing.next_generation(folders))
     files.write_json(folders.run / "instance.json", {"instance": "another"})
     standing.own_run_folder(folders)
     assert not has_page(folders)
@@ -60,6 +60,29 @@ def test_without_a_spare_by_the_command_line_is_no_part_of_the_policy_that_is_ke
     folders.policy.write_text('{"spare": true}')
     monkeypatch.setenv(standing.NO_SPARE_SWITCH, "1")
     assert standing.policy_in_force(folders).policy.spare is False
+    standing.keep(folders, 1)
     monkeypatch.delenv(standing.NO_SPARE_SWITCH)
     assert standing.policy_in_force(folders).policy.spare is True
     assert folders.good_policy.read_text() == folders.policy.read_text()
+
+
+def test_a_guard_that_follows_another_waits_for_no_disk(
+    folders: Folders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folders.policy.write_text("{}")
+    standing.own_run_folder(folders)
+
+    def hangs(_fd: int) -> None:
+        pytest.fail("whoever waits here is not there when a core dies")
+
+    monkeypatch.setattr("os.fsync", hangs)
+    standing.own_run_folder(folders)
+    assert [standing.next_generation(folders), standing.next_generation(folders)] == [1, 2]
+    assert not standing.policy_in_force(folders).fault
+
+
+def test_a_policy_that_was_mended_becomes_the_last_good_one(folders: Folders) -> None:
+    for text in ('{"spare": true}', '{"spare": false}', "{"):
+        folders.policy.write_text(text)
+        standing.keep(folders, 1)
+    assert folders.good_policy.read_text() == '{"spare": false}'

@@ -150,9 +150,11 @@ def test_a_copy_of_a_data_folder_does_not_follow_the_link_of_its_original(
 
 def test_a_generation_never_falls_back(house: Folders) -> None:
     taken = [standing.next_generation(house)]
+    standing.keep(house, taken[-1])
     shutil.rmtree(house.run)
     house.run.mkdir(mode=0o700)
     taken.append(standing.next_generation(house))
+    standing.keep(house, taken[-1])
     (house.state / "generation.json").unlink()
     (house.state / "generation.json").mkdir()  # as on a disk that takes nothing
     taken.append(standing.next_generation(house))

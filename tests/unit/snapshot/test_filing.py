@@ -128,7 +128,7 @@ def test_what_was_known_of_it_is_not_lost_with_its_guard(tmp_path: Path) -> None
     told = facts(tmp_path / ID)
     assert (told["diagnosis"], told["outcome"], told["closed_at"] is not None) == (
         "KILLED_FROM_OUTSIDE",
-        "open",
+        "abandoned",
         True,
     )
     assert [line["kind"] for line in told["evidence"]] == ["pidfd", "guard"]
@@ -241,7 +241,7 @@ def test_an_incident_left_open_is_closed_as_soon_as_its_folder_can_be_written(tm
     assert hands.noted[0]["failed"]
     assert hands.reported == [ID]
     told = facts(tmp_path / ID)
-    assert (told["outcome"], told["opened_at"]) == ("open", "2025-10-01T13:39:38.624Z")
+    assert (told["outcome"], told["opened_at"]) == ("abandoned", "2025-10-01T13:39:38.624Z")
     assert bundle.verify_bundle(tmp_path / ID) == []
 
 

@@ -121,7 +121,7 @@ def test_an_incident_of_which_only_sheltered_evidence_is_left_is_closed_by_the_n
     hands = Hands(nothing)
     found = writer.find_abandoned(incidents, shelter)
     asyncio.run(Filing(incidents, hands, hands.report, (), shelter).close_abandoned(found))
-    assert facts(incidents / ID)["outcome"] == "open"
+    assert facts(incidents / ID)["outcome"] == "abandoned"
     assert bundle.verify_bundle(incidents / ID) == []
 
 
