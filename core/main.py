@@ -10,6 +10,7 @@ database is a write, and a process whose loop is over while its writer lives is 
 import asyncio
 import functools
 import gc
+import importlib
 import logging
 import os
 import signal
@@ -44,7 +45,7 @@ from core.journal.store import LEDGER_FILE, StoreError, open_reading
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.journal.writer import Writer
-from core.listening import LedgerServer, bind_loopback, bind_unix
+from core.listening import PAGE_SOCKET, LedgerServer, bind_loopback, bind_unix
 from core.lock_holder import SECONDS_MAX, hold_lock
 from core.obedience import Obedience
 from core.opening import OpenBook, Telling, Terms, open_book
@@ -307,7 +308,7 @@ class Life:
         """Begin what nobody waits for: to name the code, to prove the whole ledger, to lay the ballast."""
         works: list[Coroutine[Any, Any, object]] = [audit_behind(service, self._beacon)]
         if not self._obedience.build:
-            works.append(self._name_build())
+            works.append(self._load_the_rest())
         if isinstance(book, OpenBook):
             rests = self._settings.verify_after_ms, self._settings.ballast_ms
             works.append(ballast.keep_laid(self._data, *rests))
@@ -317,7 +318,10 @@ class Life:
         for task in self._behind:
             task.cancel()
 
-    async def _name_build(self) -> None:
+    async def _load_the_rest(self) -> None:
+        # Twenty milliseconds of work, for which the answers that somebody has waited for should not have to wait.
+        await asyncio.sleep(self._settings.verify_after_ms / 1000)
+        await asyncio.to_thread(importlib.import_module, PAGE_SOCKET)
         self._obedience.build = await asyncio.to_thread(own_build)
 
     def _bind(self) -> socket.socket | str:
@@ -400,6 +404,7 @@ class Life:
         gc.freeze()
         gc.enable()
         self._recorder.set_state(LifeState.READY)
+        self._recorder.event("READY", f"epoch {book.epoch}")  # a later guard sees whether it has lasted
         if isinstance(book, ReadableBook):
             self._beacon.ready(book.epoch, book.head_seq, book.head_hash.hex(), "none", 0)
         else:

@@ -92,6 +92,7 @@ class Course:
     there: bool = False  # its process exists, as far as anybody said
     challenge: Witness | None = None  # what it has to prove its ledger against
     blame: Diagnosis = Diagnosis.OPERATOR  # what its end is called
+    unseen: bool = False  # nobody could say how it ended
     heard_ns: int = 0  # its loop's last beat that was seen
     looked_ns: int = 0  # when one was looked for
     outlasted_ns: int | None = None  # when the time of its probation was over, whatever it looked like then

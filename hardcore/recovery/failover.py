@@ -15,9 +15,10 @@ from hardcore.model import observations as seen
 from hardcore.model import phases
 from hardcore.model.actions import Action, Incident, LookAtStore, SampleStacks
 from hardcore.model.phases import Phase, StartCause, Wanted
-from hardcore.model.recorder import LifeState, Page, Witness
+from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Wish
 from hardcore.recovery import plan, relief, succession
+from hardcore.recovery.beginning import begin
 from hardcore.recovery.budget import NS_PER_MS
 from hardcore.recovery.course import LATER_MAX, Course, Given, course
 from hardcore.recovery.moves import dismiss, fire
@@ -25,7 +26,7 @@ from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.spare import Lack, SpareState
 from hardcore.recovery.story import Trouble
-from hardcore.recovery.telling import BOOTING, mark, order
+from hardcore.recovery.telling import BOOTING, mark, order, suspected_of
 from hardcore.recovery.transitions import Trigger, step
 from hardcore.sentinel.deaths import Death, describe, judge_death, last_said, own_fault
 
@@ -57,7 +58,7 @@ class FailoverManager:
         c = self._course
         match fact:
             case seen.SentinelBegan():
-                _begin(c, fact)
+                begin(c, fact)
             case seen.OperatorAsked():
                 _obey(c, fact)
             case seen.DrillStarted():
@@ -200,38 +201,6 @@ def _left_alone(c: Course) -> Diagnosis | None:
 
 
 # ---- facts ----
-
-
-def _begin(c: Course, fact: seen.SentinelBegan) -> None:
-    c.budget = c.budget.at(fact.at_ns)
-    c.inherited = fact.suspects
-    c.store.saw(fact.page)
-    c.store.certain = False  # a core of the earlier guard may have raised it since
-    if fact.adoptable is not None:
-        _adopt(c, fact, fact.adoptable)
-        if c.wanted is Wanted.DOWN:
-            fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
-    elif c.wanted is Wanted.DOWN and not fact.leftovers:
-        fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
-    elif fact.leftovers or (fact.page is not None and fact.page.beats.state is LifeState.READY):
-        why = "the core of a guard that is gone was found" if fact.leftovers else "guard and core are gone"
-        found = Testimony("run folder", Colour.RED, why)
-        death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found,))
-        c.pending = Trouble(death, fact.at_ns)
-        fire(c, Trigger.FOUND, fact.at_ns, "processes of an earlier guard were found")
-    else:
-        fire(c, Trigger.START, fact.at_ns, "the guard is up")
-
-
-def _adopt(c: Course, fact: seen.SentinelBegan, page: Page) -> None:
-    """Go on with a core that serves: what ended was its guard."""
-    c.store.saw(page)
-    c.store.certain = False  # a core that was started since may have raised it
-    c.epoch = page.beats.epoch
-    why = "the guard was gone; its core was found serving and goes on"
-    death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (Testimony("run folder", Colour.YELLOW, why),))
-    c.pending = Trouble(death, fact.at_ns)
-    fire(c, Trigger.FOUND_SERVING, fact.at_ns, why)
 
 
 def _obey(c: Course, fact: seen.OperatorAsked) -> None:
@@ -473,7 +442,7 @@ def _exited(c: Course, fact: seen.CoreExited) -> None:
     elif c.story:
         mark(c, "killed", fact.at_ns)
         c.story.exit = c.story.exit or fact.exit
-        c.story.add_page(fact.page, own_fault(fact.exit) or c.blame, c.growth)
+        c.story.add_page(fact.page, own_fault(fact.exit) or suspected_of(c), c.growth)
     fire(c, Trigger.EXITED, fact.at_ns, f"the core {how}")
 
 
@@ -492,6 +461,6 @@ def _evidence(c: Course, fact: seen.EvidenceTaken) -> None:
     if c.story:
         for name, at_ns in fact.steps:
             mark(c, name, at_ns)
-        c.story.add_page(fact.page, c.blame, c.growth)
+        c.story.add_page(fact.page, suspected_of(c), c.growth)
     if c.phase is Phase.SNAPSHOT_LIVE and fact.stopped:
         fire(c, Trigger.EVIDENCE_TAKEN, fact.at_ns, "whole" if fact.complete else "in part")

@@ -260,7 +260,7 @@ def _born(c: Course, life: int, reader: Diagnosis | None) -> None:
     """Let `life` be the core from now on: what was known of the one before is over."""
     c.life, c.promoted, c.there, c.later = life, False, False, ()
     c.drill.cancel()  # a drill is one life's
-    c.blame = Diagnosis.OPERATOR
+    c.blame, c.unseen = Diagnosis.OPERATOR, False
     if plan.passes(c.policy, c.hopeless):
         c.trying = c.hopeless
     c.hopeless = None

@@ -100,17 +100,17 @@ class Story:
             if fact not in self.evidence and len(self.evidence) < EVIDENCE_MAX:
                 self.evidence.append(fact)
 
-    def add_page(self, page: Page | None, blame: Diagnosis, growth: Growth | None = None) -> None:
+    def add_page(self, page: Page | None, blame: Diagnosis | None, growth: Growth | None = None) -> None:
         """Take over what a recorder page says, keeping what an earlier one said of commands in flight.
 
-        `blame` is the diagnosis of the life whose page it is, which decides whether its commands are suspects;
-        `growth` is how that life's memory went.
+        `blame` is the diagnosis of the life whose page it is, which decides whether its commands are suspects; None:
+        nobody knows how it ended, so nobody is; `growth` is how that life's memory went.
         """
         if page is None:
             return
         self.last_words = self.last_words or page.last_words
         self.witness = page.witness or self.witness
-        new = trial.suspects(blame, page.in_flight, growth)
+        new = trial.suspects(blame, page.in_flight, growth) if blame is not None else ()
         added = tuple(key for key in new if key not in self.suspects)
         self.suspects = (self.suspects + added)[:SUSPECTS_MAX]
         seen = {note.command_id for note in self.in_flight}

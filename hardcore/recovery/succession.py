@@ -21,7 +21,7 @@ from hardcore.model import observations as seen
 from hardcore.model.actions import Kill, SpawnSpare
 from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery import plan, telling
+from hardcore.recovery import plan, relief, telling
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.course import Course, Switching
 from hardcore.recovery.moves import dismiss, fire, next_life
@@ -78,6 +78,9 @@ def heard(c: Course, fact: seen.Observation) -> bool:
             _ended(c, last_said(fact), fact.at_ns)
         case seen.StartExtended():
             c.spare.extend(fact)
+        case seen.LedgerAudited() if not fact.ok and c.phase in SERVING:
+            # What it has met is the ledger's fault, and the core that serves has the same ledger.
+            relief.audited(c, dataclasses.replace(fact, life=c.life))
         case seen.CoreSpawned() if c.spare.state is SpareState.ENDING:
             order(
                 c, Kill(c.spare.life)

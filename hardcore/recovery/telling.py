@@ -7,7 +7,7 @@ and as long as reads only are served by a core that was started for it. An end i
 
 from hardcore.model.actions import Action, Alert, CloseIncident, KeepBudget, TakeEvidence
 from hardcore.model.phases import SERVING, Phase, StartCause, Wanted
-from hardcore.model.verdicts import Colour, Diagnosis, Testimony
+from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
 from hardcore.recovery import plan
 from hardcore.recovery.budget import NS_PER_S, Budget
 from hardcore.recovery.course import Course
@@ -48,7 +48,7 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     """Open an incident for the pending death, or note it as a further one of the open incident."""
     trouble = _take(c)
     death = trouble.death
-    c.blame = death.diagnosis
+    c.blame, c.unseen = death.diagnosis, death.grade is Grade.UNKNOWN and trouble.exit is not None
     c.reader_tried = c.reader_tried and not planned  # a person's word is worth a try of its own
     drill = c.drill.take(now_ns)
     if c.phase is Phase.PROBATION and not _goes_on(c):
@@ -62,7 +62,7 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     story = _story(c)
     story.blame(death.evidence, trouble.blamed)
     story.exit = story.exit or trouble.exit
-    story.add_page(trouble.page, death.diagnosis, c.growth)
+    story.add_page(trouble.page, suspected_of(c), c.growth)
     story.falls(trouble.fault_ns, now_ns)
     if planned:
         c.cause = StartCause.PLANNED
@@ -158,6 +158,11 @@ def keep(c: Course, budget: Budget) -> None:
     """Let this be the budget from now on."""
     c.budget = budget
     order(c, KeepBudget(budget.deaths_ns))
+
+
+def suspected_of(c: Course) -> Diagnosis | None:
+    """Return what the commands of the present life may be suspected of; None: nobody knows how it ended."""
+    return None if c.unseen else c.blame
 
 
 def order_evidence(c: Course, *, living: bool) -> None:

@@ -56,6 +56,7 @@ class Trigger(StrEnum):
     START = "START"  # begin with nothing to clear away
     FOUND = "FOUND"  # begin, and an earlier sentinel's processes are there
     FOUND_SERVING = "FOUND_SERVING"  # begin, and among them is a core that serves
+    FOUND_NEW = "FOUND_NEW"  # begin, and among them is a core that has only just begun to serve
     STOP = "STOP"  # the operator wants no core
     RESTART = "RESTART"  # the operator wants a new core, the old one may finish
     RESTART_HARD = "RESTART_HARD"  # the same, at once
@@ -152,6 +153,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
             P.RUNNING,
             (S.ADOPT, S.OPEN_UNWATCHED, S.KILL_LEFTOVERS, S.RELEASE, S.CLOSE),
         ),
+        T.FOUND_NEW: (P.PROBATION, (S.ADOPT, S.OPEN_UNWATCHED, S.KILL_LEFTOVERS, S.RELEASE)),
         T.STOP: (P.STOPPED, (S.HALT,)),
     },
     P.ADOPTING: {

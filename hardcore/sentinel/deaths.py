@@ -1,8 +1,8 @@
 """From the way a process ended to what that means.
 
 A dead process needs no second witness: its exit status is the fact. What the status alone can't tell (a
-SIGKILL has no sender) is said with the care it deserves: not ours, so from outside, and nobody is suspect. Only
-the kernel's own count of kills for memory makes it a lack of memory; no exit code does.
+SIGKILL has no sender) is said with the care it deserves: not ours, so from outside, and nobody is suspect. Nor is
+anybody where the status could not be read and the core has said nothing: it may have been a kill. Only the kernel's own count of kills for memory makes it a lack of memory; no exit code does.
 Exit codes are those of `docs/wires.md` section 2.
 """
 
@@ -130,6 +130,14 @@ def own_fault(how: Exit) -> Diagnosis | None:
     return None if how.code in {0, None, *_CODES} else Diagnosis.EXITED
 
 
+def _name_unseen(words: LastWords | None) -> tuple[Diagnosis, Grade]:
+    """Name an end whose status nobody could read: by what the core itself said, or not at all."""
+    if words is None:
+        return Diagnosis.EXITED, Grade.UNKNOWN
+    known = (*_CODES.values(), *(one for finer in _FINER.values() for one in finer))
+    return next((one for one in known if one == words.code), Diagnosis.EXITED), Grade.LIKELY
+
+
 def _name(how: Exit, words: LastWords | None, *, was_ready: bool, term_sent: bool) -> tuple[Diagnosis, Grade]:
     if how.signal in _OWN:
         return Diagnosis.CRASHED, Grade.CERTAIN
@@ -142,7 +150,7 @@ def _name(how: Exit, words: LastWords | None, *, was_ready: bool, term_sent: boo
         finer = next((one for one in _FINER.get(how.code, ()) if one == words.code), None)
         return finer or _CODES[how.code], Grade.CERTAIN
     if how.code is None:
-        return Diagnosis.EXITED, Grade.UNKNOWN
+        return _name_unseen(words)
     if term_sent and how.code == 0:
         return Diagnosis.KILLED_FROM_OUTSIDE, Grade.CERTAIN
     if not was_ready:

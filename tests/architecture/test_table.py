@@ -143,7 +143,7 @@ def test_a_phase_in_which_a_process_may_be_in_the_making_hears_of_its_failure() 
 
 def test_only_a_core_that_is_ready_is_released_or_one_that_serves_again() -> None:
     releases = {t for rows in TABLE.values() for t, (_, steps) in rows.items() if Step.RELEASE in steps}
-    assert releases == {Trigger.READY, Trigger.FOUND_SERVING}
+    assert releases == {Trigger.READY, Trigger.FOUND_SERVING, Trigger.FOUND_NEW}
     again = {(p, t) for p, rows in TABLE.items() for t, (_, s) in rows.items() if Step.RELEASE_AGAIN in s}
     assert again == {(Phase.DRAINING, Trigger.NOT_DRAINED)}
 

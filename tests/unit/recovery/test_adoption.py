@@ -1,13 +1,16 @@
 """A guard that finds a core serving goes on with it: nobody was stopped, and nobody is."""
 
+import dataclasses
 from typing import TypeVar
+
+import pytest
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import HAState, Phase, Wanted
-from hardcore.model.recorder import Witness
+from hardcore.model.recorder import RingEvent, Witness
 from hardcore.model.verdicts import Diagnosis
-from tests.unit.recovery.play import Play, a_page, kinds
+from tests.unit.recovery.play import MS, Play, a_page, deciding, kinds
 
 T = TypeVar("T")
 
@@ -39,6 +42,30 @@ def test_a_core_that_serves_goes_on_under_a_new_guard() -> None:
     ]
     assert play.closed().diagnosis is Diagnosis.SENTINEL_LOST
     assert play.closed().deaths == ()
+
+
+@pytest.mark.parametrize(
+    ("served_ms", "phase"), [(0, Phase.PROBATION), (1999, Phase.PROBATION), (2000, Phase.RUNNING)]
+)
+def test_a_core_that_had_only_just_begun_to_serve_has_yet_to_last(served_ms: int, phase: Phase) -> None:
+    play = Play()
+    begun = RingEvent(play.now_ns - served_ms * MS, 1, "READY", "")
+    page = dataclasses.replace(a_page(6, seq=9), events=(begun,))
+    play.tell(seen.SentinelBegan(play.now_ns, page=page, adoptable=page))
+    assert play.phase is phase
+    if phase is Phase.PROBATION:
+        play.ring()
+        assert play.phase is Phase.RUNNING
+    assert play.closed().diagnosis is Diagnosis.SENTINEL_LOST
+
+
+def test_nobody_is_suspect_of_an_end_that_nobody_could_read() -> None:
+    play = _found()
+    page = a_page(6, deciding("innocent"), seq=9)
+    play.die(seen.Exit(), page)
+    play.tell(seen.EvidenceTaken(play.now_ns, play.life - 1, True, page))
+    play.ready(7)
+    assert _last(play, orders.Release).suspects == ()
 
 
 def test_whom_the_guard_before_suspected_is_not_run_again() -> None:

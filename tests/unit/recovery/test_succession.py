@@ -100,6 +100,22 @@ def test_a_spare_that_dies_at_its_proof_costs_no_pause_either() -> None:
     assert "Spawn" in kinds(play.die(seen.Exit(code=1)))
 
 
+def test_a_broken_ledger_that_a_spare_has_met_is_the_ledger_of_the_core_that_serves() -> None:
+    play = _spared()
+    core, fault = play.life, "event 70 does not follow"
+    given = play.tell(seen.LedgerAudited(play.now_ns, play.spare, None, fault))
+    assert orders.SetSafe(core, Diagnosis.STORE_CORRUPT) in given
+    assert play.manager.reading().audit == seen.LedgerAudited(play.now_ns, core, None, fault)
+    play.tell(seen.CoreExited(play.now_ns, play.spare, seen.Exit(code=65), None))
+    assert (play.phase, play.life) == (Phase.RUNNING, core)
+
+
+def test_a_spare_proves_nothing_whole() -> None:
+    play = _spared()
+    assert play.tell(seen.LedgerAudited(play.now_ns, play.spare, 7)) == []
+    assert play.manager.reading().audit is None
+
+
 def test_the_death_of_a_spare_never_counts_on_the_core() -> None:
     play = _spared()
     before = play.manager.reading().deaths

@@ -169,3 +169,8 @@ def test_leaving_when_asked_is_no_fault(how: Exit) -> None:
 
 def test_failing_instead_of_leaving_is_a_fault() -> None:
     assert own_fault(Exit(code=1)) is Diagnosis.EXITED
+
+
+def test_an_end_that_nobody_could_read_is_named_by_what_the_core_said() -> None:
+    assert _named(Exit(), words="STORE_CORRUPT") == (Diagnosis.STORE_CORRUPT, Grade.LIKELY)
+    assert _named(Exit(), words="BUG") == (Diagnosis.EXITED, Grade.LIKELY)

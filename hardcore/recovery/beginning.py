@@ -1,0 +1,59 @@
+"""What a guard does first: it goes on with a core that it finds serving, ends what is left of another, or starts one.
+
+A core that has only just begun to serve has its probation still before it, whoever watched it begin: its page says
+since when it serves. Not chosen: a probation for every core that is found. One that has served for days and dies in the
+guard's first seconds would be treated as one that proved nothing, and its successor would have to wait.
+"""
+
+from hardcore.model import observations as seen
+from hardcore.model.phases import Wanted
+from hardcore.model.recorder import LifeState, Page
+from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
+from hardcore.recovery.budget import NS_PER_MS
+from hardcore.recovery.course import Course
+from hardcore.recovery.moves import fire
+from hardcore.recovery.story import Trouble
+from hardcore.recovery.transitions import Trigger
+from hardcore.sentinel.deaths import Death
+
+#: The line in a page's ring of events that a core writes when it begins to serve.
+SERVES = "READY"
+
+
+def begin(c: Course, fact: seen.SentinelBegan) -> None:
+    """Go on with the core that serves, end what an earlier guard has left, or start a core."""
+    c.budget = c.budget.at(fact.at_ns)
+    c.inherited = fact.suspects
+    c.store.saw(fact.page)
+    c.store.certain = False  # a core of the earlier guard may have raised it since
+    if fact.adoptable is not None:
+        _adopt(c, fact, fact.adoptable)
+        if c.wanted is Wanted.DOWN:
+            fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
+    elif c.wanted is Wanted.DOWN and not fact.leftovers:
+        fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
+    elif fact.leftovers or (fact.page is not None and fact.page.beats.state is LifeState.READY):
+        why = "the core of a guard that is gone was found" if fact.leftovers else "guard and core are gone"
+        found = Testimony("run folder", Colour.RED, why)
+        death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found,))
+        c.pending = Trouble(death, fact.at_ns)
+        fire(c, Trigger.FOUND, fact.at_ns, "processes of an earlier guard were found")
+    else:
+        fire(c, Trigger.START, fact.at_ns, "the guard is up")
+
+
+def _adopt(c: Course, fact: seen.SentinelBegan, page: Page) -> None:
+    """Go on with a core that serves: what ended was its guard."""
+    c.store.saw(page)
+    c.store.certain = False  # a core that was started since may have raised it
+    c.epoch = page.beats.epoch
+    why = "the guard was gone; its core was found serving and goes on"
+    death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (Testimony("run folder", Colour.YELLOW, why),))
+    c.pending = Trouble(death, fact.at_ns)
+    fire(c, Trigger.FOUND_NEW if _is_new(c, page, fact.at_ns) else Trigger.FOUND_SERVING, fact.at_ns, why)
+
+
+def _is_new(c: Course, page: Page, now_ns: int) -> bool:
+    """Whether a core that was found has served for less than a probation, as far as its page says."""
+    since_ns = max((event.at_ns for event in page.events if event.code == SERVES), default=None)
+    return since_ns is not None and now_ns - since_ns < c.policy.probation_ms * NS_PER_MS
