@@ -104,7 +104,7 @@ def test_a_broken_ledger_that_a_spare_has_met_is_the_ledger_of_the_core_that_ser
     play = _spared()
     core, fault = play.life, "event 70 does not follow"
     given = play.tell(seen.LedgerAudited(play.now_ns, play.spare, None, fault))
-    assert orders.SetSafe(core, Diagnosis.STORE_CORRUPT) in given
+    assert orders.SetSafe(core, True, Diagnosis.STORE_CORRUPT) in given
     assert play.manager.reading().audit == seen.LedgerAudited(play.now_ns, core, None, fault)
     play.tell(seen.CoreExited(play.now_ns, play.spare, seen.Exit(code=65), None))
     assert (play.phase, play.life) == (Phase.RUNNING, core)
