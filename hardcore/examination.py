@@ -163,6 +163,8 @@ def _guard(folders: Folders) -> Iterable[Finding]:
         yield _found("guard", Colour.RED, "guard_silent")
         return
     yield _found("guard", Colour.GREEN, "guard", state=told["state"], pid=told["sentinel"]["pid"])
+    if told["start_fault"]:
+        yield _found("core", Colour.RED, "core_unstartable", why=told["start_fault"])
 
 
 def _spare(folders: Folders) -> Iterable[Finding]:
