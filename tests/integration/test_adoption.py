@@ -1,5 +1,6 @@
 """A guard that dies alone: the next one goes on with the core and the gateway it finds, and nobody notices."""
 
+import asyncio
 import json
 import signal
 import threading
@@ -10,6 +11,7 @@ from typing import Any
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
+from hardcore.host import core_control
 from tests.integration.clients import assert_exactly_once, at_work
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import ANSWER_S, START_S, House
@@ -194,3 +196,20 @@ def test_a_core_that_nothing_leads_to_is_not_gone_on_with(new_house: MakeHouse) 
     house.running()
     assert core.gone
     assert house.book("after").status == 201
+
+
+def test_a_core_that_nobody_heard_say_that_it_reads_only_is_found_out_and_writes_again(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house(safe_retry_ms=1500).up()
+    house.open_accounts()
+    generation = json.loads((house.folders.run / "generation").read_text("utf-8"))["generation"]
+    core = house.status()["core"]["pid"]
+    (control,) = house.folders.run.glob("core-*.ctl")
+    order = {"verb": "safe", "on": True, "reason": "DISK_FULL", "generation": generation}
+    assert asyncio.run(core_control.give(control, order, ANSWER_S)) == ""
+    assert house.book("refused").status == 503
+    house.until(lambda s: s["safe"] == "DISK_FULL", "the guard to find out")
+    house.until(lambda s: s["safe"] is None, "a try to write")
+    assert house.book("taken").status == 201
+    assert house.running()["core"]["pid"] == core

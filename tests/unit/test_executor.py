@@ -2,6 +2,7 @@
 
 import asyncio
 import dataclasses
+import errno
 import json
 import os
 import signal
@@ -18,14 +19,17 @@ import pytest
 from hardcore import executor as hands
 from hardcore import handover
 from hardcore.executor import Executor
-from hardcore.host import clock, lives, logs, processes
+from hardcore.host import clock, lives, logs, processes, steps
 from hardcore.host.folders import Folders
+from hardcore.host.lives import Life, Terms
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Diagnosis
 from hardcore.reporting import have_report
 from tests.waiting import until
+
+WAIT_S = 30
 
 
 @pytest.fixture
@@ -89,6 +93,46 @@ def test_a_hint_that_can_not_be_written_is_told_in_the_log(house: Folders) -> No
     assert at_work(house, lambda e: e.mark("kill")) == []
     (line,) = map(json.loads, (house.logs / "sentinel.log").read_text().splitlines())
     assert (line["kind"], line["step"]) == ("hint", "kill")
+
+
+def test_who_is_condemned_is_known_also_where_the_file_of_the_steps_takes_no_more(house: Folders) -> None:
+    house.switch.mkdir()  # as if there were no room
+
+    def work(executor: Executor) -> None:
+        executor._steps.condemn("0123")
+        executor.mark("drain")
+        assert steps.condemned(house) == {"0123"}
+        executor._steps.absolve("0123")
+        assert steps.condemned(house) == frozenset()
+
+    assert at_work(house, work) == []
+
+
+def test_a_spare_that_is_being_made_keeps_its_page_while_a_core_is_started(
+    house: Folders, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun, let_go = threading.Event(), threading.Event()
+    pages: list[bool] = []
+
+    def start(life: Life, terms: Terms, *_: object) -> None:
+        if terms.spare:
+            begun.set()
+            let_go.wait(WAIT_S)
+            pages.append(house.recorder(life.nonce).exists())
+        raise OSError(errno.EAGAIN, "no process is to be made here")
+
+    async def both(executor: Executor) -> None:
+        executor.carry_out(orders.SpawnSpare(1))
+        await executor.in_hand(begun.wait, WAIT_S)
+        for number in range(2, 6):
+            await executor._spawn(number, Terms())
+        let_go.set()
+
+    monkeypatch.setattr(lives, "start", start)
+    monkeypatch.setattr(lives.sweep, "__defaults__", (0,))
+    told = at_work(house, lambda e: e.begin(both(e)))
+    assert {type(fact) for fact in told} == {seen.SpawnFailed}
+    assert pages == [True]
 
 
 def test_hands_that_hang_are_named_and_not_waited_for(

@@ -11,7 +11,7 @@ from postmortem.reports import as_terminal
 from postmortem.reports.as_json import as_item, as_story
 from postmortem.reports.as_markdown import as_markdown, escape
 from postmortem.reports.as_terminal import Look
-from postmortem.reports.report import Contents, Report, make_report, money_line
+from postmortem.reports.report import Contents, Report, make_report, money_line, outage_word
 from tests.unit.postmortem import story
 
 ITEM = (
@@ -89,9 +89,17 @@ def test_the_proof_of_the_whole_ledger_is_told_beside_the_first_one() -> None:
 
 def test_the_summary_is_one_plain_sentence_in_both_languages() -> None:
     assert report().summary == {
-        "en": "The ledger was killed from outside; it answered again after 0.9 s.",
-        "ko": "장부 서버가 밖에서 강제 종료됐고 0.9초 만에 다시 응답했어요.",
+        "en": "The ledger was killed from outside; it answered again after 857 ms.",
+        "ko": "장부 서버가 밖에서 강제 종료됐고 857 ms 만에 다시 응답했어요.",
     }
+
+
+@pytest.mark.parametrize(
+    ("outage_ms", "said"),
+    [(0.4, "after 0 ms"), (25.0, "after 25 ms"), (999.0, "after 999 ms"), (1040.0, "after 1.0 s")],
+)
+def test_an_outage_of_less_than_a_second_is_told_in_milliseconds(outage_ms: float, said: str) -> None:
+    assert report(outage_ms=outage_ms).summary["en"].endswith(f"it answered again {said}.")
 
 
 def test_a_likely_cause_is_never_told_as_certain() -> None:
@@ -155,6 +163,26 @@ def test_an_incident_whose_guard_died_is_neither_open_nor_over_well() -> None:
     assert report(outcome="open", closed_at=None).summary["en"].endswith("has not ended yet.")
 
 
+def test_an_incident_that_its_guard_did_not_live_to_end_says_when_the_ledger_answered_again() -> None:
+    at = "2026-11-21T14:08:19.000Z"
+    one = report(outcome="abandoned", served_again_at=at, outage_ms=440.0)
+    assert one.summary["en"].endswith("ended before it was over; it answered again after 440 ms.")
+    assert texts.OUTCOME_WORDS["taken_over"]["ko"] in as_markdown(one, "ko")
+    unmeasured = report(outcome="abandoned", served_again_at=at, outage_ms=None)
+    assert unmeasured.summary["en"].endswith("; the ledger answered again later.")
+    assert report(outcome="abandoned").summary["en"].endswith("could tell how it came out.")
+
+
+def test_a_guard_that_died_in_the_middle_of_an_outage_is_not_told_as_if_nobody_had_waited() -> None:
+    one = went_on("recovered", "SENTINEL_LOST", left_open="01a2030f-8")
+    for language in texts.LANGUAGES:
+        text = as_markdown(one, language) + terminal(one, language, Look(110))
+        assert "01a2030f-8" in one.summary[language]
+        assert outage_word(one.incident, language) == texts.WORDS["nothing_recorded"][language]
+        assert texts.OUTCOMES["went_on"][language] not in text
+        assert texts.MONEY["went_on"][language] not in " ".join(text.split())
+
+
 @pytest.mark.parametrize("diagnosis", [*texts.CAUSES, "SOMETHING_NEW"])
 @pytest.mark.parametrize("outcome", sorted(incident.OUTCOMES))
 def test_every_diagnosis_and_outcome_has_its_words(diagnosis: str, outcome: str) -> None:
@@ -190,7 +218,7 @@ def test_nothing_is_said_about_losses_without_a_witness(language: str) -> None:
         assert texts.MONEY["witness"][language].split(".")[0].split(":")[0] not in text
 
 
-def went_on(outcome: str, diagnosis: str) -> Report:
+def went_on(outcome: str, diagnosis: str, **more: object) -> Report:
     steps = [
         {"at": None, "offset_ms": offset, "step": step} for offset, step in ((0, "fault"), (9, "closed"))
     ]
@@ -204,6 +232,7 @@ def went_on(outcome: str, diagnosis: str) -> Report:
         proof=None,
         deaths=[],
         next_epoch=None,
+        **more,
     )
 
 

@@ -6,6 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from hardcore.host import clock
 from hardcore.model import verdicts
 from hardcore.model.actions import AddAudit, Incident
 from hardcore.model.observations import DeathNote, LedgerAudited, RequestOutcome, RequestsSettled
@@ -289,3 +292,52 @@ def test_an_incident_that_ended_well_is_not_told_again(tmp_path: Path) -> None:
     asyncio.run(filed())
     assert "served_again_at" not in facts(tmp_path / ID)
     assert hands.reported == [ID]
+
+
+NOTED = {
+    "id": ID,
+    "opened_at": "2026-11-21T14:08:18.000Z",
+    "diagnosis": "KILLED_FROM_OUTSIDE",
+    "grade": "certain",
+    "planned": False,
+    "deaths": [{"at": "2026-11-21T14:08:18.000Z", "diagnosis": "KILLED_FROM_OUTSIDE", "exit": {"signal": 9}}],
+    "timeline": [{"at": "2026-11-21T14:08:18.000Z", "offset_ms": 0.0, "step": "fault"}],
+    "evidence": [],
+    "outage_ms": None,
+}
+
+
+@pytest.mark.parametrize("released_at", [None, "2026-11-21T14:08:18.440Z"])
+def test_a_death_that_was_only_noted_beside_a_deed_is_told_with_its_outage(
+    tmp_path: Path, released_at: str | None
+) -> None:
+    hands = Hands(lambda: None)
+    filing = Filing(tmp_path, hands, hands.report, ())
+
+    async def follow() -> None:
+        found = writer.find_abandoned(tmp_path, None, ID)
+        await filing.close_abandoned(found, {**NOTED, "released_at": released_at})
+        await filing.served_again(clock.now_ns())
+
+    asyncio.run(follow())
+    told = facts(tmp_path / ID)
+    assert (told["diagnosis"], told["outcome"]) == ("KILLED_FROM_OUTSIDE", "abandoned")
+    assert told["served_again_at"] is not None
+    assert told["outage_ms"] == 440.0 if released_at else told["outage_ms"] > 0
+    assert writer.find_abandoned(tmp_path, None, ID) == ()
+
+
+def test_an_incident_that_was_written_as_a_whole_is_not_closed_once_more(tmp_path: Path) -> None:
+    hands = Hands(lambda: None)
+    asyncio.run(Filing(tmp_path, hands, hands.report, ()).close(incident(), None, "", []))
+    assert writer.find_abandoned(tmp_path, None, ID) == ()
+
+
+def test_the_end_of_a_guard_in_the_middle_of_an_outage_names_that_outage(tmp_path: Path) -> None:
+    hands = Hands(lambda: None)
+    filing = Filing(tmp_path, hands, hands.report, ())
+    filing.left_open = "01a20310-1"
+    asyncio.run(filing.close(replace(incident(), diagnosis=Diagnosis.SENTINEL_LOST), None, "", []))
+    told = facts(tmp_path / ID)
+    assert told["left_open"] == "01a20310-1"
+    assert "01a20310-1" in told["evidence"][-1]["text"]
