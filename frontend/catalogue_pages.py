@@ -327,6 +327,10 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
         "ko": "다시 입력할 수 있어요. 아직 저장하지 않았으니 한 번 더 눌러 주세요.",
         "en": "Changes are possible again. This has not been saved yet; please press once more.",
     },
+    "first_saved": {
+        "ko": "앞서 보낸 내용은 이미 저장됐어요. 지금 내용도 저장하려면 한 번 더 눌러 주세요.",
+        "en": "What you sent before was saved after all. To save this as well, please press once more.",
+    },
     "unsaid": {
         "ko": "저장하지 못했어요. 잠시 뒤 다시 눌러 주세요.",
         "en": "It could not be saved. Please press again in a moment.",
@@ -374,6 +378,7 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
 SCRIPT_WORDS: Final = (
     "sending",
     "waiting",
+    "first_saved",
     "unsaid",
     "safe_kept",
     "safe_over",

@@ -50,6 +50,10 @@ RECEIPTS: Final[dict[str, tuple[str, str]]] = {
     "R5.line": ("이 요청을 지금 처리할까요?", "Run this request now?"),
     "R5.run": ("처리하기", "Run it"),
     "R5.cancel": ("취소하기", "Cancel it"),
+    "R5.unheard": (
+        "아직 전하지 못했어요. 잠시 뒤 다시 눌러 주세요.",
+        "That did not get through. Please press again in a moment.",
+    ),
     # Pressed once more while its receipt waits.
     "R14": ("이미 접수했어요 · 접수 번호: {id}", "Already received · Receipt: {id}"),
     "again": ("5초마다 다시 확인해요.", "This page looks again every 5 seconds."),

@@ -4,10 +4,11 @@
 
 import { redraw } from "./redraw.js";
 import { numberOf, settled } from "./receipts.js";
-import { newKey, send } from "./send.js";
+import { newKey, send, wasDone } from "./send.js";
 import { say } from "./words.js";
 
 const refusedSafe = new Set(); // forms that were refused while the server only reads
+const wishes = new WeakMap(); // form -> its wish, in a browser without storage
 
 const opened = document.getElementById("entry-now")?.dataset.seen; // what the entry was when its page was opened
 
@@ -35,11 +36,12 @@ async function submit(form) {
   const field = form.elements._idempotency_key;
   const sent = fieldsOf(form);
   if (form.dataset.busy) return pressedTwice(form, sent);
-  field.value = keyFor(form, sent, field.value);
   busy(form, true);
   refusedSafe.delete(form);
   clearFaults(form);
   tell(form, say("sending"));
+  if (!await isFirst(form, field, sent)) return busy(form, false);
+  field.value = keyFor(form, sent, field.value);
   const answer = await send(form.action, {
     body: sent,
     type: "application/x-www-form-urlencoded",
@@ -48,6 +50,25 @@ async function submit(form) {
     onPromise: (outcome) => promised(form, field.value, outcome),
   });
   ended(form, field, sent, answer);
+}
+
+// Another text is another wish and needs another key. What was sent before it, and got no answer that says what became
+// of it, may have been done all the same: the ledger is asked first, or a person who corrects it has both without a word.
+async function isFirst(form, field, sent) {
+  const open = wishOf(form);
+  if (!open || open.sent === sent) return true;
+  const done = open.undone ? false : await wasDone(open.key, () => tell(form, say("waiting")));
+  if (done === undefined) {
+    tell(form, say("unsaid"), "wrong");
+    return false;
+  }
+  forget(form);
+  if (field.value === open.key) field.value = newKey();
+  if (done) {
+    tell(form, say("first_saved"), "wrong");
+    void redraw();
+  }
+  return !done;
 }
 
 function ended(form, field, sent, answer) {
@@ -118,6 +139,7 @@ function refused(form, field, { status, body }) {
   // A refusal is remembered under its key; what is corrected is another wish. A fault of the server's own is not an
   // answer to the wish: its key stays, so that pressing again can't book it twice.
   if (status < 500) field.value = newKey();
+  else if (body.outcome === "not_done") remember(form, { ...wishOf(form), undone: true });
   if (body.type === "/problems/entry-changed") void catchUp();
   const faults = body.faults ?? {};
   let first = null;
@@ -151,13 +173,18 @@ function showChange() {
 // A page that is loaded again while a wish is on its way has a fresh key, and the typed text comes back. Whoever sends
 // the same once more means the same wish: it keeps the key that nobody has answered yet.
 function keyFor(form, sent, fresh) {
+  const open = wishOf(form);
+  const key = open?.sent === sent ? open.key : fresh;
+  remember(form, { key, sent });
+  return key;
+}
+
+function remember(form, wish) {
+  wishes.set(form, wish);
   try {
-    const open = wishOf(form);
-    const key = open?.sent === sent ? open.key : fresh;
-    sessionStorage.setItem(nameOf(form), JSON.stringify({ key, sent }));
-    return key;
+    sessionStorage.setItem(nameOf(form), JSON.stringify(wish));
   } catch {
-    return fresh; // no storage in this browser: a reload in an outage is then a new wish
+    // No storage in this browser: a reload in an outage is then a new wish.
   }
 }
 
@@ -165,11 +192,12 @@ function wishOf(form) {
   try {
     return JSON.parse(sessionStorage.getItem(nameOf(form)));
   } catch {
-    return null; // no storage, or not ours
+    return wishes.get(form) ?? null; // no storage, or not ours
   }
 }
 
 function forget(form) {
+  wishes.delete(form);
   try {
     sessionStorage.removeItem(nameOf(form));
   } catch {

@@ -13,6 +13,8 @@ const OPEN = new Set(["waiting", "ask", "set_aside"]);
 
 const mine = new Set(); // keys that this page waits for
 const told = new Map(); // key -> the receipt that stands on the card
+const turns = new Map(); // key -> who asks for it now: the last frame's
+const unheard = new Set(); // keys whose person has given a word that did not get through
 
 /** What a person is told as its number: the end of the key, which is random in every kind of key. */
 export function numberOf(key) {
@@ -55,11 +57,12 @@ function placeOf(key) {
   return `/__hc/receipts/${encodeURIComponent(key)}`;
 }
 
+// The status of the answer, undefined if there was none.
 async function give(key, word) {
   try {
-    return (await fetch(`${placeOf(key)}/${word}`, { method: "POST", keepalive: true })).ok;
+    return (await fetch(`${placeOf(key)}/${word}`, { method: "POST", keepalive: true })).status;
   } catch {
-    return false;
+    return undefined;
   }
 }
 
@@ -105,15 +108,30 @@ async function heard({ key, outcome }) {
     if (mine.has(key)) return forget([key]);
     await new Promise((resolve) => { setTimeout(resolve, OWNER_FIRST_MS); });
   }
-  const receipt = await receiptOf(key);
-  if (!receipt) return undefined;
-  if (receipt.seen || receipt.outcome === "waiting") return forget([key]);
-  told.set(key, receipt);
-  return draw();
+  return look(key);
+}
+
+// Asked until it is known: a gateway that is away for a moment would leave a person without the question.
+async function look(key) {
+  const turn = {};
+  turns.set(key, turn);
+  let receipt;
+  while ((receipt = await receiptOf(key)) === undefined && turns.get(key) === turn) await news(key);
+  if (turns.get(key) !== turn) return;
+  turns.delete(key);
+  if (!receipt || receipt.seen || receipt.outcome === "waiting") forget([key]);
+  else {
+    told.set(key, receipt);
+    draw();
+  }
 }
 
 function forget(keys) {
-  for (const key of keys) told.delete(key);
+  for (const key of keys) {
+    told.delete(key);
+    turns.delete(key);
+    unheard.delete(key);
+  }
   draw();
 }
 
@@ -130,15 +148,24 @@ function question(receipt) {
   const head = say(asks ? "receipt.R5" : "receipt.set_aside");
   const line = say(asks ? "receipt.R5.line" : "receipt.set_aside.line");
   const words = asks ? ["run", "cancel"] : ["cancel"];
-  return card(head, [line, about(receipt)], words.map((word) => {
+  const lines = [line, about(receipt), ...(unheard.has(receipt.key) ? [say("receipt.R5.unheard")] : [])];
+  return card(head, lines, words.map((word) => {
     const press = button(say(`receipt.R5.${word}`), word === "run" ? "primary" : "");
-    press.addEventListener("click", async () => {
+    press.addEventListener("click", () => {
       press.disabled = true;
-      if (await give(receipt.key, word)) forget([receipt.key]);
-      press.disabled = false;
+      void decide(receipt.key, word);
     });
     return press;
   }));
+}
+
+// A word that does not fit (409) was overtaken: what stands now is shown. One that nobody took is asked for once more.
+async function decide(key, word) {
+  const status = await give(key, word);
+  if (status >= 200 && status < 300) return forget([key]);
+  if (status !== 409) unheard.add(key);
+  draw();
+  return look(key);
 }
 
 function about({ key, kept_at: at }) {

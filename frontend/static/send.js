@@ -29,9 +29,8 @@ export function newKey() {
  * once it was promised and needs this page no longer: gets what became of it so far.
  */
 export async function send(url, { method = "POST", body, key, type, onWaiting = () => {}, onLate = onWaiting, onPromise = () => {} }) {
-  const headers = {
-    Accept: "application/json", "Accept-Language": document.documentElement.lang, "Idempotency-Key": key, Prefer: "respond-async",
-  };
+  const headers = { Accept: "application/json", "Accept-Language": document.documentElement.lang };
+  if (key) Object.assign(headers, { "Idempotency-Key": key, Prefer: "respond-async" });
   if (type) headers["Content-Type"] = type;
   const wish = {};
   let counted = false;
@@ -64,6 +63,13 @@ export async function send(url, { method = "POST", body, key, type, onWaiting = 
     letGo(wish);
     if (counted) count(-1);
   }
+}
+
+/** Ask the ledger whether a wish was done under this key: true, false, or undefined if it does not say. */
+export async function wasDone(key, onWaiting) {
+  const { status, body } = await send(`/api/ledger/commands/${encodeURIComponent(key)}`, { method: "GET", onWaiting });
+  if (status === 200 && body.outcome === "done") return body.status < 400;
+  return status === 404 && body.outcome === "not_done" ? false : undefined;
 }
 
 function keep(wish) {

@@ -3,7 +3,8 @@
 import json
 from pathlib import Path
 
-from playwright.sync_api import Browser, Route, expect
+import pytest
+from playwright.sync_api import Browser, Request, Route, expect
 
 from tests.browser.conftest import OpenTab
 from tests.browser.outages import outage
@@ -63,6 +64,76 @@ def test_the_same_text_sent_again_after_a_reload_in_an_outage_is_one_entry(
     save(form)
     expect(form.locator("[data-said].good")).to_be_visible()
     assert booked(house, "Sent twice") == 1
+
+
+def forgive(watch: Watch, *meant: str) -> None:
+    """Take what a test has brought about itself from what a tab complained about."""
+    watch.troubles = [one for one in watch.troubles if not any(text in one for text in meant)]
+
+
+@pytest.mark.parametrize("storage", [True, False], ids=["storage", "none"])
+def test_a_corrected_text_is_another_wish_and_is_sent_only_if_the_first_was_not_saved_after_all(
+    house: House, open_tab: OpenTab, watch: Watch, *, storage: bool
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    if not storage:
+        page.evaluate(
+            "() => { Storage.prototype.setItem = Storage.prototype.getItem = () => { throw new Error(); }; }"
+        )
+    keys: list[str] = []
+
+    def saved_without_a_word(route: Route, request: Request) -> None:
+        keys.append(request.headers["idempotency-key"])
+        answer = route.fetch()
+        if len(keys) == 1:
+            route.fulfill(status=500, json={"detail": "Something broke."})
+        else:
+            route.fulfill(response=answer)
+
+    page.route("**/entries", saved_without_a_word)
+    name = f"Corrected {storage}"
+    form = write_entry(page, name, "7000")
+    said = form.locator("[data-said]")
+    save(form)
+    expect(said).to_have_text("Something broke.")
+    form.locator("[name=amount]").fill("7100")
+    save(form)
+    expect(said).to_contain_text("What you sent before was saved after all.")
+    assert (len(keys), booked(house, name)) == (1, 1)
+    save(form)
+    expect(form.locator("[data-said].good")).to_be_visible()
+    assert len(set(keys)) == 2
+    assert booked(house, name) == 2
+    forgive(watch, "status of 500")
+
+
+def test_what_is_corrected_after_a_fault_goes_out_under_a_key_of_its_own(
+    house: House, open_tab: OpenTab, watch: Watch
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    keys: list[str] = []
+
+    def broken_at_first(route: Route, request: Request) -> None:
+        keys.append(request.headers["idempotency-key"])
+        if len(keys) == 1:
+            route.fulfill(status=500, json={"detail": "Something broke."})
+        else:
+            route.continue_()
+
+    page.route("**/entries", broken_at_first)
+    form = write_entry(page, "Fault", "7000")
+    save(form)
+    expect(form.locator("[data-said]")).to_have_text("Something broke.")
+    form.locator("[name=amount]").fill("7100")
+    save(form)
+    expect(form.locator("[data-said].good")).to_be_visible()
+    assert len(set(keys)) == 2
+    assert booked(house, "Fault") == 1
+    forgive(watch, "status of 500", "/api/ledger/commands/")  # asked for in vain: it was not done
 
 
 def test_a_wish_is_never_given_up_while_its_page_is_open(house: House, open_tab: OpenTab) -> None:

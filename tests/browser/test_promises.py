@@ -29,6 +29,7 @@ class Receipts:
         self.page = page
         self.told: dict[str, dict[str, Any]] = {}
         self.words: list[tuple[str, str]] = []
+        self.away = False
         page.route(_RECEIPT, self._answer)
 
     def say(self, key: str, outcome: str, **more: Any) -> None:
@@ -43,6 +44,9 @@ class Receipts:
     def _answer(self, route: Route, request: Request) -> None:
         asked = _RECEIPT.search(request.url)
         assert asked is not None, "the route lets nothing else in"
+        if self.away:
+            route.fulfill(status=503, json={"type": "/problems/receipts-away"})
+            return
         if asked[2]:
             self.words.append((asked[1], asked[2]))
         route.fulfill(status=202 if asked[2] else 200, json=self.told[asked[1]])
@@ -95,6 +99,29 @@ def test_an_old_wish_is_asked_about_and_runs_or_is_cancelled_by_a_persons_word(
     asked.get_by_role("button", name="취소하기").click()
     expect(asked).to_have_count(0)
     assert receipts.words == [("key-a1b2c3d4", "run"), ("key-a1b2c3d4", "cancel")]
+
+
+def test_a_question_is_asked_though_the_gateway_was_away_for_a_moment_and_a_word_that_was_lost_is_told(
+    house: House, open_tab: OpenTab
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    receipts = Receipts(page)
+    receipts.away = True
+    with page.expect_response(_RECEIPT):  # it is asked for in vain
+        receipts.say("key-a1b2c3d4", "ask")
+    receipts.away = False
+    page.evaluate("document.dispatchEvent(new CustomEvent('hc:back', {detail: {}}))")
+    asked = card(page, "Things changed meanwhile")
+    expect(asked).to_be_visible()
+    receipts.away = True
+    asked.get_by_role("button", name="Run it").click()
+    expect(asked).to_contain_text("That did not get through. Please press again in a moment.")
+    receipts.away = False
+    asked.get_by_role("button", name="Run it").click()
+    expect(asked).to_have_count(0)
+    assert receipts.words == [("key-a1b2c3d4", "run")]
 
 
 def test_a_form_whose_wish_was_promised_needs_no_window_and_takes_no_second_press(

@@ -16,7 +16,7 @@ OWN = ("base", "parts", "overview", "register", "entry", "accounts", "imports", 
 TEMPLATES = [ROOT / "templates" / f"{name}.html.j2" for name in OWN]
 SCRIPTS = sorted((ROOT / "frontend" / "static").glob("*.js"))
 CSS_GZIP_BYTES_MAX = 5 << 10
-SCRIPTS_GZIP_BYTES_MAX = 17 << 10  # both languages, and that of the import page
+SCRIPTS_GZIP_BYTES_MAX = 18 << 10  # both languages, and that of the import page
 
 
 def names_in(text: str) -> set[str]:
