@@ -67,6 +67,8 @@ class Desk:
         way = self.moves.way(exchange.head.path)
         if way in _TO_CORE:
             _read_key(exchange)
+        if way in _TO_CORE and self._comes_early(exchange):
+            return
         if way in _TO_CORE and (known := self.promises.knows(exchange)) is not None:
             self._is_ours(exchange)
             exchange.client.answer(known.head, known.body)
@@ -85,6 +87,16 @@ class Desk:
                 self.moves.turn_away(exchange, TURNED_AWAY[way])
             case _:
                 assert_never(way)
+
+    def _comes_early(self, exchange: Exchange) -> bool:
+        """Whether it waits until the receipts are read: its key may have one, and may be one that was cancelled."""
+
+        def again() -> None:
+            if exchange.life is Life.ARRIVED:
+                self.arrived(exchange)
+
+        keyed = exchange.head.key is not None and not exchange.head.safe
+        return keyed and exchange.whole and not exchange.streamed and self.promises.reading.delays(again)
 
     def _is_ours(self, exchange: Exchange) -> None:
         """It never was on its way to a core."""

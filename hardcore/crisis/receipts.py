@@ -15,7 +15,7 @@ from typing import assert_never
 
 from hardcore.settings import Limits
 
-#: Answers of a core to one wish that say neither yes nor no; after so many nobody asks it again.
+#: Answers of a core to one wish that say neither yes nor no; after so many a person is asked.
 ODD_ANSWERS_MAX = 3
 #: Receipts that run at a time.
 RUNNING_MAX = 4
@@ -23,6 +23,10 @@ RUNNING_MAX = 4
 SETTLED_MAX = 1000
 #: Statuses of a 4xx that are no answer to the wish: it came at a bad moment.
 _LATER = frozenset({408, 425, 429})
+#: Statuses of a 4xx that may say more of the moment (a login, a core that does not know the path) than of the wish.
+_OF_THE_MOMENT = frozenset({401, 403, 404, 405, 407, 409, 421})
+#: What a form's body is. The ledger may keep it as several commands, under keys made from its own.
+_FORM = b"application/x-www-form-urlencoded"
 
 
 class Outcome(StrEnum):
@@ -69,11 +73,17 @@ class Wish:
     size_bytes: int
     back: str = "/"
 
+    @property
+    def in_parts(self) -> bool:
+        """Whether it may be several commands: then nothing under its own key does not say that nothing was done."""
+        return any(n.lower() == b"content-type" and v.lower().startswith(_FORM) for n, v in self.headers)
+
 
 @dataclass(frozen=True, slots=True)
 class Receipt:
     """One promise. `number` is its place in the order; `since` is where its age begins; `changed` is the moment
-    of its last outcome; `answer` is the ledger's own, as far as it was one in JSON.
+    of its last outcome; `answer` is the ledger's own, as far as it was one in JSON. `sent_epoch` is the last core
+    that was, or may have been, given it; 0: none was.
     """
 
     number: int
@@ -85,6 +95,7 @@ class Receipt:
     status: int | None = None
     answer: object = None
     seen: bool = False
+    sent_epoch: int = 0
 
     @property
     def open(self) -> bool:
@@ -136,11 +147,14 @@ class Settled:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """What decides after a look-up that found nothing. `sendable`: no core that may still be running it serves."""
+    """What decides after a look-up that found nothing. `sendable`: the core is not running it; `weary`: it was sent
+    and answered, and no answer settled it.
+    """
 
     old: bool
     suspected: bool
     sendable: bool
+    weary: bool = False
 
 
 def after_look_up(sign: Sign, case: Case) -> Turn:
@@ -150,15 +164,30 @@ def after_look_up(sign: Sign, case: Case) -> Turn:
             raise AssertionError("what was found has an outcome")
         case Sign.SILENT:
             return Turn.WAIT
-        case _ if not case.sendable:
-            return Turn.WAIT
+        case Sign.ABSENT if case.suspected:
+            return Turn.SET_ASIDE
+        case _ if case.weary or (case.old and sign is Sign.ABSENT):
+            return Turn.ASK
+        case Sign.TAKEN | Sign.ABSENT:
+            # TAKEN: its key is in the ledger, so it is told what stands there, and nothing is done anew.
+            return Turn.SEND if case.sendable else Turn.WAIT
+        case _:
+            assert_never(sign)
+
+
+def after_withdrawal(sign: Sign, *, in_parts: bool, certain: bool) -> Settled | None:
+    """What a wish is that nobody wants any more, once it was looked up and not found; None: that can't be said yet.
+    `in_parts`: some of it may be done; `certain`: no core can be running it.
+    """
+    match sign:
+        case Sign.FOUND:
+            raise AssertionError("what was found has an outcome")
+        case Sign.ABSENT if certain:
+            return Settled(Outcome.UNKNOWN if in_parts else Outcome.NOT_DONE)
         case Sign.TAKEN:
-            # Its key is in the ledger: it is told what stands there, and nothing is done anew.
-            return Turn.SEND
-        case Sign.ABSENT:
-            if case.suspected:
-                return Turn.SET_ASIDE
-            return Turn.ASK if case.old else Turn.SEND
+            return Settled(Outcome.UNKNOWN)
+        case Sign.ABSENT | Sign.SILENT:
+            return None
         case _:
             assert_never(sign)
 
@@ -188,15 +217,18 @@ class Reply(Enum):
 
     LATER = auto()  # not done, and it may be sent again
     DOUBTFUL = auto()  # it may be done: only a later core can say
-    ODD = auto()  # neither
+    CHECK = auto()  # the ledger is asked whether this was meant for the wish
+    ODD = auto()  # none of these
 
 
-def read_answer(status: int, body: bytes) -> Settled | Reply:
-    """What the core says to the request itself."""
+def read_answer(status: int, body: bytes, *, committed: bool) -> Settled | Reply:
+    """What the core says to the request itself. `committed`: the answer names its commit."""
     said = object_in(body).get("outcome")
-    if status < 400:
+    if status < 300 or (status < 400 and committed):
         return Settled(Outcome.DONE, status, value_in(body))
-    if status in _LATER or (status == 503 and said == "not_done"):
+    if status < 400 or status in _OF_THE_MOMENT:
+        return Reply.CHECK
+    if status in _LATER or (status >= 500 and said == "not_done"):
         return Reply.LATER
     if status < 500:
         return Settled(Outcome.REFUSED, status, value_in(body))
@@ -228,13 +260,15 @@ class Word(StrEnum):
     SEEN = "seen"
 
 
+#: Those that wait for a person.
+ASKED = frozenset({Outcome.ASK, Outcome.SET_ASIDE})
+
+
 def after_word(receipt: Receipt, word: Word, now: Moment) -> Receipt | None:
-    """The receipt as it is then; None where the word does not fit. One that may be with a core is never cancelled."""
+    """The receipt as it is then; None where the word does not fit, or where the ledger has to be asked first."""
     match word:
         case Word.RUN if receipt.outcome is Outcome.ASK:
-            return replace(receipt, outcome=Outcome.WAITING, since=now, changed=now)
-        case Word.CANCEL if receipt.outcome in {Outcome.ASK, Outcome.SET_ASIDE}:
-            return settle(receipt, Settled(Outcome.NOT_DONE), now)
+            return replace(receipt, outcome=Outcome.WAITING, status=None, answer=None, since=now, changed=now)
         case Word.SEEN if not receipt.open:
             return replace(receipt, seen=True)
         case _:
@@ -242,9 +276,12 @@ def after_word(receipt: Receipt, word: Word, now: Moment) -> Receipt | None:
 
 
 def settle(receipt: Receipt, fact: Settled, now: Moment) -> Receipt:
-    """The receipt with the outcome that is a fact now."""
+    """The receipt with the outcome that is a fact now. What was only needed to send it is let go of."""
     assert receipt.open, "what is settled stays as it is"
-    return replace(receipt, outcome=fact.outcome, status=fact.status, answer=fact.answer, changed=now)
+    wish = replace(receipt.wish, headers=())
+    return replace(
+        receipt, wish=wish, outcome=fact.outcome, status=fact.status, answer=fact.answer, changed=now
+    )
 
 
 # -- all of them -------------------------------------------------------------------------------------------
@@ -317,11 +354,13 @@ class Book:
         ]
 
     def turns(self, running: Collection[str], resting: Collection[str]) -> Iterator[Receipt]:
-        """Whose turn it is: of each browser the oldest that waits, unless that one runs or rests."""
+        """Whose turn it is: of each browser the oldest that waits, unless that one runs or rests. One that waits
+        for a person lets the next ones pass.
+        """
         room = RUNNING_MAX - len(running)
-        lanes: set[bytes | None] = set()
+        lanes: set[bytes | str] = set()
         for one in self._by_key.values():
-            lane = one.wish.browser
+            lane = one.wish.browser or one.wish.key  # whoever has no cookie of ours waits for nobody
             if one.outcome is not Outcome.WAITING or lane in lanes:
                 continue
             lanes.add(lane)
@@ -340,6 +379,20 @@ class Book:
         return unanswered, [
             one for place, one in enumerate(settled) if place < over or _stale(one, now, limit_ms)
         ]
+
+
+def learn(book: Book, receipt: Receipt) -> bool:
+    """Take in a receipt as it stands in the file; returns whether it is news. A fact is never forgotten for it."""
+    known = book.get(receipt.wish.key)
+    if known is not None and (receipt == known or (receipt.open and not known.open)):
+        return False
+    book.put(receipt)
+    return (
+        known is None
+        or known.outcome is not receipt.outcome
+        or known.changed != receipt.changed
+        or known.seen is not receipt.seen
+    )
 
 
 def _stale(receipt: Receipt, now: Moment, limit_ms: int) -> bool:

@@ -1,14 +1,15 @@
 """The receipts' desk: takes promises on, tells of them, hears a person's word on them. Between requests and receipts.
 
-What a promise is stands in `receipts`, where it is kept in `receipts_store`, how it is run in `receipts_runner`; here
-requests become wishes and receipts become answers. Nothing is promised before the file was read: a key may have its
-receipt already, from a gateway before this one. If the file can't be used, nothing is promised and the rest of the
-gateway goes on as ever.
+What a promise is stands in `receipts`, where it is kept in `receipts_store`, how it is read in `receipts_reading` and
+run in `receipts_runner`; here requests become wishes and receipts become answers. Nothing is promised before the file
+was read, and no request with a key goes to a core: the key may have its receipt already, from a gateway before this
+one. If the file is none of ours, nothing is promised and the rest of the gateway goes on as ever.
 """
 
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import assert_never
@@ -22,7 +23,19 @@ from hardcore.crisis.mishap import contained, describe
 from hardcore.crisis.outlook import Outlook
 from hardcore.crisis.problems import Outcome as Said
 from hardcore.crisis.problems import Problem
-from hardcore.crisis.receipts import Book, Moment, Outcome, Receipt, Settled, Wish, Word, after_word, settle
+from hardcore.crisis.receipts import (
+    ASKED,
+    OPEN,
+    RUNNING_MAX,
+    Book,
+    Moment,
+    Outcome,
+    Receipt,
+    Wish,
+    Word,
+    after_word,
+    learn,
+)
 from hardcore.crisis.receipts_form import (
     KeptForm,
     form_in,
@@ -32,8 +45,9 @@ from hardcore.crisis.receipts_form import (
     wish_of_form,
     wish_of_request,
 )
+from hardcore.crisis.receipts_reading import Known, Reading
 from hardcore.crisis.receipts_runner import Runner
-from hardcore.crisis.receipts_store import Failure, ReceiptFile
+from hardcore.crisis.receipts_store import Clash, Failure, ReceiptFile
 from hardcore.crisis.routing import KEEP_PATH, RECEIPT_PREFIX
 from hardcore.crisis.shelf import Shelf
 from hardcore.host import clock
@@ -65,7 +79,6 @@ class Promises:
     ) -> None:
         self.told: Callable[[Receipt], None] = lambda _: None
         self.shelf: Callable[[], Shelf] = Shelf
-        self.usable = False
         self._loop = loop
         self._limits = limits
         self._now = now
@@ -73,7 +86,9 @@ class Promises:
         self._runner: Runner | None = None
         if self._file is not None:
             self._runner = Runner(loop, limits, outlook, self._file, now, self._changed)
-        self._early: list[Callable[[], None]] | None = [] if self._file is not None else None
+        self.reading = Reading(loop, limits, self._file, self._took, self._soon)
+        if self._runner is not None:
+            self._runner.overtaken = self.reading.look_now
         self._joined: dict[str, list[Callable[[Kept], None]]] = {}  # by the key of what is being stored
         self._tasks: set[asyncio.Task[None]] = set()
         self._swept_ns = now().awake_ns
@@ -84,32 +99,28 @@ class Promises:
         assert self._runner is not None, "without a file there are no receipts"
         return self._runner.book
 
+    @property
+    def usable(self) -> bool:
+        """Whether the receipts are known, and new ones can be given."""
+        return self.reading.known is Known.READ
+
     # -- the gateway's life ----------------------------------------------------------------------------
 
     def start(self) -> None:
         """Read what earlier gateways promised."""
-        if self._file is not None:
-            self._soon(self._load(self._file))
-            self._loop.call_later(self._limits.receipt_store_ms / 1000, self._answer_early)
+        self.reading.start()
 
-    async def _load(self, file: ReceiptFile) -> None:
-        known = await file.load()
-        if known is None:
-            _LOG.error("the receipts could not be read: nothing is promised")
-        else:
-            assert self._runner is not None
-            self._runner.book = Book(self._limits, known)
-            self.usable = True
-            for receipt in known:
+    def _took(self, receipts: list[Receipt]) -> None:
+        """All receipts as they stand in the file: at first all are new, later what another gateway has written is."""
+        assert self._runner is not None
+        for receipt in receipts:
+            key = receipt.wish.key
+            if self._free(key) and self._book.coming(key) is None and learn(self._book, receipt):
+                if receipt.outcome is Outcome.WAITING:
+                    self._runner.anew(key)
                 if receipt.open or not receipt.seen:
                     self.told(receipt)
-            self._runner.pump()
-        self._answer_early()
-
-    def _answer_early(self) -> None:
-        early, self._early = self._early or [], None
-        for then in early:
-            contained("answering who asked early", then)
+        self._runner.pump()
 
     def look(self) -> None:
         """Something was learned about the core."""
@@ -117,15 +128,16 @@ class Promises:
             self._runner.look()
 
     def upkeep(self) -> None:
-        """Now and then: let go of what is too old."""
+        """Now and then: see what another gateway has done, and let go of what is too old."""
+        self.reading.look()
         now = self._now()
-        if self._file is None or not self.usable or now.awake_ns - self._swept_ns < SWEEP_MS * 1_000_000:
+        due_ms = min(SWEEP_MS, self._limits.receipt_keep_ms)
+        if self._file is None or not self.usable or now.awake_ns - self._swept_ns < due_ms * 1_000_000:
             return
         self._swept_ns = now.awake_ns
         unanswered, settled = self._book.stale(now, self._limits.receipt_keep_ms)
-        for receipt in unanswered:
-            if self._free(receipt.wish.key):
-                self._change(self._file, settle(receipt, Settled(Outcome.NOT_DONE), now), lambda _: None)
+        for receipt in [one for one in unanswered if self._free(one.wish.key)][:RUNNING_MAX]:
+            self._withdraw(receipt, lambda _: None)
         gone = [one.wish.key for one in settled]
         if gone:
             self._soon(self._forget(self._file, gone))
@@ -145,6 +157,7 @@ class Promises:
         """Let go of everything."""
         if self._runner is not None:
             await self._runner.finish()
+        self.reading.close()
         if self._file is not None:
             self._file.close()
 
@@ -185,13 +198,13 @@ class Promises:
 
     def promise(self, exchange: Exchange, then: Callable[[Kept], None]) -> None:
         """Store a request that `takes` said yes to; `then` is told what became of that."""
-        self._keep(_wish(exchange), b"".join(exchange.body), then)
+        self._keep(_wish(exchange), b"".join(exchange.body), then, exchange.lost_epoch)
 
     def _known(self, key: str) -> Wish | None:
         receipt = self._book.get(key)
         return receipt.wish if receipt is not None else self._book.coming(key)
 
-    def _keep(self, wish: Wish, body: bytes, then: Callable[[Kept], None]) -> None:
+    def _keep(self, wish: Wish, body: bytes, then: Callable[[Kept], None], sent_epoch: int = 0) -> None:
         assert self._file is not None
         if (receipt := self._book.get(wish.key)) is not None:
             then(receipt)
@@ -202,12 +215,12 @@ class Promises:
         else:
             self._book.expect(wish)
             self._joined[wish.key] = [then]
-            self._soon(self._store(self._file, wish, body))
+            self._soon(self._store(self._file, wish, body, sent_epoch))
 
-    async def _store(self, file: ReceiptFile, wish: Wish, body: bytes) -> None:
+    async def _store(self, file: ReceiptFile, wish: Wish, body: bytes, sent_epoch: int) -> None:
         assert self._runner is not None
         try:
-            kept = await file.keep(wish, body, self._now())
+            kept = await file.keep(wish, body, self._now(), sent_epoch)
         finally:
             self._book.expected_no_more(wish.key)
             waiting = self._joined.pop(wish.key)
@@ -222,12 +235,14 @@ class Promises:
     # -- a request under a key that has a receipt ------------------------------------------------------
 
     def knows(self, exchange: Exchange) -> pages.Answer | None:
-        """The answer to a request that was promised before, or whose key was; None: it goes its way."""
+        """The answer to a request that was promised before, or whose key was, or may have been; None: it goes its way."""
         head = exchange.head
-        if not self.usable or head.safe or not self._book or not exchange.whole or exchange.streamed:
-            return None
         key = _key_of(head)
-        receipt = self._book.get(key) if key is not None else None
+        if key is None or head.safe or not exchange.whole or exchange.streamed:
+            return None
+        if self.reading.known is Known.UNREAD:
+            return _refusal(Problem.RECEIPTS_AWAY, head, Said.UNKNOWN)
+        receipt = self._book.get(key) if self.usable else None
         if receipt is None:
             return None
         if receipt.outcome is Outcome.NOT_DONE:
@@ -238,7 +253,9 @@ class Promises:
             return _refusal(Problem.KEY_REUSED, head)
         if head.navigation:
             return receipts_pages.shown_at(receipt.wish.key)
-        return receipts_pages.promised(receipt) if head.respond_async else None
+        # Its sender takes no promise for an answer: he is told where it is, and to ask again. Sent past its receipt,
+        # it could be booked while a person is told that it is not.
+        return receipts_pages.promised(receipt) if head.respond_async else _elsewhere(receipt, head)
 
     def offered(self, exchange: Exchange) -> KeptForm | None:
         """The form's wish that a recovery page may offer to keep."""
@@ -253,8 +270,7 @@ class Promises:
 
     def asked(self, exchange: Exchange) -> None:
         """Answer a request for KEEP_PATH or under RECEIPT_PREFIX, as soon as the file was read."""
-        if self._early is not None:
-            self._early.append(partial(self.asked, exchange))
+        if self.reading.delays(partial(self.asked, exchange)):
             return
         head = exchange.head
         if self._file is None:
@@ -288,45 +304,67 @@ class Promises:
     def _worded_by(self, exchange: Exchange, file: ReceiptFile, receipt: Receipt, word: Word) -> None:
         """A person's word: on the disk first, then it counts."""
         key = receipt.wish.key
-        changed = after_word(receipt, word, self._now()) if self._free(key) else None
+        assert self._runner is not None
+        if receipt.outcome in ASKED and self._runner.runs(key):  # it is only being looked up, for a moment
+            self._runner.when_over(key, partial(self.asked, exchange))
+            return
+        free = self._free(key)
+        if self._leaving and word is not Word.SEEN:
+            self._refuse(exchange, Problem.SHUTTING_DOWN)  # whoever comes next may have begun with it
+            return
+        if free and word is Word.CANCEL and receipt.outcome in ASKED:
+            give = self._in_time(exchange, Problem.RECEIPTS_AWAY)
+            self._withdraw(receipt, lambda settled: give(self._worded(exchange, settled)))
+            return
+        changed = after_word(receipt, word, self._now()) if free else None
         if changed is None:
             self._refuse(exchange, Problem.RECEIPT_NOT_OPEN)
             return
-
         give = self._in_time(exchange, Problem.RECEIPTS_AWAY)
+        self._change(file, receipt, changed, lambda stored: give(self._worded(exchange, stored)))
 
-        def stored(failure: Failure | None) -> None:
-            if failure is not None:
-                give(_refusal(Problem.RECEIPTS_AWAY, exchange.head))
-            elif exchange.head.navigation:
-                give(receipts_pages.shown_at(key))
-            else:
-                give(receipts_pages.as_json(changed, self._now(), 202))
+    def _worded(self, exchange: Exchange, receipt: Receipt | None) -> pages.Answer:
+        """The answer to a word; None: it could not be done now."""
+        if receipt is None:
+            return _refusal(Problem.RECEIPTS_AWAY, exchange.head)
+        if exchange.head.navigation:
+            return receipts_pages.shown_at(receipt.wish.key)
+        return receipts_pages.as_json(receipt, self._now(), 202)
 
-        self._change(file, changed, stored)
+    def _withdraw(self, receipt: Receipt, then: Callable[[Receipt | None], None]) -> None:
+        """Give a wish up: "not done" is said of it once the ledger has said that it is not there."""
+        assert self._runner is not None
+        self._runner.withdraw(receipt, then)
 
     def _free(self, key: str) -> bool:
         """Whether nobody else is about to change the receipt under a key."""
         assert self._runner is not None
         return key not in self._runner.worded and not self._runner.runs(key)
 
-    def _change(self, file: ReceiptFile, receipt: Receipt, then: Callable[[Failure | None], None]) -> None:
+    def _change(
+        self, file: ReceiptFile, was: Receipt, receipt: Receipt, then: Callable[[Receipt | None], None]
+    ) -> None:
         assert self._runner is not None
         self._runner.worded.add(receipt.wish.key)
-        self._soon(self._changing(file, receipt, then))
+        self._soon(self._changing(file, was, receipt, then))
 
     async def _changing(
-        self, file: ReceiptFile, receipt: Receipt, then: Callable[[Failure | None], None]
+        self, file: ReceiptFile, was: Receipt, receipt: Receipt, then: Callable[[Receipt | None], None]
     ) -> None:
         assert self._runner is not None
         try:
-            failure = await file.change((receipt,))
+            # A fact whose storing failed is stored with the word on it.
+            failure = await file.change(receipt, {was.outcome} if receipt.open else OPEN | {was.outcome})
         finally:
             self._runner.worded.discard(receipt.wish.key)
         if failure is None:
             self._book.put(receipt)
+            if receipt.outcome is Outcome.WAITING:
+                self._runner.anew(receipt.wish.key)
             self._changed(receipt)
-        contained("answering a word on a receipt", partial(then, failure))
+        elif failure is Clash.OVERTAKEN:
+            self.reading.look_now()
+        contained("answering a word on a receipt", partial(then, receipt if failure is None else None))
         self._runner.pump()
 
     def _asked_to_keep(self, exchange: Exchange) -> None:
@@ -386,10 +424,17 @@ _SAYS = {
 }
 
 
-def _refusal(problem: Problem, head: RequestHead) -> pages.Answer:
+def _refusal(problem: Problem, head: RequestHead, said: Said | None = None) -> pages.Answer:
     if head.navigation:
         return pages.plain(problem, head)
-    return pages.problem(problem, head.accept_language, _SAYS.get(problem))
+    return pages.problem(problem, head.accept_language, said or _SAYS.get(problem))
+
+
+def _elsewhere(receipt: Receipt, head: RequestHead) -> pages.Answer:
+    """The answer to a copy of what was promised, where no promise was asked for: nobody knows yet, here is its receipt."""
+    answer = _refusal(Problem.OUTCOME_UNKNOWN, head, Said.UNKNOWN)
+    place = (b"Location", receipts_pages.address(receipt.wish.key).encode())
+    return pages.Answer(replace(answer.head, headers=(*answer.head.headers, place)), answer.body)
 
 
 def _kept_answer(kept: Kept, key: str, head: RequestHead) -> pages.Answer:

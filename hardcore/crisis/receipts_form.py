@@ -27,7 +27,10 @@ _KEY: Final = re.compile(rf"[\x21-\x7e]{{1,{KEY_BYTES_MAX}}}")
 #: A path of this origin: "//elsewhere" and "/\\elsewhere" would leave it.
 _PATH: Final = re.compile(r"/(?![/\\])[\x21-\x7e]*")
 #: What a kept form says of its sender besides the form itself.
-_OF_THE_SENDER: Final = frozenset({b"accept-language", b"cookie", b"origin", b"user-agent"})
+_OF_THE_SENDER: Final = frozenset({b"origin", b"user-agent"})
+#: What opens doors is never written to the disk: a promise is run without it. The language is said anew, because the
+#: cookie may have said it.
+_NEVER_KEPT: Final = frozenset({b"accept-language", b"authorization", b"cookie", b"proxy-authorization"})
 _KEPT_FIELDS: Final = ("key", "path", "type", "body", "from")
 
 
@@ -109,6 +112,10 @@ def wish_of_request(head: RequestHead, body: Sequence[bytes], browser: bytes | N
     key, key_hash = head.key, head.key_hash
     assert key is not None, "only a request with a key is promised"
     assert key_hash is not None
+    headers = (
+        *((name, value) for name, value in head.headers if name.lower() not in _NEVER_KEPT),
+        *_language(head),
+    )
     return Wish(
         key=key.decode("ascii"),
         key_hash=key_hash,
@@ -117,8 +124,8 @@ def wish_of_request(head: RequestHead, body: Sequence[bytes], browser: bytes | N
         method=head.method,
         target=head.target,
         host=head.host,
-        headers=head.headers,
-        size_bytes=sum(map(len, body)) + _size(head.target, head.headers),
+        headers=headers,
+        size_bytes=sum(map(len, body)) + _size(head.target, headers),
         back=back if is_own_path(back) else "/",
     )
 
@@ -134,6 +141,7 @@ def wish_of_form(form: KeptForm, head: RequestHead, browser: bytes | None) -> Wi
         (b"Content-Type", form.type.encode("ascii")),
         (b"Idempotency-Key", key),
         *own,
+        *_language(head),
     )
     return Wish(
         key=form.key,
@@ -147,6 +155,11 @@ def wish_of_form(form: KeptForm, head: RequestHead, browser: bytes | None) -> Wi
         size_bytes=len(form.body) + _size(target, headers),
         back=form.back,
     )
+
+
+def _language(head: RequestHead) -> tuple[Header, ...]:
+    language = head.accept_language.encode("latin-1")
+    return ((b"Accept-Language", language),) if language else ()
 
 
 def _size(target: bytes, headers: Iterable[Header]) -> int:

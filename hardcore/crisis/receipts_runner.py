@@ -2,23 +2,29 @@
 
 One course per receipt: ask the ledger for its key, decide (`receipts.after_look_up`), read its body from the disk, send
 it, decide again, store the outcome, tell. A death at any point leaves it waiting, and the next course begins with the
-look-up again: so it does not matter where this process or the core died. Sending receipts through the table of living
+look-up again: so it does not matter where this process or the core died. Before it is sent it is claimed in the file:
+which core has it is known to the next gateway, and none sends what another has settled. What can't be done now rests,
+longer each time, and is old one day: then a person is asked. Sending receipts through the table of living
 requests was not chosen: they have no client, no hold, and more than one life.
 """
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import assert_never
 from urllib.parse import quote
 
 from hardcore.crisis.heads import AnswerHead
 from hardcore.crisis.limits import GatewayLimits
-from hardcore.crisis.mishap import describe
+from hardcore.crisis.mishap import contained, describe
 from hardcore.crisis.outlook import Errand, Outlook
 from hardcore.crisis.receipts import (
+    ASKED,
     ODD_ANSWERS_MAX,
+    OPEN,
+    RUNNING_MAX,
     Book,
     Case,
     Moment,
@@ -29,35 +35,49 @@ from hardcore.crisis.receipts import (
     Sign,
     Turn,
     after_look_up,
+    after_withdrawal,
     found,
     is_old,
     read_answer,
     read_look_up,
     settle,
+    value_in,
 )
-from hardcore.crisis.receipts_store import ReceiptFile
+from hardcore.crisis.receipts_store import Clash, Failure, ReceiptFile
 from hardcore.crisis.upstream import Pool, UpstreamConnection
 from hardcore.model.phases import Face
 
 _LOG = logging.getLogger(__name__)
 
 
-@dataclass(slots=True)
-class _Past:
-    """What this gateway remembers of a receipt's courses. `lost_epoch`: the core that may still be running it."""
-
-    lost_epoch: int = 0
-    sent: bool = False
-    odd: int = 0
-    looked_epoch: int = 0  # of one that is set aside
-
-
 @dataclass(frozen=True, slots=True)
 class _Said:
-    """A core's answer to a question of ours."""
+    """A core's answer to a question of ours. `committed`: it names a commit."""
 
     status: int
     body: bytes
+    committed: bool = False
+
+
+#: The longest rest is so many times (as a power of two) the first one.
+RESTS_DOUBLE_MAX = 6
+
+
+@dataclass(slots=True)
+class _Past:
+    """What this gateway remembers of a receipt's courses. `lost_ns`: since when no connection of ours carries it
+    (awake time); `answered_epoch`: the last core that had it and has given its word on it; `barred_epoch`: a core
+    that itself does not know; `turned`: a no of which only the ledger can say whether it was meant for the wish.
+    """
+
+    lost_ns: int
+    answered_epoch: int = 0
+    barred_epoch: int = 0
+    sent: bool = False
+    odd: int = 0
+    turned: _Said | None = None
+    rests: int = 0
+    looked_epoch: int = 0  # of one that waits for a person
 
 
 class Runner:
@@ -73,6 +93,7 @@ class Runner:
         changed: Callable[[Receipt], None],
     ) -> None:
         self.book = Book(limits)
+        self.overtaken: Callable[[], None] = lambda: None  # hears that another gateway has changed a receipt
         self.worded: set[str] = set()  # keys of receipts that somebody's word changes just now
         self._loop = loop
         self._limits = limits
@@ -83,44 +104,62 @@ class Runner:
         self._running: dict[str, asyncio.Task[None]] = {}
         self._resting: dict[str, asyncio.TimerHandle] = {}
         self._past: dict[str, _Past] = {}
-        self._released: tuple[int, int | None] = (0, None)
+        self._released: tuple[int, int | None, str | None] = (0, None, None)
         self._leaving = False
 
     def look(self) -> None:
         """Something was learned about the core: whoever rested because of an older one may try again."""
         standing = self._outlook.standing
-        released = (self._outlook.epoch, standing.released)
+        released = (self._outlook.epoch, standing.released, standing.safe)
         if released != self._released:
             self._released = released
             for key in list(self._resting):
                 self._resting.pop(key).cancel()
+            for past in self._past.values():
+                past.rests = 0
         self.pump()
 
     def pump(self) -> None:
         """Begin as many courses as there may be."""
-        if (
-            self._leaving
-            or self._outlook.posture is not Face.FORWARD
-            or self._outlook.standing.safe is not None
-        ):
+        if self._leaving or not self._serves():
             return
         for receipt in self.book.turns(self._running, self._resting):
-            self._begin(receipt)
+            self._begin(receipt.wish.key, self._course(receipt))
         for receipt in self.book.open():
-            if receipt.outcome is Outcome.SET_ASIDE:
-                self._look_again(receipt)
+            if len(self._running) >= RUNNING_MAX:
+                return
+            if receipt.outcome in ASKED and self._is_new_to_it(receipt):
+                self._begin(receipt.wish.key, self._course(receipt))
 
-    def _look_again(self, receipt: Receipt) -> None:
-        """Look up one that is set aside, once in each epoch."""
+    def _serves(self) -> bool:
+        """Whether a core is there that takes what changes something, and knows what it finds."""
+        return self._outlook.posture is Face.FORWARD and self._outlook.standing.safe is None
+
+    def _is_new_to_it(self, receipt: Receipt) -> bool:
+        """Whether the serving core was not asked yet about one that waits for a person."""
         key = receipt.wish.key
-        past = self._past.setdefault(key, _Past())
-        if key not in self._running and key not in self.worded and past.looked_epoch < self._outlook.epoch:
-            past.looked_epoch = self._outlook.epoch
-            self._begin(receipt)
+        free = key not in self._running and key not in self._resting and key not in self.worded
+        return free and self._past_of(key).looked_epoch < self._outlook.epoch
+
+    def _past_of(self, key: str) -> _Past:
+        if key not in self._past:
+            self._past[key] = _Past(self._now().awake_ns)
+        return self._past[key]
+
+    def anew(self, key: str) -> None:
+        """A person lets it run: what it met before counts no more."""
+        past = self._past_of(key)
+        past.odd, past.turned, past.rests = 0, None, 0
+        if key in self._resting:
+            self._resting.pop(key).cancel()
 
     def runs(self, key: str) -> bool:
         """Whether the receipt under a key is being looked up or sent just now."""
         return key in self._running
+
+    def when_over(self, key: str, then: Callable[[], None]) -> None:
+        """Call `then` when the receipt under a key is not being looked up or sent any more."""
+        self._running[key].add_done_callback(lambda _: then())
 
     def leave(self) -> None:
         """The gateway leaves: begin nothing more. What runs may finish."""
@@ -135,9 +174,8 @@ class Runner:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _begin(self, receipt: Receipt) -> None:
-        key = receipt.wish.key
-        task = self._loop.create_task(self._course(receipt))
+    def _begin(self, key: str, course: Coroutine[object, object, None]) -> None:
+        task = self._loop.create_task(course)
         self._running[key] = task
         task.add_done_callback(lambda done: self._over(key, done))
 
@@ -148,8 +186,10 @@ class Runner:
         receipt = self.book.get(key)
         if receipt is None or not receipt.open:
             self._past.pop(key, None)
-        elif receipt.outcome is Outcome.WAITING and not self._leaving:
-            wait_s = self._limits.receipt_pause_ms / 1000
+        elif not self._leaving:
+            past = self._past_of(key)
+            wait_s = self._limits.receipt_pause_ms / 1000 * 2 ** min(past.rests, RESTS_DOUBLE_MAX)
+            past.rests += 1
             self._resting[key] = self._loop.call_later(wait_s, self._rested, key)
         self.pump()
 
@@ -160,77 +200,160 @@ class Runner:
     # -- one course ------------------------------------------------------------------------------------
 
     async def _course(self, receipt: Receipt) -> None:
-        past = self._past.setdefault(receipt.wish.key, _Past())
+        past = self._past_of(receipt.wish.key)
         pool = self._outlook.pool
         if pool is None:
             return
-        said = await self._ask(pool, _look_up_bytes(receipt))
-        sign: Settled | Sign = Sign.SILENT if said is None else read_look_up(said.status, said.body)
+        sign = await self._looked_up(pool, receipt, past)
         if isinstance(sign, Settled):
-            assert sign.status is not None
-            await self._conclude(receipt, found(sign.status, sign.answer, sent=past.sent))
+            await self._conclude(receipt, sign)
             return
-        if receipt.outcome is Outcome.SET_ASIDE:
+        if receipt.outcome in ASKED:
             return
         case = Case(
             old=is_old(receipt.since, self._now(), self._limits.receipt_ask_after_ms),
             suspected=receipt.wish.key_hash in self._outlook.standing.suspects,
-            sendable=pool is self._outlook.pool and pool.epoch > past.lost_epoch,
+            sendable=pool is self._outlook.pool and self._is_let_go(receipt, past, pool),
+            weary=past.turned is not None or past.odd >= ODD_ANSWERS_MAX,
         )
         match after_look_up(sign, case):
             case Turn.SEND:
                 await self._send(receipt, past, pool)
             case Turn.ASK:
-                await self._store(replace(receipt, outcome=Outcome.ASK, changed=self._now()))
+                await self._put_to_a_person(receipt, Outcome.ASK, past.turned)
             case Turn.SET_ASIDE:
-                past.looked_epoch = pool.epoch
-                await self._store(replace(receipt, outcome=Outcome.SET_ASIDE, changed=self._now()))
+                await self._put_to_a_person(receipt, Outcome.SET_ASIDE, None)
             case Turn.WAIT:
                 pass
             case never:
                 assert_never(never)
+
+    async def _looked_up(self, pool: Pool, receipt: Receipt, past: _Past) -> Settled | Sign:
+        said = await self._ask(pool, _look_up_bytes(receipt))
+        sign = Sign.SILENT if said is None else read_look_up(said.status, said.body)
+        if sign is not Sign.SILENT:
+            past.looked_epoch = pool.epoch
+        if isinstance(sign, Settled):
+            assert sign.status is not None
+            return found(sign.status, sign.answer, sent=past.sent)
+        return sign
+
+    def _is_let_go(self, receipt: Receipt, past: _Past, pool: Pool) -> bool:
+        """Whether no core is running it: a later one serves, or the one that had it has given its word.
+
+        A core that hung up on it and lives is believed once as much time has gone as any request may take: the look-up
+        stands behind all that was submitted to it. Waiting for its death would be waiting for months.
+        """
+        if pool.epoch > receipt.sent_epoch or past.answered_epoch == receipt.sent_epoch:
+            return True
+        quiet_ms = (self._now().awake_ns - past.lost_ns) / 1_000_000
+        return past.barred_epoch != pool.epoch and quiet_ms >= self._limits.upstream_deadline_ms
 
     async def _send(self, receipt: Receipt, past: _Past, pool: Pool) -> None:
         body = await self._file.body(receipt.wish.key)
         if body is None:
             _LOG.error("the body of a receipt could not be read; it waits")
             return
+        claimed = replace(receipt, sent_epoch=pool.epoch)
+        failure = await self._file.change(claimed, {Outcome.WAITING})
+        if failure is not None:
+            if failure is Clash.OVERTAKEN:
+                self.overtaken()
+            return
         if self._leaving or pool is not self._outlook.pool or self._outlook.posture is not Face.FORWARD:
             return
-        past.sent, before = True, past.lost_epoch
-        past.lost_epoch = pool.epoch  # until it answers
-        said = await self._ask(pool, _request_bytes(receipt, body))
-        if said is None:
+        self.book.put(claimed)
+        past.sent = True
+        try:
+            said = await self._ask(pool, _request_bytes(receipt, body))
+        finally:
+            past.lost_ns = self._now().awake_ns
+        if said is not None:
+            await self._judge(claimed, past, said)
+
+    async def _judge(self, receipt: Receipt, past: _Past, said: _Said) -> None:
+        """What the answer to the request itself leads to."""
+        told = read_answer(said.status, said.body, committed=said.committed)
+        if told is Reply.DOUBTFUL:
+            if (
+                said.status == 503
+            ):  # its COMMIT failed: it is ending, and what it finds meanwhile may not last
+                past.barred_epoch = receipt.sent_epoch
             return
-        told = read_answer(said.status, said.body)
+        past.answered_epoch = receipt.sent_epoch
         match told:
             case Settled():
                 await self._conclude(receipt, told)
-            case Reply.LATER:
-                past.lost_epoch = before
-            case Reply.DOUBTFUL:
-                pass
+            case Reply.CHECK:
+                past.turned, past.rests = said, 0  # soon
             case Reply.ODD:
-                past.lost_epoch = before
                 past.odd += 1
-                if past.odd >= ODD_ANSWERS_MAX:
-                    await self._conclude(receipt, Settled(Outcome.UNKNOWN, said.status))
+            case Reply.LATER:
+                pass
             case never:
                 assert_never(never)
 
-    async def _conclude(self, receipt: Receipt, fact: Settled) -> None:
-        await self._store(settle(receipt, fact, self._now()))
-
-    async def _store(self, receipt: Receipt) -> None:
-        """Write an outcome down and tell it.
+    async def _conclude(self, receipt: Receipt, fact: Settled) -> Receipt:
+        """Write down what the ledger says, and tell it.
 
         Where the disk does not take it, it is true all the same: the next gateway looks it up again.
         """
-        failure = await self._file.change((receipt,))
-        if failure is not None:
+        settled = settle(receipt, fact, self._now())
+        if await self._file.change(settled, OPEN) in {Failure.REFUSED, Failure.DOUBTFUL}:
             _LOG.warning("what became of a receipt could not be stored")
+        self._tell(settled)
+        return settled
+
+    async def _put_to_a_person(self, receipt: Receipt, outcome: Outcome, turned: _Said | None) -> None:
+        """Ask a person, or tell him that it is set aside. Where the disk does not take that, it waits on."""
+        asked = replace(receipt, outcome=outcome, changed=self._now())
+        if turned is not None:
+            asked = replace(asked, status=turned.status, answer=value_in(turned.body))
+        failure = await self._file.change(asked, {Outcome.WAITING})
+        if failure is None:
+            self._tell(asked)
+        elif failure is Clash.OVERTAKEN:
+            self.overtaken()
+
+    def _tell(self, receipt: Receipt) -> None:
         self.book.put(receipt)
         self._changed(receipt)
+
+    # -- nobody wants it any more ----------------------------------------------------------------------
+
+    def withdraw(self, receipt: Receipt, then: Callable[[Receipt | None], None]) -> None:
+        """Look a receipt up that waits for a person: `then` gets its outcome, or None if nobody can say it now."""
+        assert receipt.outcome in ASKED, "what may be at the core is not taken back"
+        self._begin(receipt.wish.key, self._withdrawal(receipt, then))
+
+    async def _withdrawal(self, receipt: Receipt, then: Callable[[Receipt | None], None]) -> None:
+        settled = None
+        try:
+            settled = await self._withdrawn(receipt)
+        finally:
+            contained("answering who withdrew a wish", partial(then, settled))
+
+    async def _withdrawn(self, receipt: Receipt) -> Receipt | None:
+        pool = self._outlook.pool
+        if pool is None or not self._serves():
+            return None
+        past = self._past_of(receipt.wish.key)
+        sign = await self._looked_up(pool, receipt, past)
+        if isinstance(sign, Settled):
+            return await self._conclude(receipt, sign)
+        certain = pool is self._outlook.pool and self._is_let_go(receipt, past, pool)
+        in_parts = receipt.sent_epoch > 0 and receipt.wish.in_parts
+        fact = after_withdrawal(sign, in_parts=in_parts, certain=certain)
+        if fact is None:
+            return None
+        settled = settle(receipt, fact, self._now())
+        failure = await self._file.change(settled, {receipt.outcome})
+        if failure is not None:
+            if failure is Clash.OVERTAKEN:
+                self.overtaken()
+            return None
+        self._tell(settled)
+        return settled
 
     # -- asking a core ---------------------------------------------------------------------------------
 
@@ -238,7 +361,7 @@ class Runner:
         """The answer of the core behind `pool`; None if it gave none, or one that does not count."""
         answer: asyncio.Future[tuple[AnswerHead | None, bytes]] = self._loop.create_future()
         connection = pool.idle() or await self._dial(pool)
-        if connection is None:
+        if connection is None or not connection.usable:  # it may have ended before we were told that it began
             self._outlook.doubt(pool)
             return None
 
@@ -266,9 +389,9 @@ class Runner:
             self._outlook.leaving(pool)
             return _Said(503, b'{"outcome":"not_done"}')  # it did not run it, whatever it says of it
         self._outlook.answered(pool)
-        if head.status < 300:
+        if head.status < 400:
             self._outlook.passed_on(head)
-        return _Said(head.status, body)
+        return _Said(head.status, body, head.commit is not None)
 
     async def _dial(self, pool: Pool) -> UpstreamConnection | None:
         dialled: asyncio.Future[UpstreamConnection | None] = self._loop.create_future()

@@ -22,12 +22,15 @@ from hardcore.crisis.receipts import (
     Wish,
     Word,
     after_look_up,
+    after_withdrawal,
     after_word,
     age_ms,
     found,
     is_old,
+    learn,
     read_answer,
     read_look_up,
+    settle,
 )
 from hardcore.settings import Limits
 
@@ -72,8 +75,8 @@ def test_over_a_reboot_the_wall_clock_counts_and_one_that_ran_backwards_proves_n
 
 
 CASES = [
-    Case(old=old, suspected=suspected, sendable=sendable)
-    for old, suspected, sendable in itertools.product((False, True), repeat=3)
+    Case(old=old, suspected=suspected, sendable=sendable, weary=weary)
+    for old, suspected, sendable, weary in itertools.product((False, True), repeat=4)
 ]
 
 
@@ -81,15 +84,17 @@ CASES = [
 @pytest.mark.parametrize("case", CASES)
 def test_nothing_is_sent_to_a_core_that_may_still_be_running_it(sign: Sign, case: Case) -> None:
     if not case.sendable:
-        assert after_look_up(sign, case) is Turn.WAIT
+        assert after_look_up(sign, case) is not Turn.SEND
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_absent_and_old_or_suspected_is_never_sent(case: Case) -> None:
     turn = after_look_up(Sign.ABSENT, case)
-    assert (turn is Turn.SEND) is (case.sendable and not case.old and not case.suspected)
-    if case.sendable and case.suspected:
+    assert (turn is Turn.SEND) is (case.sendable and not (case.old or case.suspected or case.weary))
+    if case.suspected:
         assert turn is Turn.SET_ASIDE
+    elif case.old or case.weary:
+        assert turn is Turn.ASK  # also where a core may be running it: nobody waits behind it for ever
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -134,17 +139,47 @@ def test_what_this_gateway_had_sent_is_done_and_not_done_already() -> None:
     ("status", "body", "meant"),
     [
         (201, said(id=1), Settled(Outcome.DONE, 201, {"id": 1})),
-        (303, b"", Settled(Outcome.DONE, 303, None)),
+        (303, b"", Reply.CHECK),
         (422, said(detail="no"), Settled(Outcome.REFUSED, 422, {"detail": "no"})),
+        *((status, said(detail="no"), Reply.CHECK) for status in (401, 403, 404, 405, 409)),
+        (425, b"", Reply.LATER),
         (429, b"", Reply.LATER),
         (503, said(outcome="not_done"), Reply.LATER),
         (503, said(outcome="unknown"), Reply.DOUBTFUL),
         (504, b"", Reply.ODD),
-        (500, said(outcome="not_done"), Reply.ODD),
+        (500, said(outcome="not_done"), Reply.LATER),
+        (507, b"", Reply.ODD),
     ],
 )
 def test_an_answer_settles_only_what_it_says(status: int, body: bytes, meant: Settled | Reply) -> None:
-    assert read_answer(status, body) == meant
+    assert read_answer(status, body, committed=False) == meant
+
+
+def test_a_page_after_a_booking_is_done_only_with_its_commit() -> None:
+    assert read_answer(303, b"", committed=True) == Settled(Outcome.DONE, 303)
+    assert read_answer(409, b"", committed=True) is Reply.CHECK
+
+
+# -- nobody wants it any more ----------------------------------------------------------------------------
+
+
+def test_not_done_is_said_only_of_what_was_looked_up_where_nobody_can_be_running_it() -> None:
+    signs = (Sign.ABSENT, Sign.TAKEN, Sign.SILENT)
+    for sign, in_parts, certain in itertools.product(signs, (False, True), (False, True)):
+        fact = after_withdrawal(sign, in_parts=in_parts, certain=certain)
+        not_done = sign is Sign.ABSENT and certain and not in_parts
+        assert (fact == Settled(Outcome.NOT_DONE)) is not_done
+    assert after_withdrawal(Sign.TAKEN, in_parts=False, certain=True) == Settled(Outcome.UNKNOWN)
+    assert after_withdrawal(Sign.SILENT, in_parts=False, certain=True) is None
+
+
+def test_of_a_form_that_a_core_had_its_own_key_alone_does_not_say_that_nothing_was_done() -> None:
+    form = replace(
+        a_wish("k1"), headers=((b"Content-Type", b"application/x-www-form-urlencoded; charset=utf-8"),)
+    )
+    assert form.in_parts
+    assert not a_wish("k1").in_parts
+    assert after_withdrawal(Sign.ABSENT, in_parts=True, certain=True) == Settled(Outcome.UNKNOWN)
 
 
 # -- a person's word -------------------------------------------------------------------------------------
@@ -155,18 +190,21 @@ def test_a_word_counts_only_where_it_fits(outcome: Outcome) -> None:
     one = a_receipt(1, outcome=outcome)
     ran, cancelled, seen = (after_word(one, word, later(5)) for word in (Word.RUN, Word.CANCEL, Word.SEEN))
     assert (ran is not None) is (outcome is Outcome.ASK)
-    assert (cancelled is not None) is (outcome in {Outcome.ASK, Outcome.SET_ASIDE})
+    assert cancelled is None  # the ledger is asked first
     assert (seen is not None) is (outcome not in OPEN)
 
 
-def test_what_runs_again_is_young_and_what_is_cancelled_is_not_done() -> None:
-    one = a_receipt(1, outcome=Outcome.ASK)
+def test_what_runs_again_is_young() -> None:
+    one = replace(a_receipt(1, outcome=Outcome.ASK), status=401, answer={})
     ran = after_word(one, Word.RUN, later(DAY_MS))
     assert ran is not None
     assert (ran.outcome, ran.since, ran.kept) == (Outcome.WAITING, later(DAY_MS), START)
-    cancelled = after_word(one, Word.CANCEL, later(5))
-    assert cancelled is not None
-    assert (cancelled.outcome, cancelled.open) == (Outcome.NOT_DONE, False)
+    assert (ran.status, ran.answer) == (None, None)
+
+
+def test_what_was_only_needed_to_send_it_is_let_go_of_with_the_outcome() -> None:
+    one = replace(a_receipt(1), wish=replace(a_wish("k1"), headers=((b"X-Pin", b"1234"),)))
+    assert settle(one, Settled(Outcome.DONE, 201), later(1)).wish.headers == ()
 
 
 # -- the book --------------------------------------------------------------------------------------------
@@ -197,6 +235,20 @@ def test_the_oldest_of_each_browser_has_its_turn_and_holds_the_next_back() -> No
     assert [one.number for one in book.turns((), ("k1",))] == [3]
     book.put(a_receipt(1, b"a", Outcome.ASK))
     assert [one.number for one in book.turns((), ())] == [2, 3]
+
+
+def test_whoever_has_no_cookie_of_ours_holds_nobody_back() -> None:
+    book = Book(Limits(), [a_receipt(1, None), a_receipt(2, None)])
+    assert [one.number for one in book.turns(("k1",), ())] == [2]
+
+
+def test_what_another_gateway_has_written_is_learned_and_a_fact_is_never_forgotten_for_it() -> None:
+    book = Book(Limits(), [a_receipt(1), a_receipt(2, outcome=Outcome.DONE)])
+    assert not learn(book, a_receipt(1))
+    assert not learn(book, a_receipt(2))
+    assert learn(book, a_receipt(3))
+    assert learn(book, replace(a_receipt(1, outcome=Outcome.NOT_DONE), changed=later(1)))
+    assert {one.number for one in book.open()} == {3}
 
 
 def test_no_more_run_than_may() -> None:

@@ -18,6 +18,7 @@ from hardcore.crisis.receipts_form import (
     read_kept,
     request_digest,
     wish_of_form,
+    wish_of_request,
 )
 
 BODY = 'description=김밥 & "차" <b>&_idempotency_key=k1'.encode()
@@ -86,9 +87,26 @@ def test_a_kept_form_is_sent_as_the_pages_own_script_would_under_the_name_of_the
     wish = wish_of_form(a_form(), a_head(target=b"/__hc/keep"), b"me")
     headers = dict(wish.headers)
     assert (headers[b"Accept"], headers[b"Idempotency-Key"]) == (b"application/json", b"k1")
-    assert (headers[b"Cookie"], b"Prefer" in headers) == (b"lang=ko", False)
+    assert (headers[b"Accept-Language"], b"Prefer" in headers) == (b"ko", False)
     assert wish.digest == request_digest(a_head(), [BODY])
     assert wish.target == b"/entries?a=%22"
+
+
+def test_what_opens_doors_is_no_part_of_a_promise() -> None:
+    lines = (
+        (b"Host", b"localhost"),
+        (b"Idempotency-Key", b"k1"),
+        (b"Authorization", b"Bearer secret"),
+        (b"Cookie", b"session=secret; lang=en"),
+        (b"Proxy-Authorization", b"Basic secret"),
+        (b"If-Match", b'"7"'),
+    )
+    head = read_request("POST", b"/t", "1.1", lines, {"localhost"}, keep_alive=True, upgrade=False)
+    assert isinstance(head, RequestHead)
+    wish = wish_of_request(head, [b"{}"], b"me", back="/")
+    assert b"secret" not in repr(wish).encode()
+    headers = dict(wish.headers)
+    assert (headers[b"If-Match"], headers[b"Accept-Language"]) == (b'"7"', b"en")
 
 
 def test_the_marks_that_are_filled_in_are_those_that_are_printed() -> None:
