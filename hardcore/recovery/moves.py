@@ -165,6 +165,7 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             order(c, Drain(c.life, c.policy.drain_timeout_ms))
         case Step.PROMOTE | Step.PROMOTE_BRIEFLY:
             _promote(c, BRIEFLY_MS if name is Step.PROMOTE_BRIEFLY else None)
+            telling.mark(c, "promoted", now_ns)
         case Step.LEAVE_BEHIND:
             _leave_behind(c, now_ns)
         case Step.REJOIN:

@@ -67,12 +67,12 @@ class Spare:
     surveyed: bool = False
     fault: str = ""
     drilled: bool = False  # its next end is a drill's: it says nothing about it
+    told: bool = False  # a person was told that they die again and again
     pause_until_ns: int = 0
     _looked_ns: int = 0
     _heard_ns: int = 0
     _borne_ns: int = 0  # silence from before this was ours: we had not looked
     _runs: bool = False
-    _told: bool = False  # that they die again and again
 
     @property
     def lost(self) -> bool:
@@ -132,7 +132,7 @@ class Spare:
         if self.state is not SpareState.NONE or now_ns < self.pause_until_ns:
             return False
         self.budget = self.budget.at(now_ns)
-        self._told = self._told and self.lost
+        self.told = self.told and self.lost
         return self.wanted and self.free_bytes is not None and not self._is_small
 
     def begin(self, life: int, now_ns: int) -> None:
@@ -205,12 +205,6 @@ class Spare:
         taken = self.life
         self.state, self.life = SpareState.NONE, 0
         return taken
-
-    def is_news(self) -> bool:
-        """Return whether they die again and again and nobody has been told."""
-        news = self.lost and not self._told
-        self._told = self._told or news
-        return news
 
     def _count(self, now_ns: int) -> None:
         self.budget = self.budget.after_death(now_ns)

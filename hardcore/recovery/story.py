@@ -24,7 +24,7 @@ BLAMED_MAX = 64
 _FIRST = frozenset({"fault", "detected", "alerted", "frozen", "dumped", "killed"})
 #: Steps of an outage: while everybody is served they mean nothing.
 _OF_AN_OUTAGE = frozenset(
-    {"alerted", "frozen", "killed", "spawned", "fenced", "ready", "verified", "serving"}
+    {"alerted", "frozen", "killed", "spawned", "promoted", "fenced", "ready", "verified", "serving"}
 )
 
 

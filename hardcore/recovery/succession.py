@@ -234,7 +234,8 @@ def _ended(c: Course, why: str, now_ns: int) -> None:
 
 def _lost(c: Course, life: int, now_ns: int) -> None:
     """A spare is gone that nobody had asked to go. Only one that was begun for a wish decides about it."""
-    if c.spare.is_news():
+    if c.spare.lost and not c.spare.told:
+        c.spare.told = True
         text = f"Spare cores die again and again ({c.spare.fault}). Without one, a restart takes longer."
         telling.alert(c, Diagnosis.SPARE_LOST, text)
     wish = c.switching

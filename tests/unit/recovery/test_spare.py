@@ -170,13 +170,11 @@ def test_an_end_that_was_asked_for_counts_for_nothing() -> None:
 
 def test_after_too_many_deaths_one_is_tried_quietly_now_and_then() -> None:
     one = _died_too_often()
-    assert one.is_news()
     now_ns = one.pause_until_ns
     assert not one.comes, "nobody waits for it"
     assert one.due(now_ns)
     one.begin(9, now_ns)
     assert one.ended("exit 1", now_ns)
-    assert not one.is_news(), "a person has been told"
     assert not one.due(now_ns + QUIET_NS - 1)
     assert one.due(now_ns + QUIET_NS)
 

@@ -43,3 +43,12 @@ def test_words_on_the_page_are_nearer_than_the_log() -> None:
     exited = seen.CoreExited(1, 1, seen.Exit(code=78), a_page(words="CONFIG_INVALID"), said=SAID)
     assert last_said(exited).startswith("CONFIG_INVALID")
     assert last_said(seen.CoreExited(1, 1, seen.Exit(code=1), None)) == "it ended without a word"
+
+
+def test_a_promotion_is_a_step_of_its_incident() -> None:
+    play = Play().begin().running().spared()
+    play.die()
+    told = play.manager.open_incident()
+    assert told is not None
+    assert "promoted" in dict(told.timeline)
+    assert "spawned" not in dict(told.timeline)

@@ -5,8 +5,9 @@ import pytest
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import HAState, Phase
+from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
-from hardcore.recovery.spare import DEATHS_MAX, PAUSE_NS, Lack
+from hardcore.recovery.spare import DEATHS_MAX, PAUSE_NS, QUIET_NS, Lack
 from tests.unit.recovery.play import Play, S, a_page, drained, kinds, look, proven, raised
 
 RESTART = seen.Verb.RESTART
@@ -102,6 +103,15 @@ def test_code_that_was_refused_is_refused_however_often_it_is_asked_for() -> Non
         assert play.manager.reading().switch_fault == SAID
     assert play.phase is Phase.RUNNING
     assert "Terminate" not in kinds(play.ordered)
+
+
+def test_that_spares_die_again_and_again_is_told_once() -> None:
+    play = _lost()
+    play.now_ns += QUIET_NS
+    look(play, 0)
+    _fails(play)
+    told = [order.diagnosis for order in play.ordered if isinstance(order, orders.Alert)]
+    assert told.count(Diagnosis.SPARE_LOST) == 1
 
 
 def test_a_restart_after_spares_have_died_is_tried_first_also_with_the_code_that_serves() -> None:
