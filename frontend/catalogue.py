@@ -177,9 +177,15 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "Drill {fault}: {done}\nPromised: {promised}",
     ),
     "drill_kept": (
-        "약속대로예요. {summary}\n발견까지 {detected} · 사건 번호: {incident}",
-        "As promised. {summary}\nNoticed {detected} · incident {incident}",
+        "약속대로예요. {summary}{by}\n발견까지 {detected} · 사건 번호: {incident}",
+        "As promised. {summary}{by}\nNoticed {detected} · incident {incident}",
     ),
+    "back_by_spare": (" 예비 서버가 이어받았어요.", " The spare took over."),
+    "back_by_start": (
+        " 준비된 예비 서버가 없어서 새로 켰어요.",
+        " No spare was ready, so it was started anew.",
+    ),
+    "back_by_itself": ("", ""),
     "drill_other": (
         "약속과 달라요.\n  약속: {promised}\n  결과: {summary}\n자세히: `hardcore incidents show {incident}`",
         "Not as promised.\n  Promised: {promised}\n  Came:     {summary}\nMore: `hardcore incidents show {incident}`",

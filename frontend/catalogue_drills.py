@@ -20,8 +20,8 @@ class Told:
 
 
 _BACK: Final = (
-    "감시자가 증거를 남기고 새로 켜요.",
-    "the guard keeps the evidence and starts it anew.",
+    "감시자가 증거를 남기고, 예비 서버가 이어받거나 새로 켜요.",
+    "the guard keeps the evidence; the spare takes over, or it is started anew.",
 )
 
 

@@ -79,7 +79,7 @@ GRADES: Mapping[str, Text] = {
 
 #: Second half of the summary: what came of it.
 OUTCOMES: Mapping[str, Text] = {
-    "recovered_in": _text("{seconds}초 만에 다시 응답했어요.", "it answered again after {seconds} s."),
+    "recovered_in": _text("{after} 만에 다시 응답했어요.", "it answered again after {after}."),
     "recovered": _text("지금은 다시 응답해요.", "it answers again."),
     "went_on": _text("장부는 계속 응답했어요.", "the ledger went on answering all the while."),
     "manual": _text("자동 복구를 멈추고 사람의 확인을 기다려요.", "recovery waits for a person."),
@@ -98,8 +98,8 @@ OUTCOMES: Mapping[str, Text] = {
         "the guard itself ended before it was over; the ledger answered again later.",
     ),
     "taken_over_in": _text(
-        "복구 중에 감시 프로세스도 종료됐지만 {seconds}초 만에 다시 응답했어요.",
-        "the guard itself ended before it was over; it answered again after {seconds} s.",
+        "복구 중에 감시 프로세스도 종료됐지만 {after} 만에 다시 응답했어요.",
+        "the guard itself ended before it was over; it answered again after {after}.",
     ),
     "left_open": _text(
         "다른 사건을 처리하던 중이었어요. 그동안 기다린 요청은 그 사건에 있어요 ({incident}).",
@@ -352,6 +352,8 @@ WORDS: Mapping[str, Text] = {
     "missing": _text("없는 증거", "Evidence that is missing"),
     "faults": _text("파일 검사에서 나온 문제", "Faults of the files"),
     "deaths": _text("서버가 멈춘 기록", "Deaths"),
+    "signal": _text("신호", "signal"),
+    "code": _text("종료 코드", "code"),
     "fingerprint": _text("지문", "Fingerprint"),
     "opened": _text("시작", "Began"),
     "closed": _text("종료", "Closed"),

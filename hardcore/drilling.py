@@ -90,11 +90,20 @@ def drill(asked: Asked, fault: str, *, yes: bool) -> None:
         "drill_kept" if kept else "drill_other",
         promised=promised,
         summary=story["summary"],
+        by=asked.words(way_back(story)),
         detected=noticed(asked, story["detected_ms"]),
         incident=story["id"],
     )
     asked.tell({"ok": kept, "incident": story["id"], "promised": asdict(PROMISES[fault]), "story": story})
     sys.exit(0 if kept else 1)
+
+
+def way_back(story: Mapping[str, Any]) -> str:
+    """Return the name of the text that says who serves since: the spare, a core that was started, or the same one."""
+    steps = {step["step"] for step in story["timeline"]}
+    if "spawned" in steps:  # also after a spare that took over and failed
+        return "back_by_start"
+    return "back_by_spare" if "promoted" in steps else "back_by_itself"
 
 
 def noticed(asked: Asked, detected_ms: float | None) -> str:

@@ -83,7 +83,7 @@ def print_show(story: Mapping[str, Any], language: str, write: Write, look: Look
         ("findings", _findings(story, language)),
         ("in_flight", _in_flight(story, language)),
         ("requests", _requests(story, language)),
-        ("deaths", _deaths(story)),
+        ("deaths", _deaths(story, language)),
         ("files", _files(story, language)),
     ):
         _section(title, list(lines), language, write, look)
@@ -169,10 +169,12 @@ def _requests(story: Mapping[str, Any], language: str) -> Iterable[str]:
         yield " · ".join(parts)
 
 
-def _deaths(story: Mapping[str, Any]) -> Iterable[str]:
+def _deaths(story: Mapping[str, Any], language: str) -> Iterable[str]:
     for death in story["deaths"]:
         ended = death["exit"]
-        how = [f"{name} {ended[name]}" for name in ("signal", "code") if ended[name] is not None]
+        how = [
+            f"{_word(name, language)} {ended[name]}" for name in ("signal", "code") if ended[name] is not None
+        ]
         yield " · ".join([death["at"] or "-", death["diagnosis"], *how])
 
 

@@ -25,6 +25,7 @@ from postmortem.incident import (
 )
 
 LANGUAGES = texts.LANGUAGES
+MS_PER_S = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,13 +87,20 @@ def summarise(incident: Incident, language: str) -> str:
     if how == "taken_over" and incident.outage_ms is not None:
         how = "taken_over_in"
     outcome = texts.OUTCOMES["recovered_in" if timed else how][language]
-    seconds = f"{(incident.outage_ms or 0) / 1000:.1f}"
+    after = _after(incident.outage_ms or 0, language)
     joint = " " if language == "ko" else "; "
-    sentence = f"{lead}{cause}{joint}{outcome.format(seconds=seconds, incident=incident.left_open)}"
+    sentence = f"{lead}{cause}{joint}{outcome.format(after=after, incident=incident.left_open)}"
     if (waits := waits_for(incident)) is not None and waits in texts.WAITS:
         reason = texts.WAITS[waits][language]
         sentence = f"{sentence.removesuffix('.')}: {waits} — {reason}"
     return sentence[0].upper() + sentence[1:]
+
+
+def _after(outage_ms: float, language: str) -> str:
+    """Return how long an outage took: where it was short, a tenth of a second says nothing."""
+    if outage_ms < MS_PER_S:
+        return f"{outage_ms:.0f} ms"
+    return f"{outage_ms / MS_PER_S:.1f}{'초' if language == 'ko' else ' s'}"
 
 
 def money_line(report: Report, language: str) -> str:

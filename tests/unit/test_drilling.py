@@ -8,7 +8,7 @@ import pytest
 from frontend.catalogue_drills import LANGUAGES, TOLD, done_words, promised_words
 from hardcore.asked import Asked
 from hardcore.control.protocol import DRILLS, PEACEFUL
-from hardcore.drilling import PROMISES, noticed
+from hardcore.drilling import PROMISES, noticed, way_back
 
 CODE_WORD = re.compile(r"[A-Z]{2,}_|\b[A-Z]{4,}\b|safe_mode|manual")
 
@@ -33,3 +33,16 @@ def test_what_the_core_says_itself_was_noticed_at_once() -> None:
         "after 12.3 ms",
         "at a time that is not on record",
     ]
+
+
+@pytest.mark.parametrize(
+    ("steps", "said"),
+    [
+        (("fault", "promoted", "ready"), "back_by_spare"),
+        (("fault", "spawned", "ready"), "back_by_start"),
+        (("fault", "promoted", "spawned", "ready"), "back_by_start"),
+        (("fault", "closed"), "back_by_itself"),
+    ],
+)
+def test_who_drills_is_told_whether_the_spare_took_over(steps: tuple[str, ...], said: str) -> None:
+    assert way_back({"timeline": [{"step": step} for step in steps]}) == said

@@ -89,8 +89,8 @@ def test_the_proof_of_the_whole_ledger_is_told_beside_the_first_one() -> None:
 
 def test_the_summary_is_one_plain_sentence_in_both_languages() -> None:
     assert report().summary == {
-        "en": "The ledger was killed from outside; it answered again after 857 ms.",
-        "ko": "장부 서버가 밖에서 강제 종료됐고 857 ms 만에 다시 응답했어요.",
+        "en": "The ledger was killed from outside; it answered again after 912 ms.",
+        "ko": "장부 서버가 밖에서 강제 종료됐고 912 ms 만에 다시 응답했어요.",
     }
 
 
