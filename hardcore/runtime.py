@@ -139,6 +139,7 @@ class Runtime:
                 page=found.last_page,
                 adoptable=found.adoptable_page,
                 suspects=tuple(map(str, setup.noted.get("suspects", ()))),
+                serves_since_ns=found.serves_since_ns,
             )
         )
 

@@ -33,6 +33,8 @@ ENVIRONMENT_BYTES_MAX = 1 << 20
 #: A core that serves answers at once; what does not is no reason to end it, the watch will see to it.
 ASKED_S = 0.3
 ANSWER_BYTES_MAX = 4096
+#: The line in a page's ring of events that a core writes when it begins to serve.
+SERVES = "READY"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,12 @@ class Leftovers:
     last_page: Page | None
     adoptable: Life | None = None
     adoptable_page: Page | None = None
+
+    @property
+    def serves_since_ns(self) -> int | None:
+        """When that core said that it begins to serve; None: its page does not say so any more."""
+        events = () if self.adoptable_page is None else self.adoptable_page.events
+        return max((event.at_ns for event in events if event.code == SERVES), default=None)
 
 
 @dataclass(frozen=True, slots=True)

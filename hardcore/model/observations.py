@@ -76,7 +76,8 @@ class SentinelBegan:
     core that was found serving: by its page it is ready, under the highest epoch of all pages, and no earlier guard
     had begun to end it; it is not among the leftovers. `suspects`: keys of commands that the earlier guard suspected in
     an incident it left open, or that were being executed in the last core it released, if that is gone or it had begun
-    to end it: a gateway that outlived both still has their requests.
+    to end it: a gateway that outlived both still has their requests. `serves_since_ns`: when the adoptable core said
+    that it begins to serve; None: its page does not say so any more, so that was long ago.
     """
 
     at_ns: int
@@ -84,6 +85,7 @@ class SentinelBegan:
     page: Page | None = None
     adoptable: Page | None = None
     suspects: tuple[str, ...] = ()
+    serves_since_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

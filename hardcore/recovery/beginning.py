@@ -16,9 +16,6 @@ from hardcore.recovery.story import Trouble
 from hardcore.recovery.transitions import Trigger
 from hardcore.sentinel.deaths import Death
 
-#: The line in a page's ring of events that a core writes when it begins to serve.
-SERVES = "READY"
-
 
 def begin(c: Course, fact: seen.SentinelBegan) -> None:
     """Go on with the core that serves, end what an earlier guard has left, or start a core."""
@@ -50,10 +47,10 @@ def _adopt(c: Course, fact: seen.SentinelBegan, page: Page) -> None:
     why = "the guard was gone; its core was found serving and goes on"
     death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (Testimony("run folder", Colour.YELLOW, why),))
     c.pending = Trouble(death, fact.at_ns)
-    fire(c, Trigger.FOUND_NEW if _is_new(c, page, fact.at_ns) else Trigger.FOUND_SERVING, fact.at_ns, why)
+    fire(c, Trigger.FOUND_NEW if _is_new(c, fact) else Trigger.FOUND_SERVING, fact.at_ns, why)
 
 
-def _is_new(c: Course, page: Page, now_ns: int) -> bool:
+def _is_new(c: Course, fact: seen.SentinelBegan) -> bool:
     """Whether a core that was found has served for less than a probation, as far as its page says."""
-    since_ns = max((event.at_ns for event in page.events if event.code == SERVES), default=None)
-    return since_ns is not None and now_ns - since_ns < c.policy.probation_ms * NS_PER_MS
+    since_ns = fact.serves_since_ns
+    return since_ns is not None and fact.at_ns - since_ns < c.policy.probation_ms * NS_PER_MS

@@ -1,6 +1,5 @@
 """A guard that finds a core serving goes on with it: nobody was stopped, and nobody is."""
 
-import dataclasses
 from typing import TypeVar
 
 import pytest
@@ -8,7 +7,7 @@ import pytest
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import HAState, Phase, Wanted
-from hardcore.model.recorder import RingEvent, Witness
+from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Diagnosis
 from tests.unit.recovery.play import MS, Play, a_page, deciding, kinds
 
@@ -49,9 +48,8 @@ def test_a_core_that_serves_goes_on_under_a_new_guard() -> None:
 )
 def test_a_core_that_had_only_just_begun_to_serve_has_yet_to_last(served_ms: int, phase: Phase) -> None:
     play = Play()
-    begun = RingEvent(play.now_ns - served_ms * MS, 1, "READY", "")
-    page = dataclasses.replace(a_page(6, seq=9), events=(begun,))
-    play.tell(seen.SentinelBegan(play.now_ns, page=page, adoptable=page))
+    page, since_ns = a_page(6, seq=9), play.now_ns - served_ms * MS
+    play.tell(seen.SentinelBegan(play.now_ns, page=page, adoptable=page, serves_since_ns=since_ns))
     assert play.phase is phase
     if phase is Phase.PROBATION:
         play.ring()
