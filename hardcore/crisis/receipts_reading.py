@@ -8,7 +8,7 @@ gateway that still leaves may write a last promise: what others have written is 
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from enum import Enum, auto
 from typing import assert_never
 
@@ -106,16 +106,16 @@ class Reading:
         now_s = self._loop.time()
         if self._file is not None and self.known is Known.READ and now_s - self._asked_s >= NEWS_MS / 1000:
             self._asked_s = now_s
-            self.look_now()
+            self._soon(self._take(self._file.news()))
 
     def look_now(self) -> None:
-        """Read what another gateway has written."""
+        """Read what another gateway has written, also what was passed over because it was being run here."""
         if self._file is not None:
-            self._soon(self._news(self._file))
+            self._soon(self._take(self._file.load()))
 
-    async def _news(self, file: ReceiptFile) -> None:
-        receipts = await file.news()
-        if receipts is not None:
+    async def _take(self, reading: Awaitable[list[Receipt] | Unread | None]) -> None:
+        receipts = await reading
+        if isinstance(receipts, list):
             self._took(receipts)
 
     def close(self) -> None:
