@@ -7,17 +7,16 @@ hands tied: signals, access log and shutdown belong to the core.
 
 import asyncio
 import contextlib
+import importlib
 import socket
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Any, Final, cast
 
 from starlette.types import ASGIApp
-from uvicorn._types import ASGISendEvent
 from uvicorn.config import LIFESPAN, Config
 from uvicorn.importer import import_from_string
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
-from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from uvicorn.server import Server
 
 _LIFESPAN: Final = "off"
@@ -30,7 +29,8 @@ TICK_S: Final = 1.0
 SAID_BYTES_MAX: Final = 4_096
 PING_EVERY_S: Final = 20.0
 PONG_WITHIN_S: Final = 20.0
-STUCK_S: Final = 5.0
+#: Loaded behind the serving: its library is a third of what a start loads for the server, and no answer needs it.
+PAGE_SOCKET: Final = "core.page_socket"
 
 
 def bind_unix(path: Path) -> socket.socket | str:
@@ -57,42 +57,10 @@ def bind_loopback(port: int) -> socket.socket | str:
     return bound
 
 
-class PageSocket(WebSocketsSansIOProtocol):
-    """A WebSocket whose client takes what it is sent, or is hung up on.
-
-    Closing is not enough for one that reads nothing: the close frame would wait behind the rest.
-    """
-
-    _stuck: asyncio.TimerHandle | None = None
-
-    async def send(self, message: ASGISendEvent) -> None:
-        """Send, and know a refusal for an answer: the server takes it for a handshake that never ended."""
-        await super().send(message)
-        if self.initial_response is not None and self.close_sent:
-            self.handshake_complete = True
-
-    def pause_writing(self) -> None:
-        """The client does not read: give it a while."""
-        super().pause_writing()
-        self._stuck = self.loop.call_later(STUCK_S, self._hang_up)
-
-    def resume_writing(self) -> None:
-        """It reads again."""
-        self._forgive()
-        super().resume_writing()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """It is gone."""
-        self._forgive()
-        super().connection_lost(exc)
-
-    def _hang_up(self) -> None:
-        self.transport.abort()
-
-    def _forgive(self) -> None:
-        if self._stuck is not None:
-            self._stuck.cancel()
-            self._stuck = None
+def _page_socket(**parts: Any) -> asyncio.Protocol:
+    """Take the place of a class of sockets, whose code nobody has waited for at the start."""
+    made: asyncio.Protocol = importlib.import_module(PAGE_SOCKET).PageSocket(**parts)
+    return made
 
 
 class LedgerServer(Server):
@@ -103,7 +71,7 @@ class LedgerServer(Server):
             Config(
                 app,
                 http=HttpToolsProtocol,
-                ws=PageSocket,
+                ws=cast("type[asyncio.Protocol]", _page_socket),
                 ws_max_size=SAID_BYTES_MAX,
                 ws_per_message_deflate=False,
                 ws_ping_interval=PING_EVERY_S,

@@ -30,4 +30,5 @@ def _load() -> None:
     # meanwhile, the name is that of code which nobody runs any more, and this spare is not promoted.
     importlib.import_module("core.build").own_build()
     importlib.import_module("core.main")
+    importlib.import_module("core.page_socket")
     importlib.import_module("core.web.rehearsal").load()

@@ -58,6 +58,7 @@ from core.warming import Spare
 from core.web.app import make_app
 
 PORT_DEFAULT: Final = 3001
+REST_AFTER_READY_S: Final = 0.2
 LAST_FLUSH_S: Final = 0.02  # one turn of the loop writes the last answers out; this is a few
 
 Book = OpenBook | ReadableBook
@@ -320,7 +321,7 @@ class Life:
 
     async def _load_the_rest(self) -> None:
         # Twenty milliseconds of work, for which the answers that somebody has waited for should not have to wait.
-        await asyncio.sleep(self._settings.verify_after_ms / 1000)
+        await asyncio.sleep(REST_AFTER_READY_S)
         await asyncio.to_thread(importlib.import_module, PAGE_SOCKET)
         self._obedience.build = await asyncio.to_thread(own_build)
 
