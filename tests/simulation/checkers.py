@@ -208,8 +208,8 @@ class Checkers:
         row = seen_of(life)
         needed_ms = row.judged.needs_ms(guard.policy)
         lasted_ns = move.at_ns - life.since_ns + BEAT_NS
-        # Of the time before a look that came late, a tick's is counted.
-        if self._forgiven_ns >= life.began_ns:
+        # Of the time before a look that came late, a tick's is counted; and a claim is told with the look before it.
+        if self._forgiven_ns >= life.began_ns or life.condition.lies:
             lasted_ns += guard.policy.health_check_interval_ms * NS_PER_MS
         hold(
             needed_ms is not None and lasted_ns >= needed_ms * NS_PER_MS,
@@ -283,7 +283,7 @@ class Checkers:
             case orders.Kill():
                 self._kill(guard, action)
             case orders.Terminate():
-                self._sent_away.add(action.life)
+                self._terminate(guard, action)
             case orders.TakeEvidence(living=True):
                 self._evidence[action.life] = self.world.clock.now_ns
                 if action.stop:
@@ -313,6 +313,15 @@ class Checkers:
         if life.guard != self.world.guard.number or told != life.number:
             return False
         return life.drained or (life.in_kernel and (life.epoch or 0) < self.world.store.epoch)
+
+    def _terminate(self, guard: "Guard", order: orders.Terminate) -> None:
+        self._sent_away.add(order.life)
+        core, spare = guard.numbered(order.life), self.world.spare
+        if self._phase not in SERVING or guard.manager.wanted is Wanted.DOWN or core is None or core.unfenced:
+            return
+        starts = self.world.build not in self.world.bad_builds or core.build == self.world.build
+        shown = spare is not None and spare.stage is Stage.WARM
+        hold(starts or shown or core.drained, "no core makes room for code that does not start")
 
     def _spawn_spare(self, guard: "Guard", order: orders.SpawnSpare) -> None:
         own = [x for x in self.world.lives if x.alive and x.waits and x.guard == guard.number]
@@ -435,7 +444,7 @@ class Checkers:
 
     def _way_on(self) -> bool:
         """Whether this guard began with a core that it found serving."""
-        return self._last is Trigger.FOUND_SERVING
+        return self._last in {Trigger.FOUND_SERVING, Trigger.FOUND_NEW}
 
     # ---- the ledger and its clients ----
 

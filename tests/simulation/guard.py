@@ -16,6 +16,7 @@ from hardcore.model.recorder import Beats, CommandNote, SlotStage
 from hardcore.model.verdicts import Colour, Diagnosis
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.policy import Policy
+from hardcore.recovery.spare import Lack
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import FROZEN, WELL
 from tests.simulation.looks import THREADS, beats, notes, page, process
@@ -211,15 +212,17 @@ class Guard:
 
     def _wants_spare(self) -> bool:
         """Whether a spare is to come, or to be ended."""
-        if not (self.world.warm and self.policy.spare and self.phase in {Phase.RUNNING, Phase.SUSPECT}):
+        told = self.manager.reading()
+        wants = self.policy.spare or told.switch_waits or told.spare
+        if not (self.world.warm and wants and self.phase in {Phase.RUNNING, Phase.SUSPECT}):
             return False
         spare = self._lives.get(self._spare)
         if spare is not None and spare.alive:  # its word comes by itself, unless something is the matter
             late = spare.stage is Stage.BORN and (spare.plan.hangs or spare.plan.fence_ns > NS_PER_S)
             return spare.condition is not WELL or late
-        told = self.manager.reading()
-        never = told.spare_fault or told.behind is not None or told.safe is not None
-        return not never and self._spare not in self._spawning
+        never = told.spare_lack in {Lack.OFF, Lack.MEMORY} or told.spare_lost
+        may = told.switch_updates or not (never or told.safe is not None)
+        return may and told.behind is None and self._spare not in self._spawning
 
     @property
     def always_worried(self) -> bool:

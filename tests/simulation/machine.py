@@ -151,7 +151,7 @@ class Life:
         self.kill_pending = False
         self.asked = False  # somebody wanted its end: its death is no accident of its own
         self.blamed = False  # the guard judged that it hung from inside
-        self.completed_boot = False
+        self.completed_boot, self.served_ns = False, 0
         self.extra_waiting = 0
         self.extra_notes: tuple[CommandNote, ...] = ()
         self.unfenced = safe is not None  # it reads only, for ever
@@ -303,7 +303,7 @@ class Life:
             self.die(seen.Exit(code=CORRUPT), "STORE_CORRUPT")
             return
         assert self.epoch is not None, "a core proves after its fence"
-        self.stage, self.completed_boot = Stage.READY, True
+        self.stage, self.completed_boot, self.served_ns = Stage.READY, True, self.world.clock.now_ns
         seq = len(self.world.store.commits)
         kind = "none" if self.unfenced else "chain" if self.expected is None else "witness"
         proof = seen.Proof(kind, 0, seq, f"{seq:x}")

@@ -4,6 +4,7 @@ None of it may cost a commit, and what befalls the spare alone may cost nobody a
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 from hardcore.model import observations as seen
@@ -90,9 +91,16 @@ def _spare_is_slow(world: World) -> None:
 
 def ask_for_switch(world: World) -> None:
     """The operator wants another core, and the code on the disk was looked at."""
-    now_ns = world.clock.now_ns
-    world.to_guard(seen.OperatorAsked(now_ns, seen.Verb.RESTART, build=world.build))
+    world.to_guard(_restart(world))
     world.worry()
+
+
+def _restart(world: World) -> seen.OperatorAsked:
+    """The core is asked for its own code too; it may not answer."""
+    core = world.core
+    says = core is not None and core.condition.loop_works
+    serves = core.build if core is not None and says else ""
+    return seen.OperatorAsked(world.clock.now_ns, seen.Verb.RESTART, build=world.build, serves=serves)
 
 
 def operator_asks(world: World, verb: seen.Verb) -> None:
@@ -102,7 +110,8 @@ def operator_asks(world: World, verb: seen.Verb) -> None:
     if verb is seen.Verb.STOP:
         world.disk_wanted = Wanted.DOWN
     image = verb is not seen.Verb.STOP and world.rng.random() < 0.3
-    world.guard.tell(seen.OperatorAsked(world.clock.now_ns, verb, "because", image=image))
+    asked = _restart(world) if verb is seen.Verb.RESTART else seen.OperatorAsked(world.clock.now_ns, verb)
+    world.guard.tell(replace(asked, reason="because", image=image))
 
 
 def _drains(how: Draining, most: int = 1) -> Fault:
