@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from core.guarded.recorder import Recorder
-from hardcore.host import clock, files, leftovers, steps
+from hardcore.host import clock, files, steps
 from hardcore.host.folders import Folders
 from hardcore.host.leftovers import Leftovers, find_leftovers
 from hardcore.host.recorder import make_page
