@@ -3,7 +3,8 @@
 Nothing that could be done before may be left for the moment in which people wait: all modules, templates, formats and
 routes are there, each page was drawn once from the store's own rows for nobody (so that every statement is compiled
 and every file read), the connections that read are open, and the proof has walked to the head of the book. It follows
-the head with short reads, none of which outlives its moment; an open one would keep the log from being checkpointed.
+the head with short reads, none of which outlives its moment; an open one would keep the log from being checkpointed. So
+where the log has grown long it reads nothing, whoever's fault that is, until it is short again.
 It writes nothing and raises no epoch: whoever never promotes it has never had it. Not chosen: forking a warm parent,
 because threads, sockets and SQLite's locks are not inherited whole.
 """
@@ -46,6 +47,9 @@ from core.web.rehearsal import rehearse
 
 LOOK_EVERY_S: Final = 1.0
 SLICE_REST_S: Final = 0.02  # between two slices of the book that have not been seen yet
+#: Far above what a log comes to between two checkpoints: somebody's reads keep it from being emptied, and the likeliest
+#: reader is a spare on a starved machine. It can always be without them: the proof then has more to do.
+LOG_BYTES_MAX: Final = 32 << 20
 REHEARSING: Final = "REHEARSING"  # why the service of a rehearsal serves reads only
 
 
@@ -79,6 +83,7 @@ class Spare:
         self._order: asyncio.Future[PromoteOrder] = asyncio.get_running_loop().create_future()
         self._told = False
         self._seen: Seen | None = None
+        self._aside = False
         self._at_work_on = "looking at the store"
         self.ahead = Ahead(settings.tail_events)
         self.app: Starlette = lay_out()
@@ -141,6 +146,9 @@ class Spare:
         """
         rest_s = SLICE_REST_S
         while not (await asyncio.wait({self._order}, timeout=rest_s))[0]:
+            if self._steps_aside(await self._log_bytes()):
+                rest_s = LOOK_EVERY_S
+                continue
             found = await self._look()
             if isinstance(found, Seen):
                 self._seen = found
@@ -163,6 +171,27 @@ class Spare:
         """Return that the book is broken, if it was seen so: no core may come of whoever has seen that."""
         fault = self.ahead.fault
         return None if fault is None else departure.corrupt(fault.sentence)
+
+    def _steps_aside(self, log_bytes: int) -> bool:
+        """Whether nothing is to be looked at now, so that the log of the book can be emptied by who writes it."""
+        aside = log_bytes > LOG_BYTES_MAX
+        if aside is not self._aside:
+            self._aside = aside
+            self._recorder.event(
+                "SPARE_ASIDE" if aside else "SPARE_FOLLOWS", f"the log has {log_bytes} bytes"
+            )
+        return aside
+
+    async def _log_bytes(self) -> int:
+        """Return how long the log is, seen from outside: no file of the book is opened for it."""
+
+        def look() -> int:
+            try:
+                return self._data.joinpath(f"{LEDGER_FILE}-wal").stat().st_size
+            except OSError:
+                return 0
+
+        return await asyncio.get_running_loop().run_in_executor(self._thread, look)
 
     async def _look(self) -> Seen | StoreError:
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._read)
