@@ -62,7 +62,6 @@ class Spare:
     life: int = 0
     since_ns: int = 0
     build: str = ""
-    migrates: bool = False
     free_bytes: int | None = None
     surveyed: bool = False
     fault: str = ""
@@ -138,15 +137,14 @@ class Spare:
     def begin(self, life: int, now_ns: int) -> None:
         """One is being started as `life`."""
         self.state, self.life, self.since_ns = SpareState.STARTING, life, now_ns
-        self.build, self.migrates, self.drilled = "", False, False
+        self.build, self.drilled = "", False
         self._looked_ns = self._heard_ns = self._borne_ns = now_ns
         self._runs = False
 
     def ready(self, fact: SpareReady) -> None:
         """It waits from now on. Its word is no look at it: it may have lain there while we slept."""
         if self.state is SpareState.STARTING:
-            self.state, self.build, self.migrates = SpareState.READY, fact.build, fact.migrates
-            self.fault = ""
+            self.state, self.build, self.fault = SpareState.READY, fact.build, ""
 
     def looked(self, now_ns: int, beats: Beats | None, process: ProcessSample | None) -> None:
         """Take in one look at it: both of its beats count, and whether it runs at all."""
