@@ -22,6 +22,7 @@ from hardcore.crisis.live import Live
 from hardcore.crisis.mishap import contained
 from hardcore.crisis.moves import TURNED_AWAY, Moves
 from hardcore.crisis.problems import Problem
+from hardcore.crisis.receipts import Receipt
 from hardcore.crisis.receipts_form import form_in
 from hardcore.crisis.routing import Route
 from hardcore.crisis.sockets import Sockets
@@ -51,6 +52,7 @@ class Desk:
         outlook, demo = self.moves.outlook, drills is not None
         self.history = history or History(loop, None)
         self.live = Live(loop, limits, self.history, self.moves.waiting, now_ns, self.promises, demo=demo)
+        self.promises.told = self._told
         self.sockets = Sockets(loop, outlook, self.live, limits, now_ns)
         outlook.watch = self._look
         self.promises.shelf = lambda: self.moves.shelf
@@ -79,7 +81,7 @@ class Desk:
             case Route.RECEIPT:
                 self._is_ours(exchange)
                 self.promises.asked(exchange)
-            case Route.FORWARD if self.moves.core_has_room():
+            case Route.FORWARD if self.moves.core_has_room() and self.moves.precedence.lets(exchange):
                 self.moves.move(exchange, Trigger.PASS)
             case Route.FORWARD | Route.HOLD:
                 self.moves.keep(exchange)
@@ -167,6 +169,11 @@ class Desk:
             case _:
                 pass
         self.moves.outlook.hear(message)
+
+    def _told(self, receipt: Receipt) -> None:
+        """A promise was given, or something became of it: pages hear of it, and whoever waits behind it may go on."""
+        self.live.promised(receipt)
+        self.moves.precedence.freed()
 
     def upkeep(self) -> None:
         """What is due now and then."""

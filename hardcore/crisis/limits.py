@@ -34,6 +34,9 @@ class GatewayLimits(Limits):
         100, "a commit that was passed on is told at most this often", low=0, high=60_000
     )
     receipt_store_ms: int = setting(5_000, "the disk must have stored a promise by then", low=10, high=60_000)
+    receipts_first_ms: int = setting(
+        1_000, "after a release a browser's promises go before what it sends then", low=0, high=60_000
+    )
     receipt_pause_ms: int = setting(1_000, "a promise not kept yet is tried again", low=5, high=3_600_000)
     connections_per_address_max: int = setting(
         1536, "client connections from one address at a time", low=1, high=100_000

@@ -75,7 +75,6 @@ class Live:
         self._history = history
         self._in_hand = waiting  # how many requests wait here, by browser
         self._promises = promises
-        promises.told = self._promised
         self._now_ns = now_ns
         self._hello = _frame(
             {"v": 1, "type": "hello", "overlay_after_ms": limits.overlay_after_ms, "demo": demo}
@@ -109,7 +108,7 @@ class Live:
         socket.gone.append(self._pages.discard)
         self.add(socket)
 
-    def _promised(self, receipt: Receipt) -> None:
+    def promised(self, receipt: Receipt) -> None:
         """A promise was given, or something became of it."""
         mine = [one for one in self._pages if one.browser is not None and one.browser == receipt.wish.browser]
         if mine:

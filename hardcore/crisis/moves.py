@@ -32,6 +32,7 @@ from hardcore.crisis.mishap import describe
 from hardcore.crisis.outcomes import OutageBook
 from hardcore.crisis.outlook import Outlook, Ties
 from hardcore.crisis.plight import KEPT, cover
+from hardcore.crisis.precedence import Precedence
 from hardcore.crisis.problems import STATUS, Outcome, Problem
 from hardcore.crisis.receipts import Receipt
 from hardcore.crisis.receipts_desk import Kept, Promises, moments
@@ -77,6 +78,7 @@ class Moves:
         self.outlook = Outlook(loop, limits, Ties(self._changed, self._pump_soon, teller, now_ns))
         self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits))
         self.promises = Promises(loop, limits, self.outlook, receipts, moments(now_ns))
+        self.precedence = Precedence(loop, limits, self.outlook, self.promises, now_ns, self._pump_soon)
         self._loop = loop
         self._limits = limits
         self._teller = teller
@@ -119,6 +121,7 @@ class Moves:
     def _changed(self) -> None:
         match self.outlook.posture:
             case Face.FORWARD:
+                self.precedence.released()
                 self._pump()
                 self._flush_book(over=True)
             case Face.REFUSE:
@@ -154,10 +157,12 @@ class Moves:
                     return
                 plea = exchange.plea()
                 self.step(exchange, after_release(plea, suspected=plea.key_hash in suspects, newer=newer))
+        ahead = self.precedence.ahead()
         for exchange in list(self._held):
             if not self.core_has_room():
                 return
-            if exchange.life is Life.HELD:
+            behind = not exchange.head.safe and exchange.browser in ahead
+            if exchange.life is Life.HELD and not behind:
                 self.step(exchange, Trigger.PASS)
 
     def core_has_room(self) -> bool:
@@ -269,6 +274,9 @@ class Moves:
 
     def time_is_over(self, exchange: Exchange) -> None:
         """A request waits, or runs, for too long: whoever takes a promise gets one, if there is one to give."""
+        if exchange.life is Life.HELD and self.core_has_room():
+            self.move(exchange, Trigger.PASS)  # it has let its browser's promises go first for long enough
+            return
         promised = exchange.life in WAITING and self.promises.takes(exchange)
         self.move(exchange, Trigger.PROMISE if promised else Trigger.LIMIT)
 

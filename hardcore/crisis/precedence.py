@@ -1,0 +1,57 @@
+"""Who goes first after a release: what a browser was promised, before what it sends then.
+
+A promise is older than anything its browser sends once a core serves again, and may be what the newer wish builds on
+(the account it books on, the entry it reverses). So for a moment after each release an unsafe request waits for the
+promises of its own browser that still wait. Only for a moment: a promise may have to wait for a person, and then the
+newer wish is what somebody wants now. One line for both was not chosen: a promise that can't go on would stop a
+browser for ever.
+"""
+
+import asyncio
+from collections.abc import Callable, Collection
+
+from hardcore.crisis.exchange import Exchange
+from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.outlook import Outlook
+from hardcore.crisis.receipts_desk import Promises
+
+#: A timer may ring a little before its time.
+_EARLY_MS = 10
+
+
+class Precedence:
+    """`freed` is called when somebody may go on."""
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        limits: GatewayLimits,
+        outlook: Outlook,
+        promises: Promises,
+        now_ns: Callable[[], int],
+        freed: Callable[[], None],
+    ) -> None:
+        self.freed = freed
+        self._loop = loop
+        self._first_ms = limits.receipts_first_ms
+        self._outlook = outlook
+        self._promises = promises
+        self._now_ns = now_ns
+        self._epoch = 0
+        self._until_ns = 0
+
+    def released(self) -> None:
+        """A core serves: if it is another one, its first moment begins."""
+        if self._epoch != self._outlook.epoch:
+            self._epoch = self._outlook.epoch
+            self._until_ns = self._now_ns() + self._first_ms * 1_000_000
+            self._loop.call_later((self._first_ms + _EARLY_MS) / 1000, self.freed)
+
+    def ahead(self) -> Collection[bytes]:
+        """Browsers whose promises go first now. While a core only reads, none is kept."""
+        is_time = self._now_ns() < self._until_ns and self._outlook.standing.safe is None
+        return self._promises.waiting() if is_time else ()
+
+    def lets(self, exchange: Exchange) -> bool:
+        """Whether nothing goes before this request."""
+        return exchange.head.safe or exchange.browser is None or exchange.browser not in self.ahead()
