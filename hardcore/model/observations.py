@@ -71,13 +71,11 @@ class Verb(StrEnum):
 @dataclass(frozen=True, slots=True)
 class SentinelBegan:
     """The guard is up. `leftovers`: processes of an earlier guard's were found and may still live (as life 0).
-
     `page` is the recorder of the last core that committed, if there is one of this boot. `adoptable` is that of a
     core that was found serving: by its page it is ready, under the highest epoch of all pages, and no earlier guard
     had begun to end it; it is not among the leftovers. `suspects`: keys of commands that the earlier guard suspected in
     an incident it left open, or that were being executed in the last core it released, if that is gone or it had begun
-    to end it: a gateway that outlived both still has their requests. `serves_since_ns`: when the adoptable core said
-    that it begins to serve; None: its page does not say so any more, so that was long ago.
+    to end it: their requests are with a gateway. `serves_since_ns`: when the adoptable core began; None: long ago.
     """
 
     at_ns: int

@@ -185,6 +185,7 @@ class FailoverManager:
             spare_ready=c.spare.state is SpareState.READY,
             spare_fault=c.spare.why_not(),
             spare_lack=c.spare.lack,
+            spare_lost=c.spare.lost,
             spare_build=c.spare.build,
             switch_waits=c.switching is not None,
             switch_updates=c.switching is not None and c.switching.updates,

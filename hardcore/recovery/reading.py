@@ -48,6 +48,7 @@ class Reading:
     spare_ready: bool = False
     spare_fault: str = ""  # why there is none: what became of the last one, or what keeps one from being had
     spare_lack: Lack | None = None  # the same as a word
+    spare_lost: bool = False  # they die again and again: another is tried only now and then
     spare_build: str = ""  # the code that it runs
     switch_waits: bool = False  # a switch was asked for and has not been done
     switch_updates: bool = False  # and it waits for a spare to show whether the code on the disk starts

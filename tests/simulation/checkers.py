@@ -73,6 +73,7 @@ class Checkers:
         self._ready: set[int] = set()
         self._spares: set[int] = set()
         self._undrained: set[int] = set()
+        self._found = False  # this guard began with a core that it found serving
         self._exited: set[int] = set()
         self._evidence: dict[int, int] = {}
         self._taken: set[int] = set()
@@ -278,6 +279,7 @@ class Checkers:
                 self._promote(guard, action)
             case orders.Adopt():
                 self._ready.add(action.life)
+                self._found = True
             case orders.Drain():
                 self._renewed.add(action.life)
             case orders.Kill():
@@ -420,7 +422,7 @@ class Checkers:
         # A core that was proven and released ends the story too, even if it dies before it has lasted: its
         # death is the next one.
         restarts = guard.policy.asks(told.diagnosis, Word.REBOOT_PROCESS)
-        unwatched = told.diagnosis is Diagnosis.SENTINEL_LOST and not told.deaths and self._way_on()
+        unwatched = told.diagnosis is Diagnosis.SENTINEL_LOST and not told.deaths and self._found
         troubled = not (told.deaths or told.planned) and (unwatched or not restarts)
         same = told.planned and not told.deaths and told.life in self._undrained  # and it serves on
         served = (
@@ -441,10 +443,6 @@ class Checkers:
             hold(told.life not in self._handed_over, "one damage is told once of one core")
         if handed_over and guard.life is not None:
             self._handed_over.add(guard.life.number)
-
-    def _way_on(self) -> bool:
-        """Whether this guard began with a core that it found serving."""
-        return self._last in {Trigger.FOUND_SERVING, Trigger.FOUND_NEW}
 
     # ---- the ledger and its clients ----
 

@@ -11,7 +11,7 @@ from random import Random
 from typing import Any
 
 from hardcore.model import observations as seen
-from hardcore.model.recorder import Beats, CommandNote, LifeState, Page, RingEvent, SlotStage, Threads
+from hardcore.model.recorder import Beats, CommandNote, LifeState, Page, SlotStage, Threads
 from hardcore.model.verdicts import Diagnosis
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.conditions import DISK_SLOW, STORE_SLOW, WELL, Condition, Judged, ThreadLook, Wait
@@ -146,7 +146,7 @@ def page(life: Life) -> Page | None:
         return None
     return Page(
         f"{life.serial:016x}", "boot", 1000 + life.serial, 1, THREADS, beats(life), life.witness,
-        life.words, notes(life), (), (RingEvent(life.served_ns, 1, "READY", ""),) if life.completed_boot else (),
+        life.words, notes(life), (), (),
     )  # fmt: skip
 
 

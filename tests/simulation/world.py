@@ -90,7 +90,8 @@ class World:
         guard.adopts = found
         own = page(found) if found is not None else None
         suspects = self._suspected(before) if before is not None and self.warm else ()
-        guard.hear(seen.SentinelBegan(self.clock.now_ns, others, last, own, suspects))
+        since_ns = found.served_ns if found is not None else None
+        guard.hear(seen.SentinelBegan(self.clock.now_ns, others, last, own, suspects, since_ns))
 
     def _adoptable(self, before: Guard) -> Life | None:
         """The core that serves under the highest epoch of all pages, and that nobody had begun to end."""
