@@ -83,9 +83,8 @@ def test_spares_that_die_again_and_again_are_given_up_and_nobody_who_serves_is_t
     for _ in range(SPARES_TRIED):
         last = spare_of(house, but=last)
         house.hold_pid(last).hit(signal.SIGKILL)
-    lost = house.until(lambda s: s["spare_off"], "no spare to be tried any more")
-    assert lost["spare"] is None
-    degraded = house.until(lambda s: s["state"] == "DEGRADED", "this to be told")
+    degraded = house.until(lambda s: s["state"] == "DEGRADED" and s["spare"] is None, "no spare to be tried")
+    assert degraded["spare_lack"] == "died"
     assert (degraded["core"]["pid"], degraded["core"]["epoch"]) == (
         before["core"]["pid"],
         before["core"]["epoch"],
