@@ -224,7 +224,11 @@ def waits_for(incident: Incident) -> str | None:
 def went_on(incident: Incident) -> bool:
     """Tell whether the core served all through a closed incident, so that it has neither an outage nor a new proof."""
     ended = incident.deaths or incident.exit != Exit() or incident.outage_ms is not None or incident.left_open
-    told = incident.closed_at is not None and incident.outcome not in {"open", "abandoned"} and bool(incident.timeline)
+    told = (
+        incident.closed_at is not None
+        and incident.outcome not in {"open", "abandoned"}
+        and bool(incident.timeline)
+    )
     return told and not ended and not any(step.step == "spawned" for step in incident.timeline)
 
 
