@@ -465,15 +465,15 @@ class Executor:
         pid = life.handle.pid if life and life.handle else None
         return pid, life.nonce if life else ""
 
-    def know(self, incident: orders.Incident) -> None:
-        """Let what is known of an incident be written with the next deed: a guard that dies then has told it."""
+    def keep_open(self, incident: orders.Incident) -> None:
+        """Have written down what is known of an incident that goes on. Of its evidence, what is ordered now comes first.
+
+        The next deed writes it as well, in brief: a guard that dies in the middle of it has told of it all the same.
+        """
         brief = dataclasses.replace(
             incident, in_flight=(), requests=(), suspects=incident.suspects[:SUSPECTS_A_LINE]
         )
         self._steps.tell(facts(brief, *self._whose(incident), clock.wall))
-
-    def keep_open(self, incident: orders.Incident) -> None:
-        """Have written down what is known of an incident that goes on. Of its evidence, what was ordered comes first."""
         self.begin(self._open(incident))
 
     async def _open(self, incident: orders.Incident) -> None:

@@ -165,7 +165,7 @@ class Runtime:
         if (
             news is not None
         ):  # before the deeds, which write it down: a guard that dies in them has told of it
-            self.executor.know(news)
+            self.executor.keep_open(news)
         given = self.manager.take_actions()
         self.tape.ordered(given)
         # Then who takes over: people wait for that, and for nothing else that may be ordered with it.
@@ -174,8 +174,6 @@ class Runtime:
             if isinstance(action, orders.CloseIncident):
                 self.door.last_incident = action.incident.id
                 self._keep_recording(action.incident.id)
-        if news is not None:
-            self.executor.keep_open(news)
         self._set_timer()
         for change in self.manager.take_transitions():
             self.executor.note(
