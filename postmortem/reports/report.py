@@ -90,7 +90,10 @@ def summarise(incident: Incident, language: str) -> str:
     after = _after(incident.outage_ms or 0, language)
     joint = " " if language == "ko" else "; "
     sentence = f"{lead}{cause}{joint}{outcome.format(after=after, incident=incident.left_open)}"
-    if (waits := waits_for(incident)) is not None and waits in texts.WAITS:
+    waits = waits_for(incident)
+    if incident.outcome == "safe_mode" and incident.waits_for != incident.diagnosis:
+        waits = incident.waits_for  # what began it is not what keeps it from writing
+    if waits is not None and waits in texts.WAITS:
         reason = texts.WAITS[waits][language]
         sentence = f"{sentence.removesuffix('.')}: {waits} — {reason}"
     return sentence[0].upper() + sentence[1:]
