@@ -140,7 +140,7 @@ def test_an_import_whose_rows_are_lost_is_never_called_done(data: Path, torn: by
 
 
 def test_a_mistake_after_ready_ends_the_process_with_its_code(tmp_path: Path, data: Path) -> None:
-    broken = "from core.imports.desk import Desk\nasync def start(desk):\n    raise ValueError('a mistake')\nDesk.start = start\n"
+    broken = "from core import audit\ndef behind(*_):\n    raise ValueError('a mistake')\naudit.audit_behind = behind\n"
     (tmp_path / "sitecustomize.py").write_text(broken)
     with started(data, PYTHONPATH=f"{tmp_path}:{ROOT}") as core:
         assert core.ends_with() == ExitCode.BUG
