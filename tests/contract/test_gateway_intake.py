@@ -195,7 +195,7 @@ def test_a_body_that_drips_is_ended_though_it_is_never_silent(tmp_path: Path, *,
 
 
 def test_there_is_one_bound_for_what_all_clients_leave_unread(tmp_path: Path) -> None:
-    with world(tmp_path, answers_bytes_max=100_000, answer_buffer_bytes_max=1000) as w:
+    with world(tmp_path, answers_bytes_max=100_000, answer_buffer_bytes_max=1 << 20) as w:
         core = w.serving(lambda call: call.answer(200, b"x" * (32 << 20)))
         slow = w.client().ask("GET", "/huge")
         core.wait("/huge")[0].wait_closed()
