@@ -103,7 +103,10 @@ def converges(house: House, fault: str, kill: Callable[[], object]) -> None:
         ("hang", "promote"),
         ("hang", "released"),
         ("switch", "drain"),
-        ("switch", "promote"),  # what follows is marked by two hands at one moment: met at random instants below
+        (
+            "switch",
+            "promote",
+        ),  # what follows is marked by two hands at one moment: met at random instants below
     ],
 )
 def test_a_guard_that_is_killed_at_a_step_is_followed_to_one_core(
