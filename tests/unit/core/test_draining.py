@@ -67,9 +67,9 @@ def test_a_drained_core_lets_go_once_and_says_so_again(tmp_path: Path) -> None:
 def test_nothing_is_proven_behind_a_drained_core(tmp_path: Path) -> None:
     async def scenario() -> None:
         async with scene(tmp_path, []) as now:
-            assert not now.service.is_laid_down
+            before = now.service.is_laid_down
             assert isinstance(await now.drain.within(10_000), int)
-            assert now.service.is_laid_down
+            assert (before, now.service.is_laid_down) == (False, True)
             assert isinstance(await now.service.verify_behind(), GivenUp)
 
     asyncio.run(scenario())
