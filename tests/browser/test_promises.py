@@ -1,6 +1,7 @@
 """Wishes that were promised to be carried out later: what their own page says, and any other page of that browser."""
 
 import re
+from collections.abc import Callable
 from typing import Any, Final
 
 from playwright.sync_api import Browser, Page, Request, Route, expect
@@ -57,6 +58,11 @@ def card(page: Page, head: str) -> Any:
     return page.locator("#receipts section").filter(has=page.get_by_role("heading", name=head, exact=True))
 
 
+def heard(page: Page, holds: Callable[[], bool], what: str) -> None:
+    """Wait for what a route of ours hears: it hears nothing while nobody asks the browser anything."""
+    until(lambda: page.evaluate("true") and holds(), what)
+
+
 def test_what_became_of_wishes_whose_pages_have_gone_is_told_once_and_counted(
     house: House, open_tab: OpenTab
 ) -> None:
@@ -74,7 +80,7 @@ def test_what_became_of_wishes_whose_pages_have_gone_is_told_once_and_counted(
     expect(result.get_by_role("link", name="View")).to_have_attribute("href", "/register")
     result.get_by_role("button", name="Close").click()
     expect(result).to_have_count(0)
-    until(lambda: len(receipts.words) == 4, "each of them to be called seen")
+    heard(page, lambda: len(receipts.words) == 4, "each of them to be called seen")
     assert {word for _, word in receipts.words} == {"seen"}
     receipts.say("key-done", "done", seen=True)
     receipts.say("key-old", "ask")  # the next to be told: until it is there, nothing else was
@@ -153,12 +159,12 @@ def test_a_form_whose_wish_was_promised_needs_no_window_and_takes_no_second_pres
     expect(said).to_have_text("There is not enough money in it.")
     expect(form.locator("[name=description]")).to_have_value("Promised")
     send_now(form)
-    until(lambda: len(keys) == 2, "the corrected wish to be sent under a key of its own")
+    heard(page, lambda: len(keys) == 2, "the corrected wish to be sent under a key of its own")
     assert keys[0] != keys[1]
     receipts.say(keys[1], "done", status=201, answer={"location": "/", "said": "Saved"})
     expect(said).to_have_text("Saved")
     expect(form.locator("[name=description]")).to_have_value("")
-    until(lambda: len(receipts.words) == 2, "both to be called seen")
+    heard(page, lambda: len(receipts.words) == 2, "both to be called seen")
     page.reload()
     assert watch.leaving == 0
     expect(page.locator("#receipts section")).to_have_count(0)
