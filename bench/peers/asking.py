@@ -124,7 +124,8 @@ class Asking:
 
 def _silence_over_ms(hit_ns: int, until_ns: int, told_ns: list[int]) -> float | None:
     """Return how long after the blow the longest time without a good answer was over; None: it was not."""
-    moments = [hit_ns, *sorted(told_ns), until_ns]
-    length_ns, end_ns = max((end - begin, end) for begin, end in itertools.pairwise(moments))
-    assert length_ns >= 0, "the moments are in order, since what was told after the end counts as told at it"
-    return None if end_ns >= until_ns else (end_ns - hit_ns) / 1e6
+    moments = [hit_ns, *sorted(told_ns)]
+    if until_ns - moments[-1] >= PATIENCE_S * 1e9:
+        return None
+    silences = [(end - begin, end) for begin, end in itertools.pairwise(moments)]
+    return (max(silences)[1] - hit_ns) / 1e6 if silences else None
