@@ -175,6 +175,10 @@ class ReceiptFile:
         try:
             if not self._path.exists():
                 return []
+            if os.statvfs(self._path).f_flag & os.ST_RDONLY:
+                return (
+                    Unread.FOR_GOOD
+                )  # nothing is done on such a disk, so nothing can be done twice; it is tried again
             connection = self._looked_into()
             self._data_version = _data_version(connection)
             return _all(connection)
