@@ -40,10 +40,10 @@ _REFUSALS: Final = frozenset(
     }
 )
 #: Failures that time alone does not mend: the file is none of ours, or nobody may open it.
-_HOPELESS: Final = frozenset(
+_HOPELESS: Final = frozenset({sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN}) | frozenset(
     {sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_PERM}
 )
-_HOPELESS_OS: Final = frozenset(
+_HOPELESS_OS: Final = frozenset({errno.EROFS}) | frozenset(
     {errno.EISDIR, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ENOENT, errno.ELOOP}
 )
 
