@@ -89,7 +89,10 @@ def test_an_incident_whose_guard_died_is_closed_by_the_next_guard(new_house: Mak
         assert story["closed_at"] is not None
         assert story["outcome"] == "abandoned", "nobody saw how it ended, so no other word is true"
         assert "the guard itself ended before it" in story["summary"]
-        assert story["bundle"]["faults"] in ([], ["its evidence was never finished"])
+        assert set(story["bundle"]["faults"]) <= {
+            "its evidence was never finished",
+            "'observations.jsonl' is not in its manifest",  # the guard died between the two
+        }
     assert story_of(house, first.id)["core"]["pid"] is not None
     assert text_of(house, HALF, "log.txt") == "the last line\n"
     assert not list(incidents.glob(".*"))
