@@ -5,8 +5,9 @@ The executor carries out each one and tells what came of it as an `Observation`.
 
 from dataclasses import dataclass
 
-from hardcore.model.observations import DeathNote, Exit, LedgerAudited, Proof, RequestOutcome
+from hardcore.model.observations import Exit, LedgerAudited, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Witness
+from hardcore.model.trials import TrialAction, TrialNote
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 
 
@@ -130,6 +131,15 @@ class Release:
 
 
 @dataclass(frozen=True, slots=True)
+class DeathNote:
+    """One death inside an incident."""
+
+    at_ns: int
+    diagnosis: Diagnosis
+    exit: Exit | None
+
+
+@dataclass(frozen=True, slots=True)
 class Incident:
     """The story of an outage, as facts. Times are monotonic; the shell adds the wall's.
 
@@ -161,6 +171,7 @@ class Incident:
     waits_for: Diagnosis | None
     closed_ns: int
     blamed: tuple[str, ...] = ()  # ids of the commands that the evidence names
+    trials: tuple[TrialNote, ...] = ()  # what came of its suspects so far
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,5 +227,6 @@ Action = (
     | AddAudit
     | Alert
     | KeepBudget
+    | TrialAction
     | Halt
 )

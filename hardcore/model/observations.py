@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from hardcore.model.recorder import Beats, CommandNote, Page, Threads, Witness
+from hardcore.model.trials import CourtMemory, TrialObservation
 from hardcore.model.verdicts import Diagnosis
 
 
@@ -84,6 +85,7 @@ class SentinelBegan:
     adoptable: Page | None = None
     suspects: tuple[str, ...] = ()
     serves_since_ns: int | None = None
+    court: CourtMemory | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -455,15 +457,6 @@ class RequestsSettled:
     requests: tuple[RequestOutcome, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class DeathNote:
-    """One death inside an incident."""
-
-    at_ns: int
-    diagnosis: Diagnosis
-    exit: Exit | None
-
-
 #: Facts about one life of the core.
 CoreObservation = (
     Sampled
@@ -496,5 +489,6 @@ Observation = (
     | GatewayWitnessed
     | FirstServed
     | RequestsSettled
+    | TrialObservation
     | CoreObservation
 )

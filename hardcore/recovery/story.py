@@ -7,8 +7,8 @@ with three tries the outage ends with the third.
 
 from dataclasses import dataclass, field
 
-from hardcore.model.actions import Incident
-from hardcore.model.observations import DeathNote, Exit, LedgerAudited, Proof, RequestOutcome
+from hardcore.model.actions import DeathNote, Incident
+from hardcore.model.observations import Exit, LedgerAudited, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Page, Witness
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 from hardcore.recovery import trial

@@ -10,8 +10,8 @@ import pytest
 
 from hardcore.host import clock
 from hardcore.model import verdicts
-from hardcore.model.actions import AddAudit, Incident
-from hardcore.model.observations import DeathNote, LedgerAudited, RequestOutcome, RequestsSettled
+from hardcore.model.actions import AddAudit, DeathNote, Incident
+from hardcore.model.observations import LedgerAudited, RequestOutcome, RequestsSettled
 from hardcore.model.verdicts import Colour, Diagnosis, Grade
 from hardcore.snapshot import writer
 from hardcore.snapshot.filing import Filing

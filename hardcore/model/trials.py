@@ -1,0 +1,244 @@
+"""Suspects and what a trial says of them, as values.
+
+A death convicts nobody: it makes suspects, and only a trial in a throw-away core on a copy of the ledger, where the
+command does it again, makes one of them a poison (without that rule random kills convicted 79 innocents in 150
+deaths). The wires are `docs/wires.md` sections 12 to 15. Facts come from the court's process and from whoever holds a
+request's body; orders go to the executor; what is remembered is the pure value of `recovery/court.py`.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Ordeal(StrEnum):
+    """What became of one case in the throw-away core."""
+
+    DIED = "died"  # its process ended
+    HUNG = "hung"  # it did not answer in its time
+    GREW = "grew"  # its memory passed the bound
+    SURVIVED = "survived"
+    COMMITTED = "committed"  # its key is in the ledger: nothing was run
+    UNTRIED = "untried"  # nobody could try it
+
+
+#: What convicts.
+REPRODUCED = frozenset({Ordeal.DIED, Ordeal.HUNG, Ordeal.GREW})
+
+
+class Reason(StrEnum):
+    """Why a request is set aside, in one word for people and programs; its sentence stands in the catalogue."""
+
+    CRASHED_CORE = "CRASHED_CORE"
+    HUNG_CORE = "HUNG_CORE"
+    DEADLOCK = "DEADLOCK"
+    MEMORY_LIMIT = "MEMORY_LIMIT"
+    INVALID_FOR_STATE = "INVALID_FOR_STATE"
+    SCHEMA_UNKNOWN = "SCHEMA_UNKNOWN"
+    DUPLICATE_KEY_OTHER_PAYLOAD = "DUPLICATE_KEY_OTHER_PAYLOAD"
+    EXPIRED_WAITING = "EXPIRED_WAITING"
+    ACCOUNT_QUARANTINED = "ACCOUNT_QUARANTINED"
+    OPERATOR_HOLD = "OPERATOR_HOLD"
+    UNPROVEN = "UNPROVEN"
+
+
+@dataclass(frozen=True, slots=True)
+class Letter:
+    """One dead letter as the guard knows it. `name` is the suspect's; `seq`: it is an event of the log.
+
+    `held`: nothing was reproduced, so its name alone is refused; else its digest and fingerprint are too.
+    """
+
+    id: str
+    name: str
+    reason: Reason
+    held: bool
+    incidents: tuple[str, ...]
+    deaths: int
+    command_id: str = ""
+    kind: str = ""
+    account_ids: tuple[str, ...] = ()
+    transaction_id: str = ""
+    source: str = ""
+    fingerprint: str = ""
+    digest: str = ""
+    seq: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TrialNote:
+    """One trial as an incident tells it. `letter`: what came of it, empty if it was cleared."""
+
+    name: str
+    command_id: str
+    ordeal: Ordeal
+    letter: str
+    took_ms: int
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """A command that may have caused a death. `deaths`: from inside, with it at work; `filed`: its case is on the disk.
+
+    `ordeal`: what its last trial said, None before one. `letter`: it is set aside under this number.
+    """
+
+    name: str
+    incident: str
+    deaths: int = 1
+    command_id: str = ""
+    kind: str = ""
+    account_ids: tuple[str, ...] = ()
+    transaction_id: str = ""
+    source: str = ""
+    digest: str = ""
+    filed: bool = False
+    ordeal: Ordeal | None = None
+    letter: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CourtMemory:
+    """What a successor of this guard has to know of suspects: the open ones, and those tried in the last day.
+
+    `settled_seq`: the head of the ledger under the last core that outlived its probation. `parked`: events left out.
+    """
+
+    suspects: tuple[Suspect, ...] = ()
+    settled_seq: int = 0
+    parked: tuple[int, ...] = ()
+
+
+# ---- facts ----
+
+
+@dataclass(frozen=True, slots=True)
+class CaseFiled:
+    """The whole request (or row) of a suspect lies in `state/cases/`. `source`: who sent it."""
+
+    at_ns: int
+    name: str
+    source: str = ""
+    digest: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SuspectsSettled:
+    """These suspects are in the ledger: they were looked up after the fence."""
+
+    at_ns: int
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """One case was tried. `seq`: the event that was found, where the log was on trial."""
+
+    at_ns: int
+    name: str
+    ordeal: Ordeal
+    took_ms: int = 0
+    fingerprint: str = ""
+    kind: str = ""
+    account_ids: tuple[str, ...] = ()
+    transaction_id: str = ""
+    signal: int | None = None
+    code: int | None = None
+    frame: str = ""
+    seq: int | None = None
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialsOver:
+    """The court's process has ended. `fault`: why it could not do its work; empty: it did."""
+
+    at_ns: int
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RuleRemoved:
+    """A person has taken a rule away: what it named may run again."""
+
+    at_ns: int
+    rule: str
+
+
+TrialObservation = CaseFiled | SuspectsSettled | Tried | TrialsOver | RuleRemoved
+
+
+# ---- orders ----
+
+
+@dataclass(frozen=True, slots=True)
+class Try:
+    """Try these suspects, in their order, in throw-away cores. One court at a time."""
+
+    names: tuple[str, ...]
+    limit_ms: int
+    memory_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class TryLog:
+    """Find the event after `after_seq` that kills whoever rebuilds from it."""
+
+    after_seq: int
+    limit_ms: int
+    memory_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class EndTrials:
+    """End the court: nothing more is expected of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SetAside:
+    """Refuse it from now on, wherever it comes from, tell whoever waits for it, and write its letter."""
+
+    letter: Letter
+
+
+@dataclass(frozen=True, slots=True)
+class Acquit:
+    """Tell whoever waits with this suspect: `run` it once; else nothing more is expected of it."""
+
+    name: str
+    run: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StopSource:
+    """Let this source change nothing for a while: too much that it sent was convicted."""
+
+    source: str
+    for_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class SuspectNote:
+    """One open suspect, as whoever holds its request has to know it."""
+
+    name: str
+    account_ids: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class KeepCourt:
+    """Write the court's memory down, and tell the gateway and the core who is suspect now."""
+
+    suspects: tuple[SuspectNote, ...]
+    memory: CourtMemory
+
+
+@dataclass(frozen=True, slots=True)
+class AddTrials:
+    """Write what came of its trials into the facts of an incident, open or closed."""
+
+    incident: str
+    trials: tuple[TrialNote, ...]
+
+
+TrialAction = Try | TryLog | EndTrials | SetAside | Acquit | StopSource | KeepCourt | AddTrials

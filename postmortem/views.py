@@ -1,0 +1,251 @@
+"""What the investigators' pages, the command line and the archive say to each other, as values.
+
+`records` (the archive, the only room that opens `hardcore.db`) fills these; the pages and the printers read nothing
+else. A page that asked the database for what it shows was not chosen: the same list is shown on a page, in a terminal
+and as JSON, and has to be the same list. Times are RFC 3339 texts in UTC.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Protocol
+
+Texts = Mapping[str, str]  # by language: ko, en
+
+
+class Standing(StrEnum):
+    """What is known of a group of equal deaths."""
+
+    NEW = "new"
+    KNOWN = "known"
+    FIXED = "fixed"  # a person said so
+    BACK = "back"  # it came again after that
+
+
+class LetterState(StrEnum):
+    """Where a dead letter is; `dead_letters/life.py` lists every way from one to the next."""
+
+    QUARANTINED = "QUARANTINED"
+    HELD = "HELD"
+    RETRYING = "RETRYING"
+    RESOLVED = "RESOLVED"
+    DISCARDED = "DISCARDED"
+
+
+class ProposalState(StrEnum):
+    """Where a proposal is."""
+
+    OPEN = "open"
+    ACCEPTED = "accepted"  # enforced, and counted
+    DECLINED = "declined"
+    DONE = "done"  # a person did what no machine can
+    REVOKED = "revoked"
+
+
+@dataclass(frozen=True, slots=True)
+class IncidentLine:
+    """One incident in a list."""
+
+    id: str
+    opened_at: str
+    closed_at: str | None
+    diagnosis: str
+    grade: str
+    summary: Texts
+    outcome: str
+    outage_ms: float | None
+    detected_ms: float | None
+    fingerprint: str
+    account_ids: tuple[str, ...]
+    planned: bool
+    drill: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Equal deaths. `why`: what they have in common, as facts."""
+
+    fingerprint: str
+    title: Texts
+    diagnosis: str
+    standing: Standing
+    count: int
+    first_at: str
+    last_at: str
+    median_outage_ms: float | None
+    account_ids: tuple[str, ...]
+    fixed_in: str | None
+    why: tuple[str, ...]
+    newest: str  # the id of its last incident
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One death or retry of a letter's request."""
+
+    at: str
+    what: str  # "death" | "trial" | "dry-run" | "retry"
+    outcome: str
+    incident: str | None
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class DryRun:
+    """What a letter's request did in a throw-away core. `ordeal` is the wire's word."""
+
+    at: str
+    ordeal: str
+    status: int | None
+    took_ms: int
+    answer: Any
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Letter:
+    """One dead letter. `sum_text`: the amounts it moves, one text for each currency, empty if it moves none."""
+
+    id: str
+    state: LetterState
+    reason: str
+    name: str
+    command_id: str
+    idempotency_key: str | None
+    kind: str
+    source: str
+    account_ids: tuple[str, ...]
+    transaction_id: str
+    fingerprint: str | None
+    incident_ids: tuple[str, ...]
+    deaths: int
+    attempts: tuple[Attempt, ...]
+    quarantined_at: str
+    method: str
+    path: str
+    payload: Any  # decoded JSON, or the text, or None where nobody has it
+    row: Mapping[str, Any] | None
+    seq: int | None
+    dry_run: DryRun | None
+    note: str
+    discarded_because: str | None
+    sums: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """What a list is narrowed to; an empty field narrows nothing. `since`, `until`: RFC 3339."""
+
+    state: str = ""
+    reason: str = ""
+    diagnosis: str = ""
+    outcome: str = ""
+    account: str = ""
+    fingerprint: str = ""
+    since: str = ""
+    until: str = ""
+    drills: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A piece of a list, newest first; `more`: the cursor of the next piece."""
+
+    items: tuple[Any, ...]
+    total: int
+    more: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """Something that would have prevented an incident. `rule`: the wire's object, for those a machine enforces."""
+
+    id: str
+    incident: str
+    kind: str  # "fingerprint" | "limit" | "deadline" | "person"
+    text: Texts
+    state: ProposalState
+    rule: Mapping[str, Any] | None
+    tested: str | None  # what its dry run said, in one English sentence
+    hits: int
+    last_hit_at: str | None
+    owner: str
+    note: str
+
+
+@dataclass(frozen=True, slots=True)
+class Bulk:
+    """Many letters at once, one at a time. `ended`: "done", "cancelled", "stopped" (the service went down), "" while it runs."""
+
+    id: str
+    verb: str
+    total: int
+    done: int
+    failed: int
+    ended: str
+    current: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """One line of the audit log."""
+
+    at: str
+    who: str
+    verb: str
+    what: str
+    reason: str
+    outcome: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Something asked of a letter, a proposal or a group can't be done. `code` has its sentence in the catalogue."""
+
+    code: str
+    values: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Drill:
+    """One drill that was run."""
+
+    at: str
+    fault: str
+    ok: bool
+    outage_ms: float | None
+    incident: str | None
+    scheduled: bool
+
+
+class Reads(Protocol):
+    """What may be asked of the archive. Every call answers from the database alone, in bounded time."""
+
+    def incidents(self, wanted: Filter, limit: int, cursor: str = "") -> Page: ...
+    def groups(self, wanted: Filter, limit: int, cursor: str = "") -> Page: ...
+    def group(self, fingerprint: str) -> Group | None: ...
+    def incident(self, incident_id: str) -> IncidentLine | None: ...
+    def proposals(self, incident_id: str = "") -> Sequence[Proposal]: ...
+    def letters(self, wanted: Filter, limit: int, cursor: str = "") -> Page: ...
+    def letter(self, letter_id: str) -> Letter | None: ...
+    def counts(self) -> Mapping[str, int]: ...  # letters by reason, of those that wait
+    def bulk(self, bulk_id: str) -> Bulk | None: ...
+    def audit(self, limit: int, cursor: str = "") -> Page: ...
+    def drills(self, limit: int) -> Sequence[Drill]: ...
+    def trends(self, weeks: int) -> Mapping[str, Any]: ...
+
+
+class Acts(Protocol):
+    """What may be done. Each writes a line of the audit log, and answers with what is now or why not."""
+
+    async def dry_run(self, letter_id: str) -> Letter | Refusal: ...
+    async def retry(self, letter_id: str, *, anyway: bool = False) -> Letter | Refusal: ...
+    async def requeue(self, letter_id: str) -> Letter | Refusal: ...
+    async def hold(self, letter_id: str) -> Letter | Refusal: ...
+    async def discard(self, letter_id: str, reason: str) -> Letter | Refusal: ...
+    async def undo_discard(self, letter_id: str) -> Letter | Refusal: ...
+    async def bulk(self, verb: str, wanted: Filter | Sequence[str], reason: str = "") -> Bulk | Refusal: ...
+    async def cancel_bulk(self, bulk_id: str) -> Bulk | Refusal: ...
+    async def decide(self, proposal_id: str, verb: str, owner: str, note: str) -> Proposal | Refusal: ...
+    async def mark_fixed(self, fingerprint: str, version: str) -> Group | Refusal: ...
+    async def note(self, letter_id: str, text: str) -> Letter | Refusal: ...
