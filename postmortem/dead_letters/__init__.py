@@ -1,0 +1,1 @@
+"""Dead letters: requests that were set aside, from the slip the guard leaves to their end."""
