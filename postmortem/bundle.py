@@ -242,6 +242,15 @@ def read_file(path: Path, name: str, bytes_max: int = FILE_BYTES_MAX) -> bytes |
 
 def verify_bundle(path: Path) -> list[str]:
     """Compare a bundle with its manifest; return one sentence for each fault, none if it is whole."""
+    faults = _compare(path)
+    if faults:
+        # Files come before the manifest that lists them: whoever adds some is waited for, and it is looked again.
+        with suppress(OSError), placing.writing(path):
+            faults = _compare(path)
+    return faults
+
+
+def _compare(path: Path) -> list[str]:
     manifest = read_manifest(path)
     if isinstance(manifest, BundleFailed):
         return [manifest.reason]
