@@ -1,0 +1,1 @@
+"""The archive of the investigators: the only room that opens `hardcore.db`."""

@@ -1,0 +1,293 @@
+"""Reads the archive: every list and every detail, by its own index, in bounded time.
+
+A list's cursor is the place of its last line (`at|id`), so that what arrives meanwhile neither repeats nor skips one.
+Pages of an offset were not chosen: the tenth would read the nine before it.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from statistics import median
+from typing import Any, Final
+
+from sqlalchemy import Column, ColumnElement, Connection, RowMapping, Select, Table, func, select, tuple_
+
+from postmortem.records import rows
+from postmortem.records.opening import Records
+from postmortem.records.tables import (
+    ALIASES,
+    ATTEMPTS,
+    AUDIT,
+    BULK_ITEMS,
+    BULKS,
+    DRILLS,
+    GROUPS,
+    INCIDENT_ACCOUNTS,
+    INCIDENTS,
+    LETTER_ACCOUNTS,
+    LETTERS,
+    PROPOSALS,
+)
+from postmortem.views import Bulk, Drill, Filter, Group, IncidentLine, Letter, LetterState, Page, Proposal
+
+#: One piece of a list.
+PAGE_MAX: Final = 500
+#: What one detail shows of what may be many.
+ATTEMPTS_MAX: Final = 200
+PROPOSALS_MAX: Final = 500
+WEEKS_MAX: Final = 60
+#: Letters that wait for somebody.
+WAITING: Final = (LetterState.QUARANTINED, LetterState.HELD, LetterState.RETRYING)
+_HITS_BYTES_MAX: Final = 1 << 20
+
+
+class Archive:
+    """What may be asked of the archive (`views.Reads`). `hits`: the gateway's count of what each rule refused."""
+
+    def __init__(self, records: Records, hits: Path) -> None:
+        self._records = records
+        self._hits = hits
+
+    def incidents(self, wanted: Filter, limit: int, cursor: str = "") -> Page:
+        """Incidents, newest first."""
+        where = [
+            *_equal(INCIDENTS, wanted, "diagnosis", "outcome", "fingerprint"),
+            *_between(INCIDENTS.c.opened_at, wanted),
+        ]
+        if wanted.account:
+            named = select(INCIDENT_ACCOUNTS.c.incident).where(INCIDENT_ACCOUNTS.c.account == wanted.account)
+            where.append(INCIDENTS.c.id.in_(named))
+        if not wanted.drills:
+            where.append(INCIDENTS.c.drill.is_(None))
+        with self._records.reading() as connection:
+            return _page(
+                connection,
+                INCIDENTS,
+                (INCIDENTS.c.opened_at, INCIDENTS.c.id),
+                where,
+                limit,
+                cursor,
+                rows.incident,
+            )
+
+    def groups(self, wanted: Filter, limit: int, cursor: str = "") -> Page:
+        """Groups of equal deaths, the one with the newest death first. `state` of the filter is a standing."""
+        where = [*_equal(GROUPS, wanted, "diagnosis", "fingerprint"), *_between(GROUPS.c.last_at, wanted)]
+        if wanted.state:
+            where.append(GROUPS.c.standing == wanted.state)
+        of_incidents = [*_equal(INCIDENTS, wanted, "outcome")]
+        if wanted.account:
+            named = select(INCIDENT_ACCOUNTS.c.incident).where(INCIDENT_ACCOUNTS.c.account == wanted.account)
+            of_incidents.append(INCIDENTS.c.id.in_(named))
+        if not wanted.drills:
+            of_incidents.append(INCIDENTS.c.drill.is_(None))
+        if of_incidents:
+            where.append(GROUPS.c.fingerprint.in_(select(INCIDENTS.c.fingerprint).where(*of_incidents)))
+        with self._records.reading() as connection:
+            return _page(
+                connection, GROUPS, (GROUPS.c.last_at, GROUPS.c.fingerprint), where, limit, cursor, rows.group
+            )
+
+    def group(self, fingerprint: str) -> Group | None:
+        """One group, or None."""
+        row = self._one(select(GROUPS).where(GROUPS.c.fingerprint == fingerprint))
+        return None if row is None else rows.group(row)
+
+    def incident(self, incident_id: str) -> IncidentLine | None:
+        """One incident, or None."""
+        row = self._one(select(INCIDENTS).where(INCIDENTS.c.id == incident_id))
+        return None if row is None else rows.incident(row)
+
+    def proposals(self, incident_id: str = "") -> Sequence[Proposal]:
+        """The proposals of one incident, or the newest of all."""
+        asked = select(PROPOSALS).order_by(PROPOSALS.c.made_at.desc(), PROPOSALS.c.id).limit(PROPOSALS_MAX)
+        if incident_id:
+            asked = asked.where(PROPOSALS.c.incident == incident_id)
+        hits = self._read_hits()
+        with self._records.reading() as connection:
+            found = connection.execute(asked).mappings().all()
+        return [rows.proposal(row, *hits.get(row["rule_id"] or row["id"], (0, None))) for row in found]
+
+    def letters(self, wanted: Filter, limit: int, cursor: str = "") -> Page:
+        """Letters, newest first."""
+        where = letters_where(wanted)
+        with self._records.reading() as connection:
+            return _page(
+                connection,
+                LETTERS,
+                (LETTERS.c.quarantined_at, LETTERS.c.id),
+                where,
+                limit,
+                cursor,
+                rows.letter,
+            )
+
+    def letter(self, letter_id: str) -> Letter | None:
+        """One letter with all that became of it, by any of its numbers, or None."""
+        with self._records.reading() as connection:
+            row = letter_row(connection, letter_id)
+            if row is None:
+                return None
+            attempts = (
+                select(ATTEMPTS).where(ATTEMPTS.c.letter == row["id"]).order_by(ATTEMPTS.c.number.desc())
+            )
+            newest = connection.execute(attempts.limit(ATTEMPTS_MAX)).mappings().all()
+        return rows.letter(row, newest[::-1])
+
+    def counts(self) -> Mapping[str, int]:
+        """How many letters wait, by their reasons."""
+        asked = (
+            select(LETTERS.c.reason, func.count())
+            .where(LETTERS.c.state.in_(WAITING))
+            .group_by(LETTERS.c.reason)
+        )
+        with self._records.reading() as connection:
+            return {row[0]: row[1] for row in connection.execute(asked)}
+
+    def bulk(self, bulk_id: str) -> Bulk | None:
+        """How far many letters are, or None."""
+        with self._records.reading() as connection:
+            row = connection.execute(select(BULKS).where(BULKS.c.id == bulk_id)).mappings().first()
+            if row is None:
+                return None
+            items = select(BULK_ITEMS.c.outcome).where(BULK_ITEMS.c.bulk == bulk_id)
+            return rows.bulk(row, connection.execute(items).scalars().all())
+
+    def audit(self, limit: int, cursor: str = "") -> Page:
+        """The audit log, newest first."""
+        limit = min(max(limit, 1), PAGE_MAX)
+        asked = select(AUDIT).order_by(AUDIT.c.number.desc()).limit(limit + 1)
+        if cursor.isascii() and cursor.isdecimal():
+            asked = asked.where(AUDIT.c.number < int(cursor[:18]))
+        with self._records.reading() as connection:
+            found = connection.execute(asked).mappings().all()
+            total = connection.execute(select(func.count()).select_from(AUDIT)).scalar_one()
+        more = str(found[limit - 1]["number"]) if len(found) > limit else None
+        return Page(tuple(map(rows.act, found[:limit])), total, more)
+
+    def drills(self, limit: int) -> Sequence[Drill]:
+        """The newest drills."""
+        asked = select(DRILLS).order_by(DRILLS.c.at.desc(), DRILLS.c.id.desc()).limit(min(limit, PAGE_MAX))
+        with self._records.reading() as connection:
+            return [rows.drill(row) for row in connection.execute(asked).mappings()]
+
+    def trends(self, weeks: int) -> Mapping[str, Any]:
+        """Incidents a week, and how long they lasted by cause, over the last `weeks` weeks."""
+        weeks = min(max(weeks, 1), WEEKS_MAX)
+        since = datetime.now(UTC) - timedelta(weeks=weeks)
+        asked = select(INCIDENTS.c.opened_at, INCIDENTS.c.diagnosis, INCIDENTS.c.outage_ms).where(
+            INCIDENTS.c.opened_at >= since.isoformat(),
+            INCIDENTS.c.planned.is_(False),
+            INCIDENTS.c.drill.is_(None),
+        )
+        with self._records.reading() as connection:
+            found = [(row.opened_at, row.diagnosis, row.outage_ms) for row in connection.execute(asked)]
+        return trends_of(found, weeks, since)
+
+    def _one(self, asked: Select[Any]) -> RowMapping | None:
+        with self._records.reading() as connection:
+            return connection.execute(asked).mappings().first()
+
+    def _read_hits(self) -> Mapping[str, tuple[int, str | None]]:
+        try:
+            with self._hits.open("rb") as file:
+                told = json.loads(file.read(_HITS_BYTES_MAX))
+        except (OSError, ValueError, RecursionError):
+            return {}
+        hits = told.get("hits") if isinstance(told, dict) else None
+        return {rule: _hit(hit) for rule, hit in (hits if isinstance(hits, dict) else {}).items()}
+
+
+def _hit(told: object) -> tuple[int, str | None]:
+    count, at = (told.get("count"), told.get("last_at")) if isinstance(told, dict) else (0, None)
+    return count if isinstance(count, int) else 0, at if isinstance(at, str) else None
+
+
+def letter_row(connection: Connection, letter_id: str) -> RowMapping | None:
+    """The row of a letter by any of its numbers, or None."""
+    named = select(ALIASES.c.letter).where(ALIASES.c.id == letter_id).scalar_subquery()
+    return connection.execute(select(LETTERS).where(LETTERS.c.id == named)).mappings().first()
+
+
+def letters_where(wanted: Filter) -> list[ColumnElement[bool]]:
+    """What a filter says of letters."""
+    where = [
+        *_equal(LETTERS, wanted, "state", "reason", "fingerprint"),
+        *_between(LETTERS.c.quarantined_at, wanted),
+    ]
+    if wanted.account:
+        named = select(LETTER_ACCOUNTS.c.letter).where(LETTER_ACCOUNTS.c.account == wanted.account)
+        where.append(LETTERS.c.id.in_(named))
+    return where
+
+
+def trends_of(
+    found: Sequence[tuple[str, str, float | None]], weeks: int, since: datetime
+) -> Mapping[str, Any]:
+    """The trends of some incidents: (opened at, diagnosis, outage). Fewer than five say nothing about how long."""
+    counts = [0] * weeks
+    by_cause: dict[str, list[float]] = {}
+    for opened_at, diagnosis, outage_ms in found:
+        try:
+            week = int((datetime.fromisoformat(opened_at) - since) / timedelta(weeks=1))
+        except (ValueError, TypeError):
+            continue  # a bundle that says no time is in no week
+        if 0 <= week < weeks:
+            counts[week] += 1
+        if outage_ms is not None:
+            by_cause.setdefault(diagnosis, []).append(outage_ms)
+    return {
+        "weeks": [
+            {"from": (since + timedelta(weeks=week)).date().isoformat(), "incidents": count}
+            for week, count in enumerate(counts)
+        ],
+        "incidents": len(found),
+        "mtbf_hours": round(weeks * 7 * 24 / len(found), 1) if len(found) > 1 else None,
+        "causes": [
+            {
+                "diagnosis": diagnosis,
+                "count": len(outages),
+                "p50_ms": median(outages),
+                "p90_ms": _p90(outages),
+            }
+            for diagnosis, outages in sorted(by_cause.items(), key=lambda item: -len(item[1]))
+        ],
+    }
+
+
+def _p90(outages: Sequence[float]) -> float:
+    return sorted(outages)[min(len(outages) - 1, len(outages) * 9 // 10)]
+
+
+def _equal(table: Table, wanted: Filter, *names: str) -> list[ColumnElement[bool]]:
+    return [table.c[name] == value for name in names if (value := getattr(wanted, name))]
+
+
+def _between(at: Column[Any], wanted: Filter) -> list[ColumnElement[bool]]:
+    where: list[ColumnElement[bool]] = []
+    if wanted.since:
+        where.append(at >= wanted.since)
+    if wanted.until:
+        where.append(at <= wanted.until)
+    return where
+
+
+def _page(
+    connection: Connection,
+    table: Table,
+    order: tuple[Column[Any], Column[Any]],
+    where: Sequence[ColumnElement[bool]],
+    limit: int,
+    cursor: str,
+    read: Any,
+) -> Page:
+    limit = min(max(limit, 1), PAGE_MAX)
+    total = connection.execute(select(func.count()).select_from(table).where(*where)).scalar_one()
+    asked = select(table).where(*where).order_by(*(column.desc() for column in order)).limit(limit + 1)
+    at, bar, identity = cursor.partition("|")
+    if bar:
+        asked = asked.where(tuple_(*order) < tuple_(at, identity))
+    found = connection.execute(asked).mappings().all()
+    more = "|".join(str(found[limit - 1][column.name]) for column in order) if len(found) > limit else None
+    return Page(tuple(map(read, found[:limit])), total, more)
