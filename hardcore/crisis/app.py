@@ -167,6 +167,8 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--recoveries", type=Path, help="where outages that are over are remembered")
     parser.add_argument("--receipts", type=Path, help="where promised requests are kept")
+    parser.add_argument("--state", type=Path, help="where rules of the quarantine and cases of suspects lie")
+    parser.add_argument("--investigator", type=Path, help="where the investigators listen")
     parser.add_argument("--demo", action="store_true", help="let pages of this address break the core")
     return parser.parse_args(arguments)
 

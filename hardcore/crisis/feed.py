@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any, Protocol
 
 from hardcore.model.phases import Face
@@ -49,10 +50,39 @@ class ServingHeard:
 
 @dataclass(frozen=True, slots=True)
 class SuspectsHeard:
-    """Hashes of keys that may only be looked up."""
+    """Names that may only be looked up until their verdict. `account_ids`: what they would have touched."""
 
     generation: int
     keys: tuple[str, ...]
+    account_ids: tuple[str, ...] = ()
+
+
+class Verdict(StrEnum):
+    """What came of a suspect's trial, in the words of the wire."""
+
+    CLEARED = "cleared"
+    CONVICTED = "convicted"
+    HELD = "held"
+    DROPPED = "dropped"
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictHeard:
+    """A suspect is one no longer. `letter`: the number under which it is set aside."""
+
+    generation: int
+    name: str
+    outcome: Verdict
+    letter: str | None = None
+    reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class QuarantineHeard:
+    """There are other rules than before."""
+
+    generation: int
+    serial: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +110,15 @@ class Unreadable:
     why: str
 
 
-Heard = PhaseHeard | ServingHeard | SuspectsHeard | ReleaseHeard | VerifiedHeard
+Heard = (
+    PhaseHeard
+    | ServingHeard
+    | SuspectsHeard
+    | ReleaseHeard
+    | VerifiedHeard
+    | VerdictHeard
+    | QuarantineHeard
+)
 
 
 def _text_or_none(value: object) -> str | None:
@@ -129,7 +167,18 @@ def _message(fields: Mapping[str, Any]) -> Heard:
         case "serving":
             return ServingHeard(generation, _text(fields, "socket"), _number(fields, "epoch"))
         case "suspects":
-            return SuspectsHeard(generation, tuple(str(key) for key in fields["keys"]))
+            accounts = tuple(str(one) for one in fields.get("account_ids", ()))
+            return SuspectsHeard(generation, tuple(str(key) for key in fields["keys"]), accounts)
+        case "verdict":
+            return VerdictHeard(
+                generation,
+                _text(fields, "name"),
+                Verdict(_text(fields, "outcome")),
+                _text_or_none(fields.get("letter")),
+                _text_or_none(fields.get("reason")),
+            )
+        case "quarantine":
+            return QuarantineHeard(generation, _number(fields, "serial"))
         case "release":
             return ReleaseHeard(generation, _number(fields, "epoch"), _text_or_none(fields.get("incident")))
         case "verified":
@@ -192,6 +241,21 @@ def holding_line(phase: str, at_ns: int) -> bytes:
 def witness_line(epoch: int, seq: int, digest: str) -> bytes:
     """Say which commit of `epoch` was passed on to a client: the highest so far."""
     return _line({"type": "witness", "epoch": epoch, "seq": seq, "hash": digest})
+
+
+def case_line(name: str) -> bytes:
+    """Say that a suspect's whole request lies among the cases."""
+    return _line({"type": "case", "name": name})
+
+
+def settled_line(names: Sequence[str]) -> bytes:
+    """Say that these suspects are in the ledger."""
+    return _line({"type": "settled", "names": list(names)})
+
+
+def investigate_line() -> bytes:
+    """Ask for the investigators: somebody wants their pages, and nobody listens there."""
+    return _line({"type": "investigate"})
 
 
 def served_line(epoch: int, at_ns: int) -> bytes:

@@ -9,7 +9,7 @@ import base64
 import binascii
 import hashlib
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from hardcore.crisis.problems import Problem
@@ -40,13 +40,24 @@ _HOP_BY_HOP = frozenset(
     }
 )
 #: Not passed on to the core: hop-by-hop, said anew by us, or a claim that only we may make.
-_NOT_TO_CORE = _HOP_BY_HOP | {b"content-length", b"expect", b"host", b"x-actor", b"forwarded", b"x-real-ip"}
+_NOT_TO_CORE = _HOP_BY_HOP | {
+    b"content-length",
+    b"expect",
+    b"forwarded",
+    b"host",
+    b"x-actor",
+    b"x-admin",
+    b"x-real-ip",
+    b"x-request-name",
+}
 _NOT_TO_CORE_PREFIXES = (b"x-forwarded-", b"x-core-", b"sec-websocket-")
 _NOT_TO_CLIENT = _HOP_BY_HOP | {b"content-length"}
 #: Not passed on of a navigation: its page is changed on the way back, so it is asked for plain and whole, and
 #: no copy of it can be confirmed by the tag of what the core wrote.
 _NOT_OF_A_PAGE = frozenset({b"accept-encoding", b"if-none-match", b"if-modified-since"})
 
+#: What a rule of the quarantine may be called.
+_RULE = re.compile(rb"[0-9A-Za-z_.:-]{1,64}")
 #: What a core says of the commit that its answer stands for: the sequence and the event's hash.
 _COMMIT = re.compile(rb"([0-9]{1,18}):([0-9a-f]{64})")
 
@@ -69,7 +80,8 @@ class RequestHead:
     `content_length` is None for a chunked body and 0 for none; `key` is the idempotency key, None if the
     client gave none (or one that nobody could look up). `navigation`: a person waits before an empty tab for
     it; `gzip`: the answer may be compressed; `accept_language` is what the pages' own switch says, else the
-    client's header; `respond_async`: the client takes a promise for an answer (RFC 7240).
+    client's header; `respond_async`: the client takes a promise for an answer (RFC 7240); `forwarded`: it says that
+    it comes from elsewhere than its connection does.
     """
 
     method: str
@@ -88,6 +100,7 @@ class RequestHead:
     cookie: bytes
     handshake: Handshake | None = None
     respond_async: bool = False
+    forwarded: bool = False
 
     @property
     def safe(self) -> bool:
@@ -141,6 +154,7 @@ class _Facts:
     ws_key: tuple[bytes, ...] = ()
     ws_version: tuple[bytes, ...] = ()
     ws_protocols: tuple[bytes, ...] = ()
+    forwarded: bool = False
     named_by_connection: frozenset[bytes] = frozenset()
 
 
@@ -188,6 +202,8 @@ def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, b
                 facts.ws_version += (value.strip(),)
             case b"sec-websocket-protocol":
                 facts.ws_protocols += tuple(value.split(b","))
+            case b"forwarded" | b"via" | b"x-real-ip":
+                facts.forwarded = True
             case b"sec-fetch-site":
                 facts.fetch_site = value.strip().lower()
             case b"sec-fetch-mode":
@@ -195,7 +211,7 @@ def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, b
             case b"sec-fetch-dest":
                 facts.fetch_dest = value.strip().lower()
             case _:
-                pass
+                facts.forwarded = facts.forwarded or low.startswith(b"x-forwarded-")
         if low not in _NOT_TO_CORE and not low.startswith(_NOT_TO_CORE_PREFIXES):
             kept.append((low, name, value))
     return facts, kept
@@ -266,6 +282,7 @@ def read_request(
         cookie=facts.cookie,
         handshake=handshake,
         respond_async=bool(facts.prefer) and b"respond-async" in _tokens(facts.prefer),
+        forwarded=facts.forwarded,
     )
 
 
@@ -338,10 +355,10 @@ def host_name(host: bytes) -> str:
     return name if port.isascii() and port.isdecimal() else ""
 
 
-def request_bytes(head: RequestHead, *, length: int | None) -> bytes:
-    """The head as it goes to the core; `length` None announces a chunked body."""
+def request_bytes(head: RequestHead, *, length: int | None, own: Sequence[Header] = ()) -> bytes:
+    """The head as it goes to the core; `length` None announces a chunked body; `own` are lines of the gateway's."""
     parts = [f"{head.method} ".encode(), head.target, b" HTTP/1.1\r\nHost: ", head.host, b"\r\n"]
-    for name, value in head.headers:
+    for name, value in (*head.headers, *own):
         parts += (name, b": ", value, b"\r\n")
     if length is None:
         parts.append(b"Transfer-Encoding: chunked\r\n")
@@ -364,7 +381,8 @@ class AnswerHead:
     """An answer's head. `headers` go on to the client; `length` None: not known (chunked).
 
     `epoch` is the core that answered, None if the answer does not say; `draining`: the core says that it
-    is leaving and did not run the request; `commit` is what it claims to have committed for this answer.
+    is leaving and did not run the request; `commit` is what it claims to have committed for this answer; `rule` is the
+    rule of the quarantine by which it refused.
     """
 
     status: int
@@ -375,6 +393,7 @@ class AnswerHead:
     draining: bool = False
     framed: bool = True
     commit: Commit | None = None
+    rule: str | None = None
 
     @property
     def bodiless(self) -> bool:
@@ -394,7 +413,7 @@ def read_answer(status: int, reason: bytes, lines: Iterable[Header]) -> AnswerHe
     """Take a parsed answer head apart: what the client gets, and what only we needed to know."""
     kept: list[tuple[bytes, bytes, bytes]] = []
     named: frozenset[bytes] = frozenset()
-    length, epoch, draining, chunked, commit = None, None, False, False, None
+    length, epoch, draining, chunked, commit, rule = None, None, False, False, None, None
     for name, value in lines:
         low = name.lower()
         if low == b"connection":
@@ -409,11 +428,13 @@ def read_answer(status: int, reason: bytes, lines: Iterable[Header]) -> AnswerHe
             draining = value.strip() == b"1"
         elif low == b"x-core-commit":
             commit = _commit(value.strip())
+        elif low == b"x-core-rule" and _RULE.fullmatch(value.strip()):
+            rule = value.strip().decode()
         if low not in _NOT_TO_CLIENT and not low.startswith(b"x-core-"):
             kept.append((low, name, value))
     headers = tuple((name, value) for low, name, value in kept if low not in named)
     framed = chunked or length is not None or status in {204, 304}
-    return AnswerHead(status, reason, headers, length, epoch, draining, framed, commit)
+    return AnswerHead(status, reason, headers, length, epoch, draining, framed, commit, rule)
 
 
 def _commit(value: bytes) -> Commit | None:

@@ -37,6 +37,12 @@ class GatewayLimits(Limits):
     receipts_first_ms: int = setting(
         1_000, "after a release a browser's promises go before what it sends then", low=0, high=60_000
     )
+    account_hold_ms: int = setting(
+        10_000, "what touches a suspect's account waits behind it this long", low=0, high=600_000
+    )
+    investigator_ms: int = setting(
+        8_000, "the investigators' pages have this long to come up", low=10, high=600_000
+    )
     receipt_pause_ms: int = setting(1_000, "a promise not kept yet is tried again", low=5, high=3_600_000)
     connections_per_address_max: int = setting(
         1536, "client connections from one address at a time", low=1, high=100_000

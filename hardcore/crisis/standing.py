@@ -7,21 +7,26 @@ that returns a new value. Asking the core whether it is well was not chosen as t
 kernel still accepts): the gateway asks only to end a doubt of its own.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import assert_never
 
 from hardcore.crisis.feed import (
     Heard,
     PhaseHeard,
+    QuarantineHeard,
     ReleaseHeard,
     ServingHeard,
     SuspectsHeard,
+    VerdictHeard,
     VerifiedHeard,
 )
 from hardcore.model.phases import Face, HAState
 
 #: Suspects remembered; the oldest are forgotten first. One death names at most as many as a core has slots.
 SUSPECTS_MAX = 4096
+#: Accounts remembered that suspects would have touched.
+ACCOUNTS_MAX = 4096
 
 #: States in which traffic may be sent here.
 _READY = frozenset({HAState.OPERATIONAL, HAState.DEGRADED, HAState.SAFE_MODE})
@@ -39,6 +44,7 @@ class Serving:
 class Standing:
     """Everything the gateway knows about the guarded process.
 
+    `suspects`: those that are open, by their names; `account_ids`: what they would have touched.
     `heard_ns` 0: the feed was never heard. `since_ns`: when the phase began, 0 if that was not said.
     `safe`: why the core serves reads only. `sound`: what the proof of the whole ledger said of the serving epoch, None while it runs. `unanswered`: a core
     in doubt was asked for its health since, and did not answer well.
@@ -57,6 +63,7 @@ class Standing:
     sound: bool | None = None
     released: int | None = None
     suspects: tuple[str, ...] = ()
+    account_ids: tuple[str, ...] = ()
     doubted: bool = False
     unanswered: bool = False
     heard_ns: int = 0
@@ -89,9 +96,18 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
             if serving == known.serving:
                 return known
             return replace(known, serving=serving, released=None, doubted=False, unanswered=False, sound=None)
-        case SuspectsHeard(keys=keys):
+        case SuspectsHeard(keys=keys, account_ids=account_ids):
             merged = dict.fromkeys((*known.suspects, *keys))
-            return replace(known, suspects=tuple(merged)[-SUSPECTS_MAX:])
+            accounts = dict.fromkeys((*known.account_ids, *account_ids))
+            return replace(
+                known,
+                suspects=tuple(merged)[-SUSPECTS_MAX:],
+                account_ids=tuple(accounts)[-ACCOUNTS_MAX:],
+            )
+        case VerdictHeard(name=name):
+            return unsuspected(known, (name,))
+        case QuarantineHeard():
+            return known
         case ReleaseHeard(epoch=epoch, incident=incident):
             named = incident or known.incident
             return replace(known, released=epoch, incident=named, doubted=False, unanswered=False)
@@ -99,6 +115,12 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
             return replace(known, sound=ok) if _serves(known, epoch) else known
         case _:
             assert_never(message)
+
+
+def unsuspected(standing: Standing, names: Collection[str]) -> Standing:
+    """These are suspects no longer. With the last of them goes what was known of their accounts."""
+    left = tuple(one for one in standing.suspects if one not in names)
+    return replace(standing, suspects=left, account_ids=standing.account_ids if left else ())
 
 
 def _serves(standing: Standing, epoch: int) -> bool:
