@@ -3,12 +3,15 @@
 import contextlib
 import hashlib
 import json
+import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
+
+import pytest
 
 from tests.contract.gateway_world import Call, Client, Core, Response, World, world
 from tests.waiting import until
@@ -18,6 +21,20 @@ ASYNC = "Prefer: respond-async"
 COOKIE = "Cookie: __hc=me"
 TAB = "Accept: text/html"
 FORM = "Content-Type: application/x-www-form-urlencoded"
+
+
+@contextlib.contextmanager
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A folder on a disk of 256 KiB, which is soon full."""
+    place = tmp_path / "small"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "small", str(place)]
+    if subprocess.run(mount, check=False, capture_output=True).returncode:
+        pytest.skip("nothing can be mounted here")
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", str(place)], check=True)
 
 
 @dataclass

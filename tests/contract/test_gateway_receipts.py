@@ -3,7 +3,6 @@
 import contextlib
 import resource
 import sqlite3
-import subprocess
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -30,6 +29,7 @@ from tests.contract.receipts_world import (
     saying,
     sent,
     serve,
+    small_disk,
     wish,
 )
 from tests.contract.socket_world import live
@@ -119,27 +119,17 @@ def test_without_a_place_for_receipts_nothing_is_promised(tmp_path: Path) -> Non
 
 
 def test_what_a_full_disk_did_not_take_is_not_done_and_never_runs(tmp_path: Path) -> None:
-    place = tmp_path / "small"
-    place.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=256k", "small", str(place)], check=False, capture_output=True
-    )
-    if mounted.returncode:
-        pytest.skip("nothing can be mounted here")
-    try:
-        with promising(tmp_path, place / "receipts.db") as w:
-            hold(w)
-            promised(w, "k1")
-            answer = wish(w, "k2", body=b"x" * 200_000).read()
-            assert (answer.status, answer.json()["outcome"]) == (503, "not_done")
-            reborn(w)
-            assert w.ask("GET", "/__hc/receipts/k2").status == 404
-            ledger = Ledger()
-            serve(w, ledger, 2)
-            becomes(w, "k1", "done")
-            assert ledger.booked == ["k1"]
-    finally:
-        subprocess.run(["umount", str(place)], check=True)
+    with small_disk(tmp_path) as place, promising(tmp_path, place / "receipts.db") as w:
+        hold(w)
+        promised(w, "k1")
+        answer = wish(w, "k2", body=b"x" * 200_000).read()
+        assert (answer.status, answer.json()["outcome"]) == (503, "not_done")
+        reborn(w)
+        assert w.ask("GET", "/__hc/receipts/k2").status == 404
+        ledger = Ledger()
+        serve(w, ledger, 2)
+        becomes(w, "k1", "done")
+        assert ledger.booked == ["k1"]
 
 
 def test_a_disk_that_does_not_say_whether_it_stored_leaves_the_outcome_unknown(w: World) -> None:

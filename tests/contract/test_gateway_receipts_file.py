@@ -2,12 +2,9 @@
 
 import contextlib
 import sqlite3
-import subprocess
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-
-import pytest
 
 from tests.contract.gateway_world import Core, World
 from tests.contract.receipts_world import (
@@ -23,6 +20,7 @@ from tests.contract.receipts_world import (
     receipt,
     sent,
     serve,
+    small_disk,
     wish,
 )
 from tests.waiting import until
@@ -74,31 +72,21 @@ def test_what_is_promised_is_found_behind_somebody_elses_lock(tmp_path: Path) ->
 
 
 def test_what_is_promised_is_found_on_a_full_disk(tmp_path: Path) -> None:
-    place = tmp_path / "small"
-    place.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=256k", "small", str(place)], check=False, capture_output=True
-    )
-    if mounted.returncode:
-        pytest.skip("nothing can be mounted here")
-    try:
-        with promising(tmp_path, place / "receipts.db") as w:
-            hold(w)
-            promised(w, "k1")
-            kill(w)
-            with (place / "fill").open("wb", buffering=0) as fill, contextlib.suppress(OSError):
-                while True:
-                    fill.write(b"x" * 1024)
-            begin_anew(w)
-            has_read(w)
-            assert receipt(w, "k1")["outcome"] == "waiting"
-            (place / "fill").unlink()
-            ledger = Ledger()
-            serve(w, ledger, 2)
-            becomes(w, "k1", "done")
-            assert ledger.booked == ["k1"]
-    finally:
-        subprocess.run(["umount", str(place)], check=True)
+    with small_disk(tmp_path) as place, promising(tmp_path, place / "receipts.db") as w:
+        hold(w)
+        promised(w, "k1")
+        kill(w)
+        with (place / "fill").open("wb", buffering=0) as fill, contextlib.suppress(OSError):
+            while True:
+                fill.write(b"x" * 1024)
+        begin_anew(w)
+        has_read(w)
+        assert receipt(w, "k1")["outcome"] == "waiting"
+        (place / "fill").unlink()
+        ledger = Ledger()
+        serve(w, ledger, 2)
+        becomes(w, "k1", "done")
+        assert ledger.booked == ["k1"]
 
 
 def test_a_cancelled_wish_never_runs_also_while_the_file_is_not_read(tmp_path: Path) -> None:
