@@ -7,7 +7,7 @@ from then on no older core can commit, whatever the proof will say.
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, assert_never
 
@@ -17,6 +17,8 @@ from sqlalchemy.exc import DBAPIError
 from core import departure
 from core.departure import Departure
 from core.guarded.beacon import Beacon
+from core.guarded.poison import Armoury
+from core.guarded.quarantine import Quarantine
 from core.guarded.recorder import FlightRecorder
 from core.journal import ballast, disk, schema
 from core.journal.ahead import Ahead
@@ -26,6 +28,7 @@ from core.journal.chain import Broken, EventRow
 from core.journal.fence import BringUp, Fenced, NotKept, NotOurs, Raised, StoreWentBack, fence
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.proof import Proven, Witness, prove
+from core.journal.rebuilding import Rebuilding
 from core.journal.room import Room
 from core.journal.store import (
     LEDGER_FILE,
@@ -76,6 +79,19 @@ class Terms:
     shared: bool
 
 
+@dataclass(frozen=True, slots=True)
+class Rulings:
+    """What the guard has said of this ledger's commands and events, and what it has armed for a drill."""
+
+    quarantine: Quarantine = field(default_factory=Quarantine)
+    armoury: Armoury = field(default_factory=Armoury)
+
+    @property
+    def rebuilding(self) -> Rebuilding:
+        """The gate of every event that is rebuilt."""
+        return Rebuilding(self.quarantine, self.armoury)
+
+
 def open_book(
     data: Path,
     terms: Terms,
@@ -83,12 +99,14 @@ def open_book(
     telling: Telling,
     ahead: Ahead | None = None,
     engine: WritingEngine | None = None,
+    rulings: Rulings | None = None,
 ) -> OpenBook | Departure:
     """Take the book of a data folder over, raising its epoch, and prove its tail. Blocks.
 
     `ahead`: what this very process has seen of the chain already. It is at its end with this. `engine`: the one to
-    write with, where it was tried before.
+    write with, where it was tried before. `rulings`: absent, there are none.
     """
+    rulings = rulings or Rulings()
     guard = take_start_guard(data, shared=terms.shared)
     if isinstance(guard, DoorClosed):
         return _not_let_in(guard)
@@ -101,14 +119,24 @@ def open_book(
     if isinstance(taken, Departure):
         return taken
     connection = taken.connection
-    proof = _prove(connection, terms, ahead or Ahead(settings.tail_events), telling)
+    rebuilding = rulings.rebuilding
+    proof = _prove(connection, terms, ahead or Ahead(settings.tail_events, rebuilding), telling, rebuilding)
     if isinstance(proof, StoreError):
         return _unproven(proof, data)
     if isinstance(proof, Departure):
         return proof
     connection.exec_driver_sql(f"PRAGMA busy_timeout = {settings.write_busy_ms}").close()
     room = Room(data, time.monotonic_ns)
-    journal = Journal(connection, taken.epoch, proof.head_seq, telling.recorder, room, time.time_ns)
+    journal = Journal(
+        connection,
+        taken.epoch,
+        proof.head_seq,
+        telling.recorder,
+        room,
+        time.time_ns,
+        rulings.quarantine,
+        rulings.armoury,
+    )
     return OpenBook(journal, taken.epoch, proof, guard)
 
 
@@ -198,7 +226,7 @@ def _unkept(version: int, error: StoreError) -> Departure:
 
 
 def _prove(
-    connection: Connection, terms: Terms, ahead: Ahead, telling: Telling
+    connection: Connection, terms: Terms, ahead: Ahead, telling: Telling, rebuilding: Rebuilding
 ) -> Proven | StoreError | Departure:
     # A witness of nothing (a predecessor that committed nothing) is nobody's word about any event.
     witnesses = [witness for witness in terms.witnesses if witness.seq > 0]
@@ -208,7 +236,7 @@ def _prove(
         if isinstance(tail, Broken):
             return departure.corrupt(tail.sentence)
         asking = AskingForTime(telling.beacon.extend, time.monotonic)
-        proof = prove(replace(tail, rows=asking.over(tail.rows)), witnesses)
+        proof = prove(replace(tail, rows=asking.over(rebuilding.over(tail.rows))), witnesses)
         connection.exec_driver_sql("ROLLBACK").close()
     except DBAPIError as error:
         return store_error(error)

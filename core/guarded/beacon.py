@@ -98,6 +98,10 @@ class Beacon(Mail):
         """Say that the store takes no write any more (`FULL`, `READ_ONLY`), or does again (`OK`)."""
         self._keep(f"X_STORE={fault}")
 
+    def case(self, name: str) -> None:
+        """Say that the case of a suspect was filed: a row of an import."""
+        self._keep(f"X_CASE={name}")
+
     def fence_blocked(self) -> None:
         """Say that the fence could not be written because the store stayed busy."""
         self._keep("X_FENCE=BLOCKED")

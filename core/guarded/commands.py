@@ -93,13 +93,14 @@ class CommandTable:
         account_ids: Sequence[str],
         payload: bytes,
         limit_ns: int,
+        name: str = "",
     ) -> int | None:
         """Note a command as QUEUED and return its slot, or None when every slot is taken.
 
         No slot, no execution: a caller that gets None refuses the command. `limit_ns` is how long it may be
         DECIDING without progress, 0 for as long as it takes: a length and not a moment, because how long it
-        stands in the line before is nobody's fault. `payload` is the request's body, never its headers. Loop
-        thread only.
+        stands in the line before is nobody's fault. `payload` is the request's body, never its headers. `name`: what
+        a command without a key is known by (32 hex). Loop thread only.
         """
         assert limit_ns >= 0, "a store that fails half way would leave the entry locked"
         if not self._free:
@@ -108,7 +109,7 @@ class CommandTable:
         now_ns = self._clock()
         texts = _TEXTS.pack(
             page.cut(command_id, page.ID_BYTES_MAX),
-            _key_hash(key),
+            name.encode("utf-8", "replace") if key is None else _key_hash(key),
             _kind(kind),
             page.cut(transaction_id, page.ID_BYTES_MAX),
             page.join_ids(account_ids),

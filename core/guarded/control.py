@@ -21,6 +21,7 @@ from core.guarded.orders import (
     DrillOrder,
     Order,
     PromoteOrder,
+    QuarantineOrder,
     Refused,
     SafeOrder,
     StatusOrder,
@@ -56,6 +57,14 @@ class Standing:
     drained: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class RulesRead:
+    """The rules in force: the number of their file, and how many they are."""
+
+    serial: int
+    rules: int
+
+
 class Guarded(Protocol):
     """What takes the orders. All on the loop's thread."""
 
@@ -77,6 +86,10 @@ class Guarded(Protocol):
 
     async def drain(self, order: DrainOrder) -> int | str:
         """Finish everything and let go of the store; return the last sequence, or why that could not be done."""
+        ...
+
+    async def read_rules(self) -> RulesRead | str:
+        """Read the rules anew; return what is in force now, or why those before them stay in force."""
         ...
 
 
@@ -183,6 +196,8 @@ class ControlServer:
                 await _say(
                     writer, {"ok": True, "seq": outcome} if isinstance(outcome, int) else _outcome(outcome)
                 )
+            case QuarantineOrder():
+                await self._read_rules(writer)
             case Refused(error):
                 await _say(writer, _outcome(error))
             case _:
@@ -200,6 +215,15 @@ class ControlServer:
             writer.close()
             await writer.wait_closed()
         begin()
+
+    async def _read_rules(self, writer: asyncio.StreamWriter) -> None:
+        found = await self._guarded.read_rules()
+        if isinstance(found, str):
+            self._note("RULES_UNREAD", found)
+            await _say(writer, _outcome(found))
+            return
+        self._note("RULES", f"{found.rules} of serial {found.serial}")
+        await _say(writer, {"ok": True, **asdict(found)})
 
     async def _promote(self, order: PromoteOrder, writer: asyncio.StreamWriter) -> None:
         begin = self._guarded.promote(order)

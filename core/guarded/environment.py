@@ -57,6 +57,8 @@ class GuardedEnvironment:
     #: How long a command may be DECIDING; a kind of command may have a multiple of it.
     limit_ms: int | None = None
     memory_bytes: int | None = None
+    #: The rules it makes for its core; beside them the drills it has armed, and a place for cases.
+    quarantine: Path | None = None
     notify_socket: str | None = None
     watchdog_usec: int | None = None
 
@@ -83,6 +85,7 @@ class GuardedEnvironment:
             spare=reading.spare("HARDCORE_SPARE"),
             limit_ms=reading.number("HARDCORE_LIMIT_MS", 1, LIMIT_MS_MAX),
             memory_bytes=reading.number("HARDCORE_MEMORY_BYTES", 1),
+            quarantine=reading.path("HARDCORE_QUARANTINE"),
             notify_socket=reading.notify("NOTIFY_SOCKET"),
             watchdog_usec=reading.watchdog(own_pid),
         )

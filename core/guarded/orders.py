@@ -76,13 +76,22 @@ class DrainOrder:
 
 
 @dataclass(frozen=True, slots=True)
+class QuarantineOrder:
+    """Has the core read the rules anew, and what is armed for a drill."""
+
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
 class Refused:
     """An order that is not carried out, and why."""
 
     error: str
 
 
-Order = StatusOrder | TasksOrder | SafeOrder | DrillOrder | PromoteOrder | DrainOrder | Refused
+Order = (
+    StatusOrder | TasksOrder | SafeOrder | DrillOrder | PromoteOrder | DrainOrder | QuarantineOrder | Refused
+)
 
 
 def read_order(line: bytes, lowest_generation: int) -> Order:
@@ -106,14 +115,17 @@ def read_order(line: bytes, lowest_generation: int) -> Order:
             return _read_promote(said, lowest_generation)
         case "drain":
             return _read_drain(said, lowest_generation)
+        case "quarantine":
+            generation = _generation(said, lowest_generation)
+            return generation if isinstance(generation, Refused) else QuarantineOrder(generation)
         case _:
-            return Refused("The verb must be status, tasks, safe, drill, promote or drain.")
+            return Refused("The verb must be status, tasks, safe, drill, promote, drain or quarantine.")
 
 
 def generation_of(order: Order) -> int:
     """Return the generation that gave this order, 0 for what needs none."""
     match order:
-        case SafeOrder() | DrillOrder() | PromoteOrder() | DrainOrder():
+        case SafeOrder() | DrillOrder() | PromoteOrder() | DrainOrder() | QuarantineOrder():
             return order.generation
         case StatusOrder() | TasksOrder() | Refused():
             return 0

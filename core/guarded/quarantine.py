@@ -26,7 +26,6 @@ _NAME: Final = re.compile(r"[0-9a-f]{32}")
 _DIGEST: Final = re.compile(r"[0-9a-f]{64}")
 _NUMBER_MAX: Final = 2**63 - 1
 _TEXT_CHARACTERS_MAX: Final = 256
-_NONE: Final[Mapping[Any, Any]] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,22 +38,30 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True)
+class Parked:
+    """An event that is left out: the number of its letter, and the accounts that it is known to book on."""
+
+    letter: str
+    account_ids: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Rules:
     """What is in force. Each look-up gives the id of its rule; a letter's is the letter's number.
 
-    `names`, `digests` and `fingerprints` (hex) are refused. `parked`: events that are left out, with the accounts they
-    book on; `marked`: these accounts, on which nothing more is booked. `deadlines_ms`: how long a kind may be decided.
+    `names`, `digests` and `fingerprints` (hex) are refused. `parked`: events that are left out, by
+    number; `marked`: the accounts they book on, on which nothing more is booked. `deadlines_ms`: how long a kind may be decided.
     `suspects`: names that wait for their trial. `passed_over`: rules that said nothing.
     """
 
     serial: int = 0
-    names: Mapping[str, str] = _NONE
-    digests: Mapping[str, str] = _NONE
-    fingerprints: Mapping[str, str] = _NONE
-    parked: Mapping[int, tuple[str, ...]] = _NONE
-    marked: Mapping[str, str] = _NONE
-    limits: Mapping[str, Limit] = _NONE
-    deadlines_ms: Mapping[str, int] = _NONE
+    names: Mapping[str, str] = field(default_factory=dict)
+    digests: Mapping[str, str] = field(default_factory=dict)
+    fingerprints: Mapping[str, str] = field(default_factory=dict)
+    parked: Mapping[int, Parked] = field(default_factory=dict)
+    marked: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, Limit] = field(default_factory=dict)
+    deadlines_ms: Mapping[str, int] = field(default_factory=dict)
     suspects: frozenset[str] = frozenset()
     count: int = 0
     passed_over: int = 0
@@ -140,7 +147,7 @@ class _Found:
     names: dict[str, str] = field(default_factory=dict)
     digests: dict[str, str] = field(default_factory=dict)
     fingerprints: dict[str, str] = field(default_factory=dict)
-    parked: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    parked: dict[int, Parked] = field(default_factory=dict)
     marked: dict[str, str] = field(default_factory=dict)
     limits: dict[str, Limit] = field(default_factory=dict)
     deadlines_ms: dict[str, int] = field(default_factory=dict)
@@ -176,7 +183,7 @@ class _Found:
         seq, accounts = rule.get("seq"), rule.get("account_ids", [])
         if not _is_number(seq, 1) or not isinstance(accounts, list) or not all(map(_is_text, accounts)):
             return False
-        self.parked[seq] = tuple(accounts)
+        self.parked[seq] = Parked(letter, tuple(accounts))
         self.marked.update(dict.fromkeys(accounts, letter))
         return True
 

@@ -17,6 +17,7 @@ from core.journal import queries
 from core.journal.attestation import attested_before
 from core.journal.chain import Broken
 from core.journal.proof import Tail, Walk, Witness
+from core.journal.rebuilding import Rebuilding
 
 SLICE_EVENTS: Final = 500
 
@@ -28,9 +29,10 @@ class Ahead:
     lies before it.
     """
 
-    def __init__(self, tail_events: int) -> None:
+    def __init__(self, tail_events: int, rebuilding: Rebuilding | None = None) -> None:
         """Begin; nothing is read yet. `tail_events`: how far back a book is seen that was never attested."""
         self._tail_events = tail_events
+        self._rebuilding = rebuilding or Rebuilding()
         self._walk: Walk | None = None
         self.fault: Broken | None = None
 
@@ -56,7 +58,7 @@ class Ahead:
         rows = list(queries.event_rows(connection, walk.seq, SLICE_EVENTS))
         keys = queries.keys_between(connection, first, last)
         moved = queries.moved_between(connection, first, last)
-        for row in rows:
+        for row in self._rebuilding.over(rows):
             self.fault = self.fault or walk.take(row, keys)
         walk.post(moved)
         self._walk = None if self.fault else walk

@@ -20,7 +20,8 @@ class Order:
     """A command for the writer.
 
     `fingerprint` tells one wish from another under the same key; `digest` tells the very request, so that a
-    look-up, which does not bring the wish along, can still name it.
+    look-up, which does not bring the wish along, can still name it. `name` (32 hex) is what a guard calls it: the hash
+    of its key, or what it was given in a key's place; empty: nobody can name it.
     """
 
     command: Command
@@ -31,6 +32,7 @@ class Order:
     transaction_id: str
     account_ids: tuple[str, ...]
     slot: int
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class LookUp:
 class Exercise:
     """A drill in a command's place: `run` happens where a command would be decided, and nothing is booked.
 
-    None: it does nothing itself, and meets what every command would meet.
+    None: it does nothing itself, and meets what every command would meet. `name` as of an order.
     """
 
     slot: int
@@ -58,6 +60,7 @@ class Exercise:
     account_id: str
     run: Callable[[], object] | None
     key: None = None
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,8 +139,40 @@ class ReadOnly:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class SetAside:
+    """The guard has set it aside under the number `letter`, or (`account`) an event of an account that it would book on.
+
+    Nothing was done, and nothing is kept under its key: once the rule is taken away it may run.
+    """
+
+    letter: str
+    account: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Limited:
+    """A rule takes no more of its kind for `again_s` seconds; None: it is larger than the rule ever takes.
+
+    Nothing was done, as of what is set aside.
+    """
+
+    rule: str
+    again_s: int | None
+
+
 Answer = (
-    Done | Refused | KeyTaken | KeyUnknown | DecisionFailed | StoreBusy | OutcomeUnknown | Leaving | ReadOnly
+    Done
+    | Refused
+    | KeyTaken
+    | KeyUnknown
+    | DecisionFailed
+    | StoreBusy
+    | OutcomeUnknown
+    | Leaving
+    | ReadOnly
+    | SetAside
+    | Limited
 )
 
 CREATED: Final = 201

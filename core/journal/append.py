@@ -8,7 +8,7 @@ the book would have to be attested and does not stand where it was left. Whateve
 leaves a batch of which nobody can say what became, and such a journal never writes again.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any, Final, assert_never
@@ -17,6 +17,8 @@ from sqlalchemy import Connection, bindparam, insert, select, update
 from sqlalchemy.exc import DBAPIError
 
 from core.guarded.naming import ids_shown
+from core.guarded.poison import Armoury, At
+from core.guarded.quarantine import Quarantine, Rules
 from core.guarded.recorder import FlightRecorder, Stage
 from core.journal import queries, schema
 from core.journal.answers import (
@@ -31,6 +33,7 @@ from core.journal.answers import (
     OutcomeUnknown,
     ReadOnly,
     Refused,
+    SetAside,
     StoreBusy,
     Touch,
     Work,
@@ -41,11 +44,12 @@ from core.journal.attestation import Balance, attest, attested_before, due_betwe
 from core.journal.batch import Batch
 from core.journal.proof import check_balances
 from core.journal.room import Room
-from core.journal.shelf import fetch_book, fetch_keys
+from core.journal.shelf import fetch_book, fetch_keys, parked_entries
 from core.journal.store import StoreError, StoreFault, is_open, store_error
 from core.ledger.accounts import Account
 from core.ledger.book import KnownEntry
-from core.ledger.events import Event
+from core.ledger.entries import ReplaceEntry, ReverseEntry
+from core.ledger.events import Booking, Event
 from core.ledger.fields import folded
 
 #: What a store that takes no write is called, by its fault.
@@ -110,11 +114,14 @@ class Journal:
         recorder: FlightRecorder,
         room: Room,
         wall_ns: Callable[[], int],
+        quarantine: Quarantine | None = None,
+        armoury: Armoury | None = None,
     ) -> None:
         """Take the connection that `open_writing` gave, after its fence has raised `epoch`.
 
         `head_seq`: the last event, as the proof has found it. `room`: of the store's file system. `wall_ns`: wall
-        time, a label on each event.
+        time, a label on each event. `quarantine`: accounts on which nothing more is booked, and the events they have
+        that from; `armoury`: what a drill kills this process with. Without them there is nothing of the kind.
         """
         self._connection = connection
         self._epoch = epoch
@@ -122,6 +129,8 @@ class Journal:
         self._recorder = recorder
         self._room = room
         self._wall_ns = wall_ns
+        self._quarantine = quarantine or Quarantine()
+        self._armoury = armoury or Armoury()
         self._broken = False
 
     def write(self, works: Sequence[Work]) -> BatchOutcome:
@@ -181,16 +190,18 @@ class Journal:
             self._connection.exec_driver_sql("ROLLBACK").close()
             return FencedBy(meta.epoch)
         keys = fetch_keys(self._connection, works)
-        batch = Batch(
-            self._epoch, meta.head_seq, meta.head_hash, fetch_book(self._connection, works), dict(keys)
-        )
-        answers = tuple([self._answer(batch, work) for work in works])
+        aside = self._aside(works)
+        touching = [work for place, work in enumerate(works) if place not in aside] if aside else works
+        book = fetch_book(self._connection, touching)
+        batch = Batch(self._epoch, meta.head_seq, meta.head_hash, book, dict(keys))
+        answers = tuple([self._answer(batch, work, aside.get(place)) for place, work in enumerate(works)])
         if batch.is_empty and not any(_must_write(work) for work in works):
             self._connection.exec_driver_sql("ROLLBACK").close()
         elif (error := self._lay_down(batch, works)) is not None:
             return NotTaken(tuple([_recall(keys, work, error) for work in works]), error)
         else:
             self._connection.exec_driver_sql("COMMIT").close()
+            self._strike(At.LATER, batch, works)
         for work in works:
             self._recorder.stage(work.slot, Stage.COMMITTED)
         if batch.events:
@@ -214,29 +225,65 @@ class Journal:
             self._connection.exec_driver_sql("ROLLBACK").close()
         return error
 
-    def _answer(self, batch: Batch, work: Work) -> Answer:
+    def _aside(self, works: Sequence[Work]) -> Mapping[int, SetAside]:
+        """Return, by place, what is answered to those that change an entry whose event is left out of every rebuild.
+
+        Deciding one of them would begin with reading that event.
+        """
+        rules = self._quarantine.rules
+        if not rules.parked:
+            return {}
+        entries = parked_entries(self._connection, works, rules.parked)
+        return {
+            place: _parked(rules, entries[work.command.entry])
+            for place, work in enumerate(works)
+            if isinstance(work, Order) and isinstance(work.command, ReplaceEntry | ReverseEntry)
+            if work.command.entry in entries
+        }
+
+    def _strike(self, at: At, batch: Batch, works: Sequence[Work]) -> None:
+        """Have a drill's command kill this process, where it is in the batch and is carried out, not told again."""
+        if self._armoury.armed is None:
+            return
+        booked = {row["command_id"] for row in batch.events}
+        self._armoury.strike(
+            at,
+            {
+                work.name
+                for work in works
+                if isinstance(work, Exercise) or (isinstance(work, Order) and work.command_id in booked)
+            },
+        )
+
+    def _answer(self, batch: Batch, work: Work, aside: SetAside | None) -> Answer:
         self._recorder.stage(work.slot, Stage.DECIDING)
-        answer = self._judge(batch, work)
+        answer = self._judge(batch, work, aside)
         # It waits again, for the rest of its batch: DECIDING must name one work and no other.
         self._recorder.stage(work.slot, Stage.QUEUED)
         return answer
 
-    def _judge(self, batch: Batch, work: Work) -> Answer:
+    def _judge(self, batch: Batch, work: Work, aside: SetAside | None) -> Answer:
         match work:
             case LookUp():
                 return batch.look_up(work)
             case Exercise():
+                self._armoury.strike(At.DECIDE, (work.name,))
                 return _exercise(work)
             case Touch():
                 return Done(OK, b"{}")
             case Order():
-                return self._decide(batch, work)
+                return self._decide(batch, work, aside)
             case _:
                 assert_never(work)
 
-    def _decide(self, batch: Batch, work: Order) -> Answer:
+    def _decide(self, batch: Batch, work: Order, aside: SetAside | None) -> Answer:
         # Plain strings in this frame, so that a stack dump of a hang names the command.
         transaction_id, account_id = work.transaction_id, ids_shown(work.account_ids)
+        is_new = work.key is None or work.key not in batch.keys
+        if is_new and aside is not None:
+            return aside
+        if is_new:
+            self._armoury.strike(At.DECIDE, (work.name,))
         try:
             decision = batch.decide(work)
         # Deciding is ours and pure: whatever it raises is our bug with this one command, it has changed
@@ -244,6 +291,12 @@ class Journal:
         except Exception as error:  # noqa: BLE001
             return DecisionFailed(f"deciding {transaction_id or account_id} raised {error!r}")
         if isinstance(decision, tuple):
+            marked = self._quarantine.rules.marked
+            if (
+                marked
+                and (name := next((one for one in _touched(decision) if one in marked), None)) is not None
+            ):
+                return SetAside(marked[name], name)
             return batch.take(work, decision, self._wall_ns())
         if isinstance(decision, Refused):
             batch.refuse(work, decision)
@@ -254,6 +307,7 @@ class Journal:
             # Nothing is written for a look-up: its key is no suspect of a write that ends badly.
             if not isinstance(work, LookUp):
                 self._recorder.stage(work.slot, Stage.WRITING)
+        self._strike(At.WRITE, batch, works)
         transaction_id, account_id = _named(works)  # noqa: RUF059  for stack dumps
         connection, book = self._connection, batch.book
         for statement, rows in (
@@ -306,6 +360,21 @@ def _attested(batch: Batch, due: Sequence[int], now: Sequence[Balance]) -> list[
                 moved[row["account_id"]] = moved.get(row["account_id"], 0) + row["amount"]
         made.append(asdict(attest(seq, hashes[seq], standing(now, moved))))
     return made
+
+
+def _touched(events: Sequence[Event]) -> Iterator[str]:
+    """Return the accounts that events book on, open or close."""
+    for event in events:
+        if isinstance(event, Booking):
+            yield from (line.account for line in event.postings)
+        else:
+            yield event.id
+
+
+def _parked(rules: Rules, seq: int) -> SetAside:
+    """Return what is answered to a change of an entry that stands in this event, which is left out."""
+    parked = rules.parked[seq]
+    return SetAside(parked.letter, next(iter(parked.account_ids), None))
 
 
 def _exercise(work: Exercise) -> Done:

@@ -168,6 +168,13 @@ def count_entries(connection: Connection) -> int:
     return connection.execute(select(func.count()).select_from(schema.entry)).scalar_one()
 
 
+def began_entry(connection: Connection, seq: int) -> bool:
+    """Whether an entry began with this event, seen without reading it."""
+    booked = select(schema.booking.c.id).where(schema.booking.c.seq == seq).scalar_subquery()
+    query = select(schema.entry.c.id).where(schema.entry.c.id == booked)
+    return connection.execute(query).first() is not None
+
+
 def keys_between(connection: Connection, first_seq: int, last_seq: int | None = None) -> dict[int, str]:
     """Return the keys that name an event in this range (both ends in it), by its sequence."""
     kept = schema.idempotency.c

@@ -20,7 +20,7 @@ _Line = tuple[str, int, str, int]
 
 @dataclass(slots=True)
 class Readings:
-    """What is listed for a range of events, by sequence. `take` removes what it has compared."""
+    """What is listed for a range of events, by sequence. `take` and `leave_out` remove what they have seen."""
 
     bookings: dict[int, tuple[str, str, str]]
     postings: dict[int, list[_Line]]
@@ -41,6 +41,13 @@ class Readings:
             self.origins.pop(seq, None),
         )
         return listed == _said(event, fell=fell) and self._take_entry(event, seq, fell=fell)
+
+    def leave_out(self, seq: int) -> list[tuple[str, int]]:
+        """Take what is listed for an event that nobody reads; return what it posted to which account."""
+        lines = [(account, amount) for account, amount, *_ in self.postings.pop(seq, [])]
+        for listed in (self.bookings, self.entries, self.reversals, self.taken_back, self.origins):
+            listed.pop(seq, None)
+        return lines
 
     def left(self) -> list[int]:
         """Return the numbers that are listed and were not taken."""

@@ -6,7 +6,7 @@ money is known. What is fetched is always enough and may be too much: deciding s
 A book that reads from the store while it is asked was not chosen: deciding would no longer be a pure function.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from typing import Any, Final
 
 from sqlalchemy import Connection, bindparam, select
@@ -59,6 +59,15 @@ def fetch_book(connection: Connection, works: Sequence[Work]) -> Book:
     for part in _parts(mark for command in commands for mark in _fingerprint_of(command)):
         book.fingerprints |= set(connection.execute(_FINGERPRINTS, {"names": part}).scalars())
     return book
+
+
+def parked_entries(connection: Connection, works: Sequence[Work], parked: Container[int]) -> dict[str, int]:
+    """Return the entries that a batch would change and that stand in one of these events, by id; no event is read."""
+    commands = [work.command for work in works if isinstance(work, Order)]
+    found: dict[str, int] = {}
+    for part in _parts(name for command in commands for name in _entry_of(command)):
+        found.update((row.id, row.seq) for row in connection.execute(_PLACES, {"names": part}))
+    return {name: seq for name, seq in found.items() if seq in parked}
 
 
 def account_of(row: Any) -> Account:
@@ -151,6 +160,9 @@ _ENTRIES: Final = (
     select(schema.entry.c.id, schema.entry.c.reversed, schema.event.c.seq, schema.event.c.body)
     .join(schema.event, schema.event.c.seq == schema.entry.c.seq)
     .where(schema.entry.c.id.in_(bindparam("names", expanding=True)))
+)
+_PLACES: Final = select(schema.entry.c.id, schema.entry.c.seq).where(
+    schema.entry.c.id.in_(bindparam("names", expanding=True))
 )
 _FINGERPRINTS: Final = select(schema.origin.c.fingerprint).where(
     schema.origin.c.fingerprint.in_(bindparam("names", expanding=True))

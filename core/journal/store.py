@@ -25,6 +25,7 @@ CHECKPOINT_PAGES: Final = 1_000  # of 4 KiB, SQLite's default
 LOG_KEPT_BYTES: Final = 8 * 1024 * 1024  # more than a checkpoint's worth, so a wrapped log keeps its room
 _PROGRESS_STEPS: Final = 10_000  # virtual machine steps between two looks at the clock, well under 1 ms
 _COPIED_PAGES: Final = 1_024  # between two signs of life while a ledger is copied
+_COPIED_ANEW_MAX: Final = 2  # as often as somebody's writing may have a copy begin again
 _IOERR_SHMSIZE: Final = 4874  # the shared index could not grow: what a full disk looks like at the first open
 
 
@@ -74,9 +75,10 @@ class WritingEngine:
     Statements it has put into words there are ready when it opens the store.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Prepare for the store at `path`; nothing is opened yet."""
+    def __init__(self, path: Path, *, lasting: bool = True) -> None:
+        """Prepare for the store at `path`; nothing is opened yet. Not `lasting`: a copy that no power cut can hurt."""
         self._path = path
+        self._synchronous = "FULL" if lasting else "OFF"
         self._opens: Path | str = path
         self._busy_timeout_ms = 0
         self._engine = create_engine(
@@ -104,7 +106,7 @@ class WritingEngine:
             connection = self._engine.connect()
             for pragma in (
                 "journal_mode = WAL",
-                "synchronous = FULL",
+                f"synchronous = {self._synchronous}",
                 "foreign_keys = ON",
                 "trusted_schema = OFF",
                 f"wal_autocheckpoint = {CHECKPOINT_PAGES}",
@@ -185,6 +187,56 @@ def copy_whole(ledger: Path, into: Path, tick: Callable[[], object]) -> StoreErr
             return _misses(copy, source, tick)
     except sqlite3.Error as error:
         return _driver_error(error)
+
+
+class _WrittenMeanwhileError(Exception):
+    """A copy has begun anew too often."""
+
+
+def copy_beside_work(ledger: Path, into: Path, tick: Callable[[], object]) -> StoreError | None:
+    """Copy a ledger that others write to, as it stood at one moment, into a new file; return what failed.
+
+    Nothing is flushed, and the copy is not read again: it is for whoever throws it away. In steps of some milliseconds,
+    so that no read of ours keeps the log from being emptied; SQLite begins anew where somebody has written between two.
+    Where that happens again and again, all of it is copied in one read. `tick` is called between the steps, and may raise.
+    """
+    try:
+        with closing(_only_read(ledger)) as source:
+            try:
+                _copy_pages(source, into, _Anew(tick))
+            except _WrittenMeanwhileError:
+                source.execute("BEGIN").close()
+                source.execute("SELECT * FROM sqlite_schema").fetchone()  # from here on it is one moment
+                _copy_pages(source, into, lambda *_: tick())
+                source.execute("ROLLBACK").close()
+    except sqlite3.Error as error:
+        return _driver_error(error)
+    return None
+
+
+class _Anew:
+    """Ends a copy that begins again too often: more is left than was left before."""
+
+    def __init__(self, tick: Callable[[], object]) -> None:
+        self._tick = tick
+        self._left: int | None = None
+        self._begun_anew = 0
+
+    def __call__(self, _status: int, left: int, _total: int) -> None:
+        self._tick()
+        if self._left is not None and left >= self._left:
+            self._begun_anew += 1
+            if self._begun_anew > _COPIED_ANEW_MAX:
+                raise _WrittenMeanwhileError
+        self._left = left
+
+
+def _copy_pages(source: sqlite3.Connection, into: Path, told: Callable[[int, int, int], object]) -> None:
+    into.unlink(missing_ok=True)
+    with closing(sqlite3.connect(into, isolation_level=None)) as copy:
+        copy.execute("PRAGMA synchronous = OFF").close()
+        copy.execute("PRAGMA journal_mode = OFF").close()
+        source.backup(copy, pages=_COPIED_PAGES, progress=told, sleep=0.01)
 
 
 def is_copy(copy: Path, ledger: Path, tick: Callable[[], object]) -> bool:

@@ -6,8 +6,8 @@ same moment. It stops at the first fault and names it: what follows a broken lin
 ever repaired here; a repair would be a guess about somebody's money.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import msgspec
@@ -18,7 +18,8 @@ from core.journal import queries
 from core.journal.attestation import Attestation, Balance, attest, is_due, standing
 from core.journal.chain import GENESIS, Broken, EventRow, check_link
 from core.journal.proof import check_key, check_sums, sums_by_currency
-from core.journal.readings import listed_after, read_between
+from core.journal.readings import Readings, listed_after, read_between
+from core.journal.rebuilding import Rebuilding
 from core.journal.store import StoreError, snapshot, store_error
 from core.ledger.accounts import Account
 from core.ledger.decider import evolve
@@ -40,7 +41,9 @@ class Verdict(msgspec.Struct, frozen=True):
     """What came of proof B.
 
     `head` is the hash of the last event seen, `events` how many were whole, `attested` the last of them after which
-    the balances were attested and are what its writer said (0: none was yet).
+    the balances were attested and are what its writer said (0: none was yet). `parked`: events whose content was left
+    out of it, because they kill whoever reads it; their hashes are whole, and where they left their own accounts is
+    taken from what is listed and not proven.
     """
 
     ok: bool
@@ -50,6 +53,7 @@ class Verdict(msgspec.Struct, frozen=True):
     first_bad_seq: int | None
     reason: str | None
     attested: int = 0
+    parked: tuple[int, ...] = ()
 
 
 class GivenUp:
@@ -58,12 +62,19 @@ class GivenUp:
 
 @dataclass(slots=True)
 class _Replay:
-    """The book as its events tell it, so far."""
+    """The book as its events tell it, so far.
 
+    `unproven`: accounts that events which were left out have booked on; `unnamed`: how many of those name none.
+    """
+
+    rebuilding: Rebuilding
     last: EventRow | None = None
     book: dict[str, Account] = field(default_factory=dict)
     entries: int = 0
     attested: int = 0
+    parked: list[int] = field(default_factory=list)
+    unproven: set[str] = field(default_factory=set)
+    unnamed: int = 0
 
     @property
     def seq(self) -> int:
@@ -71,13 +82,17 @@ class _Replay:
 
 
 def verify(
-    readers: Engine, slice_ms_max: int, is_leaving: Callable[[], bool]
+    readers: Engine,
+    slice_ms_max: int,
+    is_leaving: Callable[[], bool],
+    rebuilding: Rebuilding | None = None,
 ) -> Verdict | StoreError | GivenUp:
     """Prove the whole book, in slices that may each read for `slice_ms_max`. Blocks: give it a thread.
 
     `is_leaving` is asked between two slices, so that a proof of minutes never delays an end of moments.
+    `rebuilding` says what is left out of it; absent: nothing.
     """
-    replay = _Replay()
+    replay = _Replay(rebuilding or Rebuilding())
     try:
         while not is_leaving():
             with snapshot(readers, slice_ms_max) as connection:
@@ -101,21 +116,61 @@ def _slice(connection: Connection, replay: _Replay) -> Broken | None:
     attested = queries.attestations_between(connection, first, last)
     readings = read_between(connection, first, last)
     for row in rows:
-        event = decode(row.body)
-        broken = check_link(replay.last, row) or check_key(row, keys) or _check_event(replay, row, event)
+        broken = check_link(replay.last, row) or check_key(row, keys)
+        if broken is None and replay.rebuilding.takes(row.seq):
+            broken = _take(connection, replay, row, readings)
+        elif broken is None:
+            _leave_out(connection, replay, row, readings)
         if broken is not None:
             return broken
-        assert event is not None
-        if not readings.take(event, row.seq):
-            return Broken(row.seq, f"what is listed for event {row.seq} is not what the event says")
-        replay.book.update(evolve(replay.book, event))
-        replay.entries += isinstance(event, EntryPosted) and event.entry == event.id
         replay.last = row
         broken = _check_attested(replay, row, attested.pop(row.seq, None))
         if broken is not None:
             return broken
     orphans = [*keys, *readings.left()]
     return Broken(min(orphans), f"event {min(orphans)} is listed and does not exist") if orphans else None
+
+
+def _take(connection: Connection, replay: _Replay, row: EventRow, readings: Readings) -> Broken | None:
+    """Have an event happen in the book of the replay, or say what is wrong with it."""
+    event = decode(row.body)
+    if replay.parked and isinstance(event, Booking):
+        _stand_in(connection, replay, (line.account for line in event.postings))
+    broken = _check_event(replay, row, event)
+    if broken is not None:
+        return broken
+    assert event is not None
+    if not readings.take(event, row.seq):
+        return Broken(row.seq, f"what is listed for event {row.seq} is not what the event says")
+    replay.book.update(evolve(replay.book, event))
+    replay.entries += isinstance(event, EntryPosted) and event.entry == event.id
+    return None
+
+
+def _leave_out(connection: Connection, replay: _Replay, row: EventRow, readings: Readings) -> None:
+    """Go past an event without reading it: what its commit has listed stands in its place, and proves nothing.
+
+    So every other account, and every attestation that follows, can still be held against the other events.
+    """
+    lines = readings.leave_out(row.seq)
+    names = {name for name, _ in lines} | set(replay.rebuilding.accounts_of(row.seq))
+    _stand_in(connection, replay, names)
+    for name, amount in lines:
+        if name in replay.book:
+            replay.book[name] = replace(replay.book[name], posted=replay.book[name].posted + amount)
+    replay.entries += queries.began_entry(connection, row.seq)
+    replay.parked.append(row.seq)
+    replay.unproven |= names
+    replay.unnamed += not names
+
+
+def _stand_in(connection: Connection, replay: _Replay, names: Iterable[str]) -> None:
+    """Have accounts in the book that an event which was left out has opened: empty, as at their beginning."""
+    for name in sorted(set(names) - replay.book.keys()):
+        account = queries.get_account(connection, name)
+        if account is not None:
+            replay.book[name] = replace(account, posted=0, closed=False)
+            replay.unproven.add(name)
 
 
 def _check_event(replay: _Replay, row: EventRow, event: Event | None) -> Broken | None:
@@ -161,7 +216,10 @@ def _check_readings(connection: Connection, replay: _Replay) -> Broken | None:
         return Broken(min(beyond), f"event {min(beyond)} is listed and does not exist")
     accounts = {account.id: account for account in queries.all_accounts(connection)}
     for name in sorted(accounts.keys() | replay.book.keys()):
-        if accounts.get(name) != replay.book.get(name):
+        if name in replay.unproven or accounts.get(name) == replay.book.get(name):
+            continue
+        replay.unnamed -= 1  # one that names no account may have opened or closed this one
+        if replay.unnamed < 0:
             return Broken(None, f"account {name} does not stand where its events have left it")
     if queries.account_names(connection) != {
         (folded(account.name), name) for name, account in accounts.items()
@@ -182,6 +240,7 @@ def _verdict(replay: _Replay, broken: Broken | None) -> Verdict:
         first_bad_seq=broken.seq if broken else None,
         reason=broken.sentence if broken else None,
         attested=replay.attested,
+        parked=tuple(replay.parked),
     )
 
 

@@ -1,11 +1,14 @@
+import json
 from pathlib import Path
 
 import pytest
 
+from core.guarded.quarantine import Quarantine
 from core.journal import verify as proof_b
+from core.journal.rebuilding import Rebuilding
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.verify import GivenUp, Verdict, verify
-from tests.unit.core.books import moving, opening, order, pen, tamper
+from tests.unit.core.books import entering, moving, opening, order, pen, replacing, tamper
 
 BOOKED = 12
 
@@ -16,10 +19,10 @@ def whole_book(path: Path) -> None:
         made.write(*[order(moving(n, "a", "b"), f"k{n}") for n in range(1, BOOKED - 1)])
 
 
-def verdict(path: Path) -> Verdict:
+def verdict(path: Path, rebuilding: Rebuilding | None = None) -> Verdict:
     readers = open_reading(path / LEDGER_FILE, 1, 1_000)
     try:
-        found = verify(readers, 5_000, lambda: False)
+        found = verify(readers, 5_000, lambda: False, rebuilding)
     finally:
         readers.dispose()
     assert isinstance(found, Verdict), found
@@ -86,3 +89,59 @@ def test_a_proof_is_given_up_when_the_core_leaves(tmp_path: Path) -> None:
     readers = open_reading(tmp_path / LEDGER_FILE, 1, 1_000)
     assert isinstance(verify(readers, 5_000, lambda: True), GivenUp)
     readers.dispose()
+
+
+def parking(path: Path, *events: int, accounts: tuple[str, ...] = ("a", "b")) -> Rebuilding:
+    file = path / "quarantine.json"
+    rules = [{"id": "letter", "type": "parked", "seq": seq, "account_ids": accounts} for seq in events]
+    file.write_text(json.dumps({"version": 1, "serial": 1, "rules": rules}))
+    quarantine = Quarantine(file)
+    assert quarantine.read() is None
+    return Rebuilding(quarantine)
+
+
+def test_an_event_that_is_parked_is_left_out_of_the_proof_and_named(tmp_path: Path) -> None:
+    whole_book(tmp_path)
+    found = verdict(tmp_path, parking(tmp_path, 6, 9))
+    assert found.ok, found.reason
+    assert (found.events, found.parked, found.trial_balance) == (BOOKED, (6, 9), {"KRW": "0"})
+
+
+def test_a_parked_event_is_never_read_and_still_hashed(tmp_path: Path) -> None:
+    whole_book(tmp_path)
+    tamper(tmp_path, "UPDATE event SET body = x'00' WHERE seq = 6")
+    unread = verdict(tmp_path, parking(tmp_path, 6))
+    assert (unread.first_bad_seq, unread.ok) == (6, False), "its hash counts as ever"
+    assert unread.reason is not None
+    assert "can't be read" not in unread.reason
+
+
+def test_all_other_accounts_are_held_against_the_events_that_are_left(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(*[opening(name) for name in "abcd"])
+        made.write(order(moving(5, "a", "b")), order(moving(7, "c", "d")), order(moving(1, "a", "c")))
+    rebuilding = parking(tmp_path, 5)
+    assert verdict(tmp_path, rebuilding).ok
+    tamper(tmp_path, "UPDATE account SET posted = posted + 1 WHERE id = 'c'")
+    assert not verdict(tmp_path, rebuilding).ok
+
+
+@pytest.mark.parametrize("accounts", [("c",), ()])
+def test_an_account_may_have_been_opened_by_what_is_parked(tmp_path: Path, accounts: tuple[str, ...]) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(*[opening(name) for name in "abc"])
+        assert verdict(tmp_path, parking(tmp_path, 3, accounts=accounts)).ok
+        made.write(order(moving(7, "a", "c")))
+    assert verdict(tmp_path, parking(tmp_path, 3, accounts=accounts)).ok
+
+
+def test_entries_are_counted_whether_or_not_their_events_are_read(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("bank"))
+        entry = entering("-5", category="food")
+        made.write(order(entry))
+        made.write(order(replacing(entry.id, "-7", category="food")))
+        head = made.journal.head_seq
+    for seq in range(2, head + 1):
+        found = verdict(tmp_path, parking(tmp_path, seq, accounts=()))
+        assert found.ok, (seq, found.reason)
