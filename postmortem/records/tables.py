@@ -92,7 +92,6 @@ LETTERS: Final = Table(
         "rule_absent", Boolean, nullable=False
     ),  # it was taken away for a retry and is not known to be back
     Column("state", String, nullable=False),
-    Column("before_discard", String),
     Column("reason", String, nullable=False),
     Column("name", String, nullable=False, unique=True),
     Column("command_id", String, nullable=False),
