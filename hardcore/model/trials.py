@@ -9,6 +9,8 @@ request's body; orders go to the executor; what is remembered is the pure value 
 from dataclasses import dataclass
 from enum import StrEnum
 
+from hardcore.model.verdicts import Diagnosis
+
 
 class Ordeal(StrEnum):
     """What became of one case in the throw-away core."""
@@ -78,9 +80,13 @@ class TrialNote:
 
 @dataclass(frozen=True, slots=True)
 class Suspect:
-    """A command that may have caused a death. `deaths`: from inside, with it at work; `filed`: its case is on the disk.
+    """A command that may have caused a death. `deaths`: from inside, with it at work, that nothing else explains;
+    `filed`: its case is on the disk.
 
-    `ordeal`: what its last trial said, None before one. `letter`: it is set aside under this number.
+    `ordeal`: what its last trial said, None while it is open. `letter`: it is set aside under this number. `at_ns`: of
+    the death, monotonic; whoever was at work in the same one has the same. `blame`: what that death was called, None if
+    nobody saw it. `company`: it only stood in the queue behind a suspect of its kind. `waits`: its accounts wait for its
+    trial. `tries`: trials that said nothing; `hung`: one in which it was slow. `seq`: it is an event of the log.
     """
 
     name: str
@@ -95,6 +101,32 @@ class Suspect:
     filed: bool = False
     ordeal: Ordeal | None = None
     letter: str = ""
+    at_ns: int = 0
+    blame: Diagnosis | None = None
+    before: tuple[str, ...] = ()  # earlier incidents that it was suspected in
+    company: bool = False
+    waits: bool = True
+    filed_ns: int = 0
+    closed_ns: int = 0
+    tries: int = 0
+    hung: bool = False
+    fingerprint: str = ""
+    took_ms: int = 0
+    why: str = ""
+    seq: int | None = None
+
+    @property
+    def open(self) -> bool:
+        """Whether it has yet to be said what becomes of it."""
+        return self.ordeal is None
+
+
+@dataclass(frozen=True, slots=True)
+class Conviction:
+    """One conviction of what a source had sent, monotonic."""
+
+    source: str
+    at_ns: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +139,7 @@ class CourtMemory:
     suspects: tuple[Suspect, ...] = ()
     settled_seq: int = 0
     parked: tuple[int, ...] = ()
+    convictions: tuple[Conviction, ...] = ()
 
 
 # ---- facts ----
@@ -151,7 +184,10 @@ class Tried:
 
 @dataclass(frozen=True, slots=True)
 class TrialsOver:
-    """The court's process has ended. `fault`: why it could not do its work; empty: it did."""
+    """The court's process has ended, once for each `Try` or `TryLog`, also after `EndTrials` and if none could be made.
+
+    `fault`: why it could not do its work; empty: it did.
+    """
 
     at_ns: int
     fault: str = ""
@@ -191,12 +227,15 @@ class TryLog:
 
 @dataclass(frozen=True, slots=True)
 class EndTrials:
-    """End the court: nothing more is expected of it."""
+    """End the court; `TrialsOver` says when it is gone, and only then another begins."""
 
 
 @dataclass(frozen=True, slots=True)
 class SetAside:
-    """Refuse it from now on, wherever it comes from, tell whoever waits for it, and write its letter."""
+    """Refuse it from now on, wherever it comes from, tell whoever waits for it, and write its letter.
+
+    May be said again with the same id, when its request has come again: then whoever waits is told again.
+    """
 
     letter: Letter
 
@@ -235,7 +274,7 @@ class KeepCourt:
 
 @dataclass(frozen=True, slots=True)
 class AddTrials:
-    """Write what came of its trials into the facts of an incident, open or closed."""
+    """Write what came of its trials into the facts of an incident, open or closed; all of them, in place of what was said."""
 
     incident: str
     trials: tuple[TrialNote, ...]

@@ -9,6 +9,7 @@ from hardcore.model import observations as seen
 from hardcore.model.phases import Wanted
 from hardcore.model.recorder import LifeState, Page
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
+from hardcore.recovery import hearing
 from hardcore.recovery.budget import NS_PER_MS
 from hardcore.recovery.course import Course
 from hardcore.recovery.moves import fire
@@ -20,7 +21,7 @@ from hardcore.sentinel.deaths import Death
 def begin(c: Course, fact: seen.SentinelBegan) -> None:
     """Go on with the core that serves, end what an earlier guard has left, or start a core."""
     c.budget = c.budget.at(fact.at_ns)
-    c.inherited = fact.suspects
+    hearing.inherit(c, fact.court, fact.suspects, fact.at_ns)
     c.store.saw(fact.page)
     c.store.certain = False  # a core of the earlier guard may have raised it since
     if fact.adoptable is not None:

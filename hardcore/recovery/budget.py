@@ -34,6 +34,10 @@ class Budget:
         trimmed = self.at(now_ns)
         return Budget(self.limit, self.window_ns, (*trimmed.deaths_ns, now_ns))
 
+    def without(self, death_ns: int) -> "Budget":
+        """Return this budget without the death of that moment: what caused it is known, and can't do it again."""
+        return Budget(self.limit, self.window_ns, tuple(t for t in self.deaths_ns if t != death_ns))
+
     def spent(self, now_ns: int) -> bool:
         """Return whether more deaths than allowed lie in the window."""
         return len(self.at(now_ns).deaths_ns) > self.limit

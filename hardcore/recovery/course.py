@@ -17,6 +17,7 @@ from hardcore.model.verdicts import GREEN, Diagnosis, Testimony, Verdict
 from hardcore.recovery import plan
 from hardcore.recovery.audit import Audit
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
+from hardcore.recovery.court import Court
 from hardcore.recovery.curiosity import Curiosity
 from hardcore.recovery.deadline import Deadline
 from hardcore.recovery.drill import PendingDrill
@@ -35,6 +36,10 @@ from hardcore.sentinel.witnesses.own_stall import LATE_INTERVALS
 TRANSITIONS_MAX = 1024
 #: So much of what a core says while it is drained is kept: the newest.
 LATER_MAX = 16
+#: Deaths whose pages may still come: the present core's, and that of one left behind.
+FALLS_MAX = 4
+#: So many deaths in a row that a command was finished near make it likely.
+NEAR_DEATHS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +70,19 @@ class Switching:
     again_ns: int | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Fall:
+    """A death as it was first told, or ordered. `booting`: before it served; `early`: in its probation, or just after a
+    suspect was cleared. `judged`: what its page says of nobody at work was heard.
+    """
+
+    life: int
+    at_ns: int
+    booting: bool = False
+    early: bool = False
+    judged: bool = False
+
+
 @dataclass(slots=True)
 class Course:
     """The state of one manager. Times are monotonic."""
@@ -78,6 +96,7 @@ class Course:
     safety: Safety
     troubles: Troubles
     spare: Spare
+    court: Court
     phase: Phase = Phase.STOPPED
     since_ns: int = 0
     delay_ns: int = 0
@@ -103,7 +122,13 @@ class Course:
     # What outlives it.
     behind: Behind | None = None  # a core that lives on behind the fence
     switching: Switching | None = None
-    inherited: tuple[str, ...] = ()  # whom an earlier guard suspected; until a core serves
+    falls: tuple[Fall, ...] = ()  # the last deaths
+    near: tuple[
+        frozenset[str], ...
+    ] = ()  # what was finished shortly before the last deaths that nobody was at work in
+    pause_until_ns: int | None = (
+        None  # a start waits for the log's trial; without it, it would have waited so long
+    )
     later: tuple[CoreObservation, ...] = ()  # what a core that is drained said, for when it serves again
     switch_fault: str = ""  # why the last one that was asked for was given up
     start_fault: str = ""  # what the core said last that died before it served; of the last death
@@ -145,4 +170,5 @@ def course(given: Given, wanted: Wanted, deaths_ns: tuple[int, ...]) -> Course:
         safety(policy.safe_retry_ms, policy.disk_floor_mb, policy.disk_slow_ms),
         Troubles(policy.clean_after_ms * NS_PER_MS),
         spare(policy),
+        Court(plan.rules(policy)),
     )

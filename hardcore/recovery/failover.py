@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping
 from typing import assert_never
 
 from hardcore.model import observations as seen
-from hardcore.model import phases
+from hardcore.model import phases, trials
 from hardcore.model.actions import Action, Incident, LookAtStore, SampleStacks
 from hardcore.model.phases import Phase, StartCause, Wanted
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Wish
-from hardcore.recovery import plan, relief, succession
+from hardcore.recovery import hearing, plan, relief, succession
 from hardcore.recovery.beginning import begin
 from hardcore.recovery.budget import NS_PER_MS
 from hardcore.recovery.course import LATER_MAX, Course, Given, course
@@ -55,6 +55,10 @@ class FailoverManager:
 
     def receive(self, fact: seen.Observation) -> None:
         """Take in one fact. Facts about another life than the present one are dropped."""
+        self._take_in(fact)
+        hearing.sit(self._course, fact.at_ns)
+
+    def _take_in(self, fact: seen.Observation) -> None:
         c = self._course
         match fact:
             case seen.SentinelBegan():
@@ -81,6 +85,14 @@ class FailoverManager:
             case seen.RequestsSettled():
                 if c.story is not None and fact.incident == c.story.id:
                     c.story.add_requests(fact.requests)
+            case (
+                trials.CaseFiled()
+                | trials.SuspectsSettled()
+                | trials.Tried()
+                | trials.TrialsOver()
+                | trials.RuleRemoved()
+            ):
+                hearing.heard(c, fact)
             case _:
                 if succession.heard(c, fact) or succession.behind(c, fact):
                     return
@@ -103,11 +115,12 @@ class FailoverManager:
                 fire(c, Trigger.DEADLINE, now_ns, "time is over")
         relief.ring(c, now_ns)
         succession.ring(c, now_ns)
+        hearing.sit(c, now_ns)
 
     def next_deadline_ns(self) -> int | None:
         """Return when `handle_deadline` wants to be called, monotonic; None: not by itself."""
         c = self._course
-        due = (c.deadline.due_ns, relief.next_ns(c), succession.next_ns(c))
+        due = (c.deadline.due_ns, relief.next_ns(c), succession.next_ns(c), c.court.next_ns())
         return min((at_ns for at_ns in due if at_ns is not None), default=None)
 
     def take_actions(self) -> tuple[Action, ...]:
@@ -135,8 +148,8 @@ class FailoverManager:
 
     def open_incident(self) -> Incident | None:
         """Return what is known of the open incident, if there is one."""
-        story = self._course.story
-        return story.so_far() if story is not None else None
+        c = self._course
+        return c.story.so_far(c.court.notes(c.story.id)) if c.story is not None else None
 
     def state(self) -> Mapping[str, object]:
         """Return all that this manager remembers, by name: plain values, no copies, nothing not yet taken."""
@@ -443,7 +456,9 @@ def _exited(c: Course, fact: seen.CoreExited) -> None:
     elif c.story:
         mark(c, "killed", fact.at_ns)
         c.story.exit = c.story.exit or fact.exit
-        c.story.add_page(fact.page, own_fault(fact.exit) or suspected_of(c), c.growth)
+        blame = own_fault(fact.exit) or suspected_of(c)
+        c.story.add_page(fact.page, blame, c.growth)
+        hearing.read(c, fact.page, blame, c.life, fact.at_ns, c.growth)
     fire(c, Trigger.EXITED, fact.at_ns, f"the core {how}")
 
 
@@ -463,5 +478,6 @@ def _evidence(c: Course, fact: seen.EvidenceTaken) -> None:
         for name, at_ns in fact.steps:
             mark(c, name, at_ns)
         c.story.add_page(fact.page, suspected_of(c), c.growth)
+        hearing.read(c, fact.page, suspected_of(c), c.life, fact.at_ns, c.growth)
     if c.phase is Phase.SNAPSHOT_LIVE and fact.stopped:
         fire(c, Trigger.EVIDENCE_TAKEN, fact.at_ns, "whole" if fact.complete else "in part")

@@ -67,7 +67,7 @@ CODEC = Codec(
     {
         CommandNote: {"payload": b""},
         LastWords: {"text": ""},
-        Page: {"finished": (), "events": (), "censuses": ()},
+        Page: {"events": (), "censuses": ()},
     },
 )
 

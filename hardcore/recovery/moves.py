@@ -24,7 +24,7 @@ from hardcore.model.actions import (
 from hardcore.model.phases import Phase, Wanted
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import GREEN, Diagnosis
-from hardcore.recovery import plan, telling
+from hardcore.recovery import hearing, plan, telling
 from hardcore.recovery.budget import NS_PER_MS, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.curiosity import Curiosity
@@ -133,7 +133,7 @@ def _reads_for(c: Course) -> Diagnosis | None:
 def _enter(c: Course, phase: Phase, now_ns: int) -> None:
     c.phase, c.since_ns = phase, now_ns
     if phase is Phase.BACKOFF:
-        c.delay_ns = plan.pause_ns(c.policy, c.tries, c.given.jitter())
+        c.delay_ns = hearing.pause_ns(c, plan.pause_ns(c.policy, c.tries, c.given.jitter()), now_ns)
     _set_deadline(c, phase, now_ns)
     c.stage_max = max(c.stage_max, phases.stage(phase) or 0) if c.story else 0
     if phase in phases.SERVING:
@@ -183,7 +183,9 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
         case Step.KILL_LEFTOVERS:
             order(c, KillLeftovers())
         case Step.OPEN | Step.OPEN_PLANNED:
-            telling.open_death(c, now_ns, planned=name is Step.OPEN_PLANNED)
+            trouble, planned = telling.pending(c), name is Step.OPEN_PLANNED
+            telling.open_death(c, now_ns, planned=planned)
+            hearing.fell(c, trouble, now_ns, planned=planned)
         case Step.OPEN_UNWATCHED:
             telling.open_unwatched(c, now_ns)
         case Step.OPEN_TROUBLE:
@@ -200,6 +202,7 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             _release_again(c, now_ns)
         case Step.SETTLED:
             c.tries = 0
+            hearing.settle(c)
         case Step.CLOSE:
             telling.close_if_over(c, now_ns, after)
         case Step.ALERT:
@@ -297,9 +300,8 @@ def _release_again(c: Course, now_ns: int) -> None:
     c.bench = Bench(plan.patience(c.policy))
     c.held_ns = None
     c.heard_ns = c.looked_ns = now_ns
-    own = c.story.suspects if c.story else ()
-    suspects, c.inherited = (*c.inherited, *(key for key in own if key not in c.inherited)), ()
-    order(c, Release(c.life, c.epoch, suspects, c.story.id if c.story else None))
+    hearing.serves(c, now_ns)
+    order(c, Release(c.life, c.epoch, c.court.open_names(), c.story.id if c.story else None))
 
 
 def _read_only(c: Course, now_ns: int) -> None:

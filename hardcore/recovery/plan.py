@@ -5,6 +5,7 @@ from typing import assert_never
 from hardcore.model.phases import SERVING, Phase
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, backoff_ns
+from hardcore.recovery.court import Rules
 from hardcore.recovery.policy import Policy, Word
 from hardcore.recovery.safety import PASSING
 from hardcore.sentinel.verdict import Patience
@@ -13,6 +14,8 @@ from hardcore.sentinel.verdict import Patience
 EVIDENCE_SLACK_MS = 250
 #: A core that is drained is given this much longer to say so.
 DRAIN_SLACK_MS = 500
+#: A trial may take so many times as long as a transaction: slow is not guilty.
+TRIAL_PATIENCE = 3
 #: A core that did not die is killed again this often: what kept the kill from it may be over.
 KILL_AGAIN_MS = 5_000
 
@@ -30,6 +33,18 @@ def patience(policy: Policy) -> Patience:
         disk_floor_bytes=policy.disk_floor_mb << 20,
         disk_slow_ms=policy.disk_slow_ms,
         survey_ms=policy.survey_interval_ms,
+    )
+
+
+def rules(policy: Policy) -> Rules:
+    """Return the numbers that the court goes by."""
+    return Rules(
+        limit_ms=TRIAL_PATIENCE * policy.transaction_timeout_ms,
+        memory_bytes=policy.memory_limit_mb << 20,
+        begin_ms=policy.startup_timeout_ms,
+        trial_limit=policy.trial_limit,
+        max_convictions=policy.max_convictions,
+        source_stop_ns=policy.source_stop_sec * NS_PER_S,
     )
 
 

@@ -227,8 +227,15 @@ class Policy:
         low=64,
         high=1 << 20,
     )
-    trial_limit: int = setting(64, "suspects tried in one incident (not in this version)", low=0, high=10_000)
-    max_convictions: int = setting(10, "convictions in 60 s (not in this version)", low=1, high=1000)
+    trial_limit: int = setting(
+        64, "suspects tried in one incident; more are left to a person", low=0, high=10_000
+    )
+    max_convictions: int = setting(
+        10, "convictions in 60 s of what one source sent; more stop that source", low=1, high=1000
+    )
+    source_stop_sec: int = setting(
+        600, "a source that is stopped may change nothing for so long", low=1, high=86_400
+    )
     drills: bool = setting(True, "whether `hardcore drill` may break the core")
     await_operator_sec: int = setting(
         300, "patience with the operator (not in this version)", low=1, high=86_400

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from hardcore.model.actions import DeathNote, Incident
 from hardcore.model.observations import Exit, LedgerAudited, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Page, Witness
+from hardcore.model.trials import TrialNote
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 from hardcore.recovery import trial
 from hardcore.recovery.suspicion import Growth
@@ -110,8 +111,8 @@ class Story:
             return
         self.last_words = self.last_words or page.last_words
         self.witness = page.witness or self.witness
-        new = trial.suspects(blame, page.in_flight, growth) if blame is not None else ()
-        added = tuple(key for key in new if key not in self.suspects)
+        new = trial.touched(blame, page.in_flight, growth) if blame is not None else ()
+        added = tuple(note.key_hash for note in new if note.key_hash not in self.suspects)
         self.suspects = (self.suspects + added)[:SUSPECTS_MAX]
         seen = {note.command_id for note in self.in_flight}
         new_notes = tuple(note for note in page.in_flight if note.command_id not in seen)
@@ -121,16 +122,24 @@ class Story:
         """Note what became of requests that met the outage; the first ones where there are too many."""
         self.requests = (self.requests + settled)[:REQUESTS_MAX]
 
-    def told(self, outcome: str, now_ns: int, waits_for: Diagnosis | None = None) -> Incident:
+    def told(
+        self,
+        outcome: str,
+        now_ns: int,
+        waits_for: Diagnosis | None = None,
+        trials: tuple[TrialNote, ...] = (),
+    ) -> Incident:
         """Return the whole story as facts. `waits_for`: why another try makes no sense, if none does."""
         self.mark("closed", now_ns)
-        return self._as_facts(outcome, waits_for, now_ns)
+        return self._as_facts(outcome, waits_for, now_ns, trials)
 
-    def so_far(self) -> Incident:
+    def so_far(self, trials: tuple[TrialNote, ...] = ()) -> Incident:
         """Return what is known of it while it goes on."""
-        return self._as_facts("open", None, 0)
+        return self._as_facts("open", None, 0, trials)
 
-    def _as_facts(self, outcome: str, waits_for: Diagnosis | None, closed_ns: int) -> Incident:
+    def _as_facts(
+        self, outcome: str, waits_for: Diagnosis | None, closed_ns: int, trials: tuple[TrialNote, ...]
+    ) -> Incident:
         return Incident(
             id=self.id,
             opened_ns=self.opened_ns,
@@ -157,6 +166,7 @@ class Story:
             waits_for=waits_for,
             closed_ns=closed_ns,
             blamed=self.blamed,
+            trials=trials,
         )
 
 

@@ -21,7 +21,7 @@ from hardcore.model import observations as seen
 from hardcore.model.actions import Kill, SpawnSpare
 from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery import plan, relief, telling
+from hardcore.recovery import hearing, plan, relief, telling
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.course import Course, Switching
 from hardcore.recovery.moves import dismiss, fire, next_life
@@ -98,6 +98,7 @@ def behind(c: Course, fact: seen.Observation) -> bool:
         if c.story is not None and c.story.life == c.behind.life:
             telling.mark(c, "killed", fact.at_ns)
             c.story.add_page(fact.page, c.behind.blame)
+            hearing.read(c, fact.page, c.behind.blame, c.behind.life, fact.at_ns)
         c.behind = None
     return True
 

@@ -122,7 +122,7 @@ def close(c: Course, now_ns: int, *, recovered: bool) -> None:
         well = recovered or (unwanted and c.story.proof is not None)
         outcome = "recovered" if well and handed_over is None else "manual"
     waits_for = handed_over if recovered else c.hopeless
-    order(c, CloseIncident(c.story.told(outcome, now_ns, waits_for)))
+    order(c, CloseIncident(c.story.told(outcome, now_ns, waits_for, c.court.notes(c.story.id))))
     c.story = None
     c.stage_max = 0
     c.troubles.clear()
@@ -184,9 +184,14 @@ def order_evidence_beside(c: Course) -> None:
         order(c, TakeEvidence(c.life, _story(c).id, living=True, budget_ms=budget_ms, stop=False))
 
 
+def pending(c: Course) -> Trouble:
+    """Return what is about to be told."""
+    assert c.pending is not None, "an incident is opened only for a trouble that was named"
+    return c.pending
+
+
 def _take(c: Course) -> Trouble:
-    trouble, c.pending = c.pending, None
-    assert trouble is not None, "an incident is opened only for a trouble that was named"
+    trouble, c.pending = pending(c), None
     return trouble
 
 

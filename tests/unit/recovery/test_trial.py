@@ -3,7 +3,11 @@ import pytest
 from hardcore.model.recorder import CommandNote, SlotStage
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.suspicion import GREW_BYTES, Growth
-from hardcore.recovery.trial import FROM_INSIDE, suspects
+from hardcore.recovery.trial import FROM_INSIDE, company, touched
+
+
+def suspects(diagnosis: Diagnosis, notes: list[CommandNote], growth: Growth | None = None) -> tuple[str, ...]:
+    return tuple(note.key_hash for note in touched(diagnosis, notes, growth))
 
 
 def _note(stage: SlotStage, key: str = "k") -> CommandNote:
@@ -55,3 +59,16 @@ def test_a_death_for_memory_has_a_suspect_only_if_the_core_grew_during_the_comma
     assert suspects(Diagnosis.OUT_OF_MEMORY, [note], grown) == ("k",)
     assert suspects(Diagnosis.OUT_OF_MEMORY, [note], large) == ()
     assert suspects(Diagnosis.OUT_OF_MEMORY, [_note(SlotStage.QUEUED)], grown) == ()
+
+
+def test_who_was_being_decided_is_tried_before_the_rest_of_the_batch() -> None:
+    batch = [_note(SlotStage.WRITING, "a"), _note(SlotStage.DECIDING, "b")]
+    assert suspects(Diagnosis.CRASHED, batch) == ("b", "a")
+
+
+def test_who_stood_behind_a_suspect_of_the_same_kind_is_its_company() -> None:
+    decided, queued = _note(SlotStage.DECIDING, "a"), _note(SlotStage.QUEUED, "b")
+    other = CommandNote(SlotStage.QUEUED, "c-c", "c", "account", "t", (), 1)
+    nameless = _note(SlotStage.QUEUED, "")
+    assert company([decided], [decided, queued, other, nameless]) == (queued,)
+    assert company([_note(SlotStage.WRITING, "a")], [queued]) == ()
