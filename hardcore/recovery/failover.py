@@ -149,7 +149,7 @@ class FailoverManager:
     def open_incident(self) -> Incident | None:
         """Return what is known of the open incident, if there is one."""
         c = self._course
-        return c.story.so_far(c.court.notes(c.story.id)) if c.story is not None else None
+        return c.story.so_far(c.court.register.notes(c.story.id)) if c.story is not None else None
 
     def state(self) -> Mapping[str, object]:
         """Return all that this manager remembers, by name: plain values, no copies, nothing not yet taken."""

@@ -19,8 +19,9 @@ from hardcore.model.verdicts import Colour, Diagnosis, Testimony
 from hardcore.recovery import telling, trial
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.course import FALLS_MAX, NEAR_DEATHS, Course, Fall
-from hardcore.recovery.court import Death
+from hardcore.recovery.court import DRILL_KIND
 from hardcore.recovery.policy import Word
+from hardcore.recovery.register import Death
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.suspicion import Growth
 from hardcore.recovery.telling import BOOTING, order
@@ -72,8 +73,9 @@ def read(
     touched = trial.touched(blame, page.in_flight, growth)
     if touched:
         at_work = {note.key_hash for note in touched}
-        fresh = fall.early and not at_work & c.court.suspects.keys()
-        c.court.accuse(death, touched, trial.company(touched, page.in_flight))
+        fresh = fall.early and not at_work & c.court.register.by_key.keys()
+        company = trial.company(touched, page.in_flight)[: c.policy.trial_limit]
+        c.court.register.accuse(death, touched, company)
         if fresh:
             c.court.doubt = death
     elif blame in trial.FROM_INSIDE and not fall.judged:
@@ -82,7 +84,7 @@ def read(
         if fall.early:
             given = c.court.clear(now_ns)
             if not _tried_in(c, c.story.id):
-                given += c.court.suspect_log(death, c.court.settled_seq)
+                given += c.court.suspect_log(death, c.court.register.settled_seq)
             give(c, given, now_ns)
     _keep(c)
 
@@ -95,8 +97,9 @@ def serves(c: Course, now_ns: int) -> None:
 def settle(c: Course) -> None:
     """A core has outlived its probation: what the ledger held by now kills nobody later on."""
     witness = c.store.witness
-    if witness is not None and witness.seq != c.court.settled_seq:
-        c.court.settled_seq, c.court.changed = witness.seq, True
+    register = c.court.register
+    if witness is not None and witness.seq != register.settled_seq:
+        register.settled_seq, register.changed = witness.seq, True
 
 
 def heard(c: Course, fact: trials.TrialObservation) -> None:
@@ -106,13 +109,13 @@ def heard(c: Course, fact: trials.TrialObservation) -> None:
         case trials.CaseFiled():
             give(c, court.filed(fact.name, fact.source, fact.digest, now_ns), now_ns)
         case trials.SuspectsSettled():
-            court.settled(fact.names)
+            court.register.settle(fact.names)
         case trials.Tried():
             give(c, court.tried(fact, c.given.new_id), now_ns)
         case trials.TrialsOver():
             give(c, court.over(fact.fault, now_ns, c.given.new_id), now_ns)
         case trials.RuleRemoved():
-            court.released(fact.rule)
+            court.register.release(fact.rule)
 
 
 def sit(c: Course, now_ns: int) -> None:
@@ -146,13 +149,13 @@ def give(c: Course, given: list[TrialAction], now_ns: int) -> None:
 
 def _convicted(c: Course, convicted: SetAside, now_ns: int) -> None:
     letter = convicted.letter
-    found = next((one for one in c.court.suspects.values() if one.letter == letter.id), None)
+    found = next((one for one in c.court.register if one.letter == letter.id), None)
     assert found is not None, "whoever is convicted is remembered"
     if found.at_ns in c.budget.deaths_ns:
         telling.keep(c, c.budget.without(found.at_ns))
     if c.phase is Phase.FATAL and c.hopeless is Diagnosis.CRASH_LOOP and not c.budget.spent(now_ns):
         c.deadline.due_ns = now_ns  # what it had given up over is explained: the slow retry is due
-    if found.kind != "drill" and found.blame is not None and c.policy.asks(found.blame, Word.SEND_ALERT):
+    if found.kind != DRILL_KIND and found.blame is not None and c.policy.asks(found.blame, Word.SEND_ALERT):
         text = f"What ended the core was found and is set aside (letter {letter.id}). It can't do it again."
         order(c, Alert(found.blame, text))
 

@@ -301,7 +301,15 @@ def _release_again(c: Course, now_ns: int) -> None:
     c.held_ns = None
     c.heard_ns = c.looked_ns = now_ns
     hearing.serves(c, now_ns)
-    order(c, Release(c.life, c.epoch, c.court.open_names(), c.story.id if c.story else None))
+    order(
+        c,
+        Release(
+            c.life,
+            c.epoch,
+            tuple(one.name for one in c.court.register.suspected()),
+            c.story.id if c.story else None,
+        ),
+    )
 
 
 def _read_only(c: Course, now_ns: int) -> None:

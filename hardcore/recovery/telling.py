@@ -122,7 +122,7 @@ def close(c: Course, now_ns: int, *, recovered: bool) -> None:
         well = recovered or (unwanted and c.story.proof is not None)
         outcome = "recovered" if well and handed_over is None else "manual"
     waits_for = handed_over if recovered else c.hopeless
-    order(c, CloseIncident(c.story.told(outcome, now_ns, waits_for, c.court.notes(c.story.id))))
+    order(c, CloseIncident(c.story.told(outcome, now_ns, waits_for, c.court.register.notes(c.story.id))))
     c.story = None
     c.stage_max = 0
     c.troubles.clear()
