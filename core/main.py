@@ -39,6 +39,7 @@ from core.guarded.environment import GuardedEnvironment, LastSeen
 from core.guarded.life import Instruments, guarded_life, take_instruments
 from core.guarded.recorder import LifeState, RecorderUnusable
 from core.imports.desk import Desk
+from core.imports.suspected import Suspected
 from core.journal import ballast
 from core.journal.proof import Witness
 from core.journal.store import LEDGER_FILE, StoreError, open_reading
@@ -50,6 +51,7 @@ from core.lock_holder import SECONDS_MAX, hold_lock
 from core.obedience import Obedience
 from core.opening import OpenBook, Telling, Terms, open_book
 from core.opening_to_read import ReadableBook, open_to_read
+from core.rulings import Rulings
 from core.safety import Safety
 from core.saying import Unkept, say
 from core.service import Service, Unwritten
@@ -166,7 +168,8 @@ class Life:
         self._recorder = instruments.recorder
         self._beacon = instruments.beacon
         self._ended: asyncio.Future[Departure | None] | None = None
-        self._obedience = Obedience()
+        self._rulings = Rulings.beside(environment.quarantine)
+        self._obedience = Obedience(self._rulings)
         self._safety: Safety | None = None
         self._trying: asyncio.Task[NoReturn] | None = None
         self._spare: Spare | None = None
@@ -211,6 +214,7 @@ class Life:
                 bound.close()
                 return promoted
             terms = promoted
+        await self._read_rulings()
         book = await loop.run_in_executor(None, self._opening(terms))
         if isinstance(book, Departure):
             bound.close()
@@ -225,6 +229,13 @@ class Life:
             logger.exception("The core stops at a mistake of our own")
             self._vanish(departure.bug(repr(error)))
 
+    async def _read_rulings(self) -> None:
+        """Know what the guard has said by now, before anything of the book is touched."""
+        fault = await asyncio.to_thread(self._rulings.read)
+        if fault is not None:
+            self._recorder.event("RULES_UNREAD", fault.why)
+            logger.error("The guard's rules can't be read, and those before stay in force. %s", fault.why)
+
     def _terms(self) -> Terms:
         told = self._environment
         return Terms(told.expected_epoch, _as_witnesses(told.witnesses), None, told.guarded)
@@ -235,13 +246,15 @@ class Life:
         telling = Telling(self._recorder, self._beacon)
         opening = functools.partial(open_book, self._data, terms, self._settings, telling)
         spare = self._spare
-        return opening if spare is None else functools.partial(opening, spare.ahead, spare.engine)
+        ahead, engine = (None, None) if spare is None else (spare.ahead, spare.engine)
+        return functools.partial(opening, ahead, engine, self._rulings)
 
     async def _wait(self, loop: asyncio.AbstractEventLoop) -> Terms | Departure | None:
         """Load and read everything and wait for the order; None if the end was asked for before it came."""
         self._recorder.set_state(LifeState.SPARE)
         self._obedience.build = own_build()
-        spare = self._spare = Spare(self._data, self._settings, self._recorder)
+        await self._read_rulings()  # it reads the book ahead of its promotion
+        spare = self._spare = Spare(self._data, self._settings, self._recorder, self._rulings)
         self._obedience.wait(spare)
         waiting = loop.create_task(self._until_told(spare))
         assert self._ended is not None
@@ -286,7 +299,7 @@ class Life:
     async def _serve(
         self, loop: asyncio.AbstractEventLoop, bound: socket.socket, book: Book, service: Service
     ) -> Departure | None:
-        desk = Desk(service, self._recorder, self._data)
+        desk = Desk(service, self._recorder, self._data, Suspected(self._rulings, self._beacon.case))
         drain = self._drain = Drain(
             service, desk, self._writer, self._recorder, functools.partial(self._lay_down, book), self._stuck
         )
@@ -349,7 +362,13 @@ class Life:
         writer.start()
         fenced = functools.partial(self._fenced, book.epoch)
         service = Service(
-            writer, self._readers(), self._recorder, self._settings, book.epoch, on_fenced=fenced
+            writer,
+            self._readers(),
+            self._recorder,
+            self._settings,
+            book.epoch,
+            on_fenced=fenced,
+            rulings=self._rulings,
         )
         writer.listen(functools.partial(tell_committed, service.hub))
         self._safety = Safety(service, writer, self._recorder, self._beacon)
@@ -370,7 +389,13 @@ class Life:
         safe = self._environment.safe
         self._recorder.set_epoch(book.epoch)
         service = Service(
-            Unwritten(book.head_seq), book.readers, self._recorder, self._settings, book.epoch, safe
+            Unwritten(book.head_seq),
+            book.readers,
+            self._recorder,
+            self._settings,
+            book.epoch,
+            safe,
+            rulings=self._rulings,
         )
         self._safety = Safety(service, None, self._recorder, self._beacon)
         self._obedience.serve(service, self._safety, None)

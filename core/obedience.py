@@ -6,20 +6,25 @@ is noted like any other, so that whoever watches sees what a real one would show
 """
 
 import asyncio
+import logging
 from collections.abc import Callable
 from functools import partial
 from time import monotonic_ns
 from typing import Final
 
 from core.draining import LEAVING, Drain
-from core.guarded.control import Standing
+from core.guarded.control import RulesRead, Standing
 from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
 from core.guarded.orders import DrainOrder, DrillOrder, PromoteOrder, SafeOrder
 from core.journal.answers import Done, Exercise, StoreBusy
 from core.journal.writer import Writer
+from core.rulings import Rulings
 from core.safety import Safety
-from core.service import Draining, NoSlot, Service
+from core.service import Service
+from core.slots import Draining, NoSlot
 from core.warming import Spare
+
+logger = logging.getLogger("core")
 
 KIND: Final = "drill"
 ACCOUNT: Final = "system:drill"
@@ -32,8 +37,9 @@ NOT_OPEN: Final = "The core has not opened its book yet."
 class Obedience:
     """Takes the orders of the control socket. All methods on the loop's thread."""
 
-    def __init__(self) -> None:
-        """Take orders from now on; most are refused until there is a book."""
+    def __init__(self, rulings: Rulings | None = None) -> None:
+        """Take orders from now on; most are refused until there is a book. `rulings`: what is read anew when told to."""
+        self._rulings = rulings or Rulings()
         self._service: Service | None = None
         self._safety: Safety | None = None
         self._writer: Writer | None = None
@@ -77,6 +83,15 @@ class Obedience:
     async def drain(self, order: DrainOrder) -> int | str:
         """Finish everything and let go of the store; return the last sequence, or why that could not be done."""
         return NOT_OPEN if self._drain is None else await self._drain.within(order.within_ms)
+
+    async def read_rules(self) -> RulesRead | str:
+        """Read the rules anew, and what is armed; return what is in force, or why those before them stay so."""
+        fault = await asyncio.to_thread(self._rulings.read)
+        if fault is not None:
+            logger.warning("The rules before stay in force. %s", fault.why)
+            return fault.why
+        rules = self._rulings.quarantine.rules
+        return RulesRead(rules.serial, rules.count)
 
     async def switch_safe(self, order: SafeOrder) -> str | None:
         """Serve reads only, or everything again."""

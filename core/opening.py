@@ -7,7 +7,7 @@ from then on no older core can commit, whatever the proof will say.
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, assert_never
 
@@ -17,8 +17,6 @@ from sqlalchemy.exc import DBAPIError
 from core import departure
 from core.departure import Departure
 from core.guarded.beacon import Beacon
-from core.guarded.poison import Armoury
-from core.guarded.quarantine import Quarantine
 from core.guarded.recorder import FlightRecorder
 from core.journal import ballast, disk, schema
 from core.journal.ahead import Ahead
@@ -40,6 +38,7 @@ from core.journal.store import (
     store_error,
     watch,
 )
+from core.rulings import Rulings
 from core.settings import Settings
 
 ASK_EVERY_S: Final = 1.0
@@ -77,19 +76,6 @@ class Terms:
     witnesses: tuple[Witness, ...]
     busy_ms: int | None
     shared: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Rulings:
-    """What the guard has said of this ledger's commands and events, and what it has armed for a drill."""
-
-    quarantine: Quarantine = field(default_factory=Quarantine)
-    armoury: Armoury = field(default_factory=Armoury)
-
-    @property
-    def rebuilding(self) -> Rebuilding:
-        """The gate of every event that is rebuilt."""
-        return Rebuilding(self.quarantine, self.armoury)
 
 
 def open_book(

@@ -22,16 +22,19 @@ from core.journal.answers import (
     KeyTaken,
     KeyUnknown,
     Leaving,
+    Limited,
     OutcomeUnknown,
     ReadOnly,
     Refused,
+    SetAside,
     StoreBusy,
     Touch,
 )
 from core.journal.append import WHY_NOT
 from core.journal.store import StoreError, StoreFault
 from core.journal.writer import Writer
-from core.service import Draining, NoSlot, Service
+from core.service import Service
+from core.slots import Draining, NoSlot
 
 TOUCH: Final = "store.touch"
 NOT_DONE: Final = 503
@@ -136,7 +139,7 @@ def _why_not(answer: Answer) -> str | None:
             return "Somebody else holds the store's lock."
         case Leaving() | OutcomeUnknown():
             return "The core is leaving."
-        case Refused() | KeyTaken() | KeyUnknown() | DecisionFailed():
+        case Refused() | KeyTaken() | KeyUnknown() | DecisionFailed() | SetAside() | Limited():
             raise AssertionError("a write without effect is not decided")
         case _:
             assert_never(answer)

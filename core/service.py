@@ -8,12 +8,9 @@ bound of its own.
 """
 
 import asyncio
-import os
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Final, TypeVar
@@ -22,18 +19,24 @@ import msgspec
 from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
+from core.admission import Admission, Wish
 from core.guarded.naming import ids_shown
+from core.guarded.poison import name_of
 from core.guarded.recorder import FlightRecorder, Stage
 from core.hub import Hub
 from core.journal import queries
 from core.journal.answers import (
     Answer,
     Done,
+    Exercise,
     KeyRow,
+    KeyTaken,
+    KeyUnknown,
     LookUp,
     Order,
     OutcomeUnknown,
     ReadOnly,
+    Refused,
     found,
     repeated,
 )
@@ -42,9 +45,9 @@ from core.journal.store import StoreError, is_interrupted, snapshot, store_error
 from core.journal.verify import GivenUp, Verdict, verify
 from core.journal.writer import Writer
 from core.ledger.commands import Command, accounts_of, fingerprint_of, transaction_of
-from core.ledger.ids import ENTROPY_BYTES, uuid7
-from core.limits import limit_ms
+from core.rulings import Rulings
 from core.settings import Settings
+from core.slots import Draining, NoSlot, Slots
 from core.tenure import Tenure
 
 T = TypeVar("T")
@@ -52,29 +55,13 @@ T = TypeVar("T")
 VERIFICATIONS_WAITING_MAX: Final = 16
 AUDITOR: Final = "auditor"  # its name on the recorder page
 AUDIT_SILENT_MS_MAX: Final = 30_000  # for a slice, or for the readings of the whole book behind the last one
-UNANSWERED: Final = 500  # noted of work that ended without an answer
-
-
-@dataclass(slots=True)
-class Held:
-    """A slot while its work goes on. `status`: what the work was answered with, as soon as that is known."""
-
-    slot: int
-    status: int = UNANSWERED
+DRILL: Final = "drill"  # the kind of a drill's command
 
 
 class _Claim(msgspec.Struct):
     """What every answer of a booking says of its place in the book; 0: it booked nothing."""
 
     seq: int = 0
-
-
-class NoSlot:
-    """Every slot is taken: the work was not begun."""
-
-
-class Draining:
-    """The core is leaving: the work was not begun."""
 
 
 class ReadTooLong:
@@ -86,91 +73,6 @@ class Unwritten:
     """In the writer's place of a core that was started to read only: `head_seq` is the last event there is."""
 
     head_seq: int
-
-
-class Slots:
-    """Who is at work: every piece of work holds a slot on the recorder, and while a core drains nothing new is taken.
-
-    All methods on the loop's thread.
-    """
-
-    def __init__(self, recorder: FlightRecorder, settings: Settings) -> None:
-        """Take work from now on."""
-        self.settings = settings
-        self._recorder = recorder
-        self._draining = False
-        self._in_flight = 0
-        self._all_answered = asyncio.Event()
-        self._all_answered.set()
-        self._leaving = threading.Event()
-
-    @property
-    def in_flight(self) -> int:
-        """How many requests hold a slot."""
-        return self._in_flight
-
-    @property
-    def draining(self) -> bool:
-        """Whether nothing new is taken any more."""
-        return self._draining
-
-    def new_id(self) -> str:
-        """Return a new UUIDv7."""
-        return uuid7(time.time_ns() // 1_000_000, os.urandom(ENTROPY_BYTES))
-
-    def begin(
-        self,
-        kind: str,
-        payload: bytes,
-        *,
-        key: str | None = None,
-        command_id: str = "",
-        transaction_id: str = "",
-        account_ids: tuple[str, ...] = (),
-    ) -> int | NoSlot | Draining:
-        """Note work on the recorder and return its slot. Each slot must be given to `finish`."""
-        if self._draining:
-            return Draining()
-        limit_ns = limit_ms(kind, self.settings) * 1_000_000
-        slot = self._recorder.begin(
-            command_id or self.new_id(), key, kind, transaction_id, account_ids, payload, limit_ns
-        )
-        if slot is None:
-            return NoSlot()
-        self._in_flight += 1
-        self._all_answered.clear()
-        return slot
-
-    def answering(self, slot: int) -> None:
-        """Say that the answer is on its way."""
-        self._recorder.stage(slot, Stage.ANSWERING)
-
-    def finish(self, slot: int, status: int) -> None:
-        """Free a slot whose request was answered with this status."""
-        self._recorder.finish(slot, status)
-        self._in_flight -= 1
-        if self._in_flight == 0:
-            self._all_answered.set()
-
-    def pause(self) -> None:
-        """Take nothing new until `resume`."""
-        self._draining = True
-
-    def resume(self) -> None:
-        """Take requests again, unless this core is leaving."""
-        self._draining = self._leaving.is_set()
-
-    async def until_answered(self) -> None:
-        """Wait until every request that holds a slot is answered."""
-        await self._all_answered.wait()
-
-    async def all_answered(self, within_ms: int) -> bool:
-        """Wait until every request that holds a slot is answered; return whether that came about."""
-        try:
-            await asyncio.wait_for(self.until_answered(), within_ms / 1000)
-        except TimeoutError:
-            return False
-        return True
 
 
 class Service(Slots):
@@ -185,15 +87,17 @@ class Service(Slots):
         epoch: int,
         safe: str | None = None,
         on_fenced: Callable[[int], object] | None = None,
+        rulings: Rulings | None = None,
     ) -> None:
         """Take the started parts. `readers` is not opened before the first read.
 
         `safe`: the diagnosis because of which only reads are served; without a writer there always is one.
         `on_fenced` is told the higher epoch when this core, after it was stopped for a while, finds that another has
-        taken over; it must end the process. Without it nobody looks.
+        taken over; it must end the process. Without it nobody looks. `rulings`: absent, there are none.
         """
         assert safe is not None or isinstance(writer, Writer), "a core without a writer can only read"
-        super().__init__(recorder, settings)
+        super().__init__(recorder, settings, rulings or Rulings())
+        self._admission = Admission(self.rulings.quarantine)
         self.epoch = epoch
         self.safe = safe
         self.hub = Hub()
@@ -250,11 +154,21 @@ class Service(Slots):
         return await asyncio.get_running_loop().run_in_executor(self._threads, look)
 
     async def carry_out(
-        self, command: Command, key: str | None, digest: bytes, command_id: str, slot: int
+        self,
+        command: Command,
+        key: str | None,
+        digest: bytes,
+        command_id: str,
+        slot: int,
+        *,
+        kind: str = "",
+        name: str = "",
+        body_bytes: int = 0,
     ) -> Answer:
         """Put the command in the writer's line and return its answer, which is durable if it says so.
 
-        A core that serves reads only does not do it, and still knows what was done before under its key.
+        A core that serves reads only does not do it, and still knows what was done before under its key; nor does one
+        that the guard's rules forbid it. `kind`, `name` (if that is not its key's) and `body_bytes` are what they go by.
         """
         # Plain strings in this frame, for whoever reads a dump of a stuck request.
         transaction_id = transaction_of(command)
@@ -264,10 +178,42 @@ class Service(Slots):
         fingerprint = fingerprint_of(command)
         if self.safe is not None:
             return await self._recall(self.safe, key, fingerprint, slot)
-        order = Order(command, key, fingerprint, digest, command_id, transaction_id, account_ids, slot)
+        if self.rulings.want_names:
+            name = name or (name_of(key) if key is not None else "")
+            refused = await self._refused(Wish(kind, name, digest, fingerprint, body_bytes), key, slot)
+            if refused is not None:
+                return refused
+        order = Order(command, key, fingerprint, digest, command_id, transaction_id, account_ids, slot, name)
         answer = await self._stand_in_line(order)
         self._tell_claim(answer)
         return answer
+
+    async def exercise(
+        self, key: str, digest: bytes, command_id: str, account_id: str, slot: int
+    ) -> Answer | None:
+        """Carry out the command of a drill, which books nothing; None: no drill of this key is armed."""
+        name = name_of(key)
+        refused = await self._refused(Wish(DRILL, name, digest, key.encode(), 0), None, slot)
+        if refused is not None:
+            return refused
+        armed = self.rulings.armoury.armed
+        if armed is None or armed.name != name:
+            return None
+        if self.safe is not None:
+            return ReadOnly(self.safe)
+        assert isinstance(self._writer, Writer), "a core without a writer refuses before"
+        return await self._writer.submit(Exercise(slot, command_id, account_id, None, name=name))
+
+    async def _refused(self, wish: Wish, key: str | None, slot: int) -> Answer | None:
+        """Return why the rules forbid this wish; None: they don't, or it is done, and only told again."""
+        refused = self._admission.refusal(wish, time.monotonic_ns())
+        if refused is None or key is None:
+            return refused
+        kept = await self.look_up(key, None, slot)
+        if isinstance(kept, KeyUnknown):
+            return refused
+        # Known: it goes into the line and is told again. Whatever else: nobody can say now whether it is done.
+        return None if isinstance(kept, Done | Refused | KeyTaken) else kept
 
     async def _stand_in_line(self, order: Order) -> Answer:
         assert isinstance(self._writer, Writer), "a core without a writer refuses before"
@@ -403,7 +349,8 @@ class Service(Slots):
             self._audits.beat()
             return is_leaving()
 
-        prove = partial(verify, self._readers, self.settings.read_ms_max, between_slices)
+        gate = self.rulings.rebuilding
+        prove = partial(verify, self._readers, self.settings.read_ms_max, between_slices, gate)
         self._audits.works(True)
         try:
             return await asyncio.get_running_loop().run_in_executor(self._auditor, prove)
@@ -436,28 +383,3 @@ def _name_task(command: str) -> None:
     task = asyncio.current_task()
     if task is not None:
         task.set_name(f"cmd:{command}")
-
-
-@contextmanager
-def holding_slot(
-    service: Service,
-    kind: str,
-    payload: bytes,
-    *,
-    key: str | None = None,
-    command_id: str = "",
-    transaction_id: str = "",
-    account_ids: tuple[str, ...] = (),
-) -> Iterator[Held | NoSlot | Draining]:
-    """Hold a slot for a piece of work, where there is one to be had, and free it however the work ends."""
-    slot = service.begin(
-        kind, payload, key=key, command_id=command_id, transaction_id=transaction_id, account_ids=account_ids
-    )
-    if not isinstance(slot, int):
-        yield slot
-        return
-    held = Held(slot)
-    try:
-        yield held
-    finally:
-        service.finish(slot, held.status)

@@ -40,6 +40,7 @@ from core.journal.store import (
     store_error,
 )
 from core.loading import be_nice
+from core.rulings import Rulings
 from core.service import Service, Unwritten
 from core.settings import Settings
 from core.web.app import lay_out, make_app
@@ -74,8 +75,10 @@ class Spare:
     `readers`, `engine`, `app` and `ahead` are for the core that it becomes.
     """
 
-    def __init__(self, data: Path, settings: Settings, recorder: FlightRecorder) -> None:
-        """Prepare; nothing is opened yet."""
+    def __init__(
+        self, data: Path, settings: Settings, recorder: FlightRecorder, rulings: Rulings | None = None
+    ) -> None:
+        """Prepare; nothing is opened yet. `rulings`: absent, there are none."""
         self._data = data
         self._settings = settings
         self._recorder = recorder
@@ -85,7 +88,7 @@ class Spare:
         self._seen: Seen | None = None
         self._aside = False
         self._at_work_on = "looking at the store"
-        self.ahead = Ahead(settings.tail_events)
+        self.ahead = Ahead(settings.tail_events, (rulings or Rulings()).rebuilding)
         self.app: Starlette = lay_out()
         self.engine = WritingEngine(data / LEDGER_FILE)
         # One more connection than reading threads: the proof of the whole book has its own.

@@ -231,6 +231,36 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
             "Storing it failed half-way. If you sent it with an Idempotency-Key, send it again as it was: it is done once. If not, please check the records first.",
         ),
     },
+    "set-aside": {
+        "ko": (
+            "이 요청은 따로 보관해 두었어요",
+            "장부에 기록하지 않았어요. 서버를 관리하는 분이 살펴보고 다시 처리할 수 있어요. 번호: {letter}.",
+        ),
+        "en": (
+            "This request has been set aside",
+            "It was not booked. Whoever runs this server can look at it and have it done again. Number: {letter}.",
+        ),
+    },
+    "account-set-aside": {
+        "ko": (
+            "이 계정에는 지금 기록할 수 없어요",
+            "이 계정의 기록 하나를 따로 보관해 두었어요. 내역은 그대로 볼 수 있어요. 계정: {account}. 번호: {letter}.",
+        ),
+        "en": (
+            "Nothing can be booked on this account for now",
+            "One of its records has been set aside. It can be read as before. Account: {account}. Number: {letter}.",
+        ),
+    },
+    "limited": {
+        "ko": (
+            "지금은 이런 요청을 더 받지 않아요",
+            "1분에 받는 수나 크기를 정해 둔 규칙이 있어요. 아무것도 기록하지 않았어요. 규칙: {rule}.",
+        ),
+        "en": (
+            "No more of these are taken for now",
+            "A rule limits how many of them are taken in a minute, or how large one may be. Nothing was booked. Rule: {rule}.",
+        ),
+    },
     "internal": {
         "ko": ("서버 오류예요", "저희 쪽 문제예요. 다시 보내기 전에 내역을 확인해 주세요."),
         "en": (

@@ -26,6 +26,7 @@ from core.imports.reading.mapping import faults_of
 from core.imports.reading.table import Unreadable
 from core.imports.records import Manifest, Progress, Survey
 from core.imports.states import State, Trigger, after
+from core.imports.suspected import Suspected
 from core.imports.troubles import Trouble, reading_only, unreadable
 from core.service import Service
 
@@ -51,13 +52,15 @@ class Kept:
 class Desk:
     """All imports of one core. All methods on the loop's thread."""
 
-    def __init__(self, service: Service, recorder: FlightRecorder, data: Path) -> None:
-        """Prepare; the disk is not touched before `start`."""
+    def __init__(
+        self, service: Service, recorder: FlightRecorder, data: Path, suspected: Suspected | None = None
+    ) -> None:
+        """Prepare; the disk is not touched before `start`. `suspected`: rows that wait; absent: none does."""
         self._service = service
         self._recorder = recorder
         self._imports = Imports(data)
         self._looker = Looker(service)
-        self._importer = Importer(service, recorder)
+        self._importer = Importer(service, recorder, suspected)
         self._uploads: set[str] = set()
         self._changing = asyncio.Lock()  # a wish is looked at and replaced in one go
         self._settled = asyncio.Event()

@@ -20,6 +20,7 @@ import msgspec
 
 from core import frames
 from core.guarded.naming import ids_shown
+from core.guarded.poison import name_of
 from core.guarded.recorder import FlightRecorder
 from core.hub import Frame
 from core.imports import judging
@@ -27,6 +28,7 @@ from core.imports.folder import ImportFolder
 from core.imports.reading.candidates import Candidate, Result, SkippedRow
 from core.imports.records import PROBLEMS_MAX, Manifest, Problem, Progress, shown
 from core.imports.states import State, Trigger, after
+from core.imports.suspected import Suspected
 from core.journal.answers import (
     Answer,
     DecisionFailed,
@@ -34,16 +36,19 @@ from core.journal.answers import (
     KeyTaken,
     KeyUnknown,
     Leaving,
+    Limited,
     OutcomeUnknown,
     ReadOnly,
     Refused,
+    SetAside,
     StoreBusy,
     status_of,
 )
 from core.ledger.commands import accounts_of
 from core.ledger.entries import RecordEntry
 from core.ledger.reasons import Rejection, Slug
-from core.service import UNANSWERED, Draining, NoSlot, Service, holding_slot
+from core.service import Service
+from core.slots import UNANSWERED, Draining, NoSlot, holding_slot
 
 T = TypeVar("T")
 
@@ -58,6 +63,10 @@ COMPONENT: Final = "importer"  # its name on the recorder page
 SILENT_MS_MAX: Final = 10_000  # between two beats of work: keeping how far it is takes a slow disk some time
 KIND: Final = "import.row"
 BUSY: Final = 503
+REFUSED: Final = 422
+SET_ASIDE: Final = "set-aside"
+ACCOUNT_SET_ASIDE: Final = "account-set-aside"
+LIMITED: Final = "limited"
 
 FAILED_INSIDE: Final = "internal"
 KEPT_FILE_LOST: Final = "kept-file-lost"
@@ -85,7 +94,8 @@ class Job:
     """One committed import. `rows` are all of its rows, parsed as they are needed; `parsed` of them are.
 
     Those before `progress.done` are settled and only parsed: which of several identical rows one is depends on
-    the rows before it. `end` is the state it has come to, while that is not on the disk yet.
+    the rows before it. `end` is the state it has come to, while that is not on the disk yet. `waits_for`: the name
+    of its next row, while that one waits for its trial; `file_again_ns`: when its case is to be filed, 0: it is.
     """
 
     folder: ImportFolder
@@ -98,6 +108,8 @@ class Job:
     told_ns: int = 0
     end: State | None = None
     end_again_ns: int = 0
+    waits_for: str = ""
+    file_again_ns: int = 0
 
 
 class RowsLostError(Exception):
@@ -107,9 +119,15 @@ class RowsLostError(Exception):
 class Importer:
     """The component. All methods on the loop's thread."""
 
-    def __init__(self, service: Service, recorder: FlightRecorder) -> None:
-        """Prepare. How far each import is, is told to the hub now and then and at every end."""
+    def __init__(
+        self, service: Service, recorder: FlightRecorder, suspected: Suspected | None = None
+    ) -> None:
+        """Prepare. How far each import is, is told to the hub now and then and at every end.
+
+        `suspected`: rows that wait for their trial; absent: none does.
+        """
         self._service = service
+        self._suspected = suspected or Suspected()
         self._component = recorder.component(COMPONENT, SILENT_MS_MAX)
         self._jobs: deque[Job] = deque()
         self._wake = asyncio.Event()
@@ -146,6 +164,8 @@ class Importer:
         return self._resting or self._service.draining
 
     async def _run(self) -> None:
+        # Whoever knew of a death may have said whom he suspects after this core has opened its book.
+        await asyncio.to_thread(self._suspected.look_again)
         while not self._is_to_end:
             self._wake.clear()
             if self._jobs:
@@ -157,16 +177,27 @@ class Importer:
 
     async def _until_idle(self) -> None:
         while self._jobs and not self._is_to_end:
-            waits = all(job.end_again_ns > time.monotonic_ns() for job in self._jobs)
+            waits = all(self._waits(job) for job in self._jobs)
             if waits or self._service.safe is not None:
                 self._component.beat()
-                await asyncio.sleep(AGAIN_AFTER_S)  # a disk that has room again tells nobody
+                await asyncio.sleep(
+                    AGAIN_AFTER_S
+                )  # a disk that has room again tells nobody, nor does a court
                 continue
             await self._turn(self._jobs[0])
             self._jobs.rotate(-1)
 
+    def _waits(self, job: Job) -> bool:
+        """Whether there is nothing to be done for an import at this moment."""
+        now_ns = time.monotonic_ns()
+        if self._suspected.holds(job.waits_for):
+            return job.file_again_ns == 0 or job.file_again_ns > now_ns
+        return job.end_again_ns > now_ns
+
     async def _turn(self, job: Job) -> None:
         """Book one wave of one import. A bug of ours that one file brings to light stops that file alone."""
+        if self._waits(job):
+            return
         if job.end is None:
             try:
                 job.end = await self._wave(job)
@@ -186,8 +217,12 @@ class Importer:
             if job.progress.done != job.total:
                 raise RowsLostError
             return after(State.COMMITTING, Trigger.LAST_ROW)
-        wave = [job.ahead.popleft() for _ in range(min(IN_FLIGHT_MAX, len(job.ahead)))]
         first = job.progress.done + 1
+        free = self._free(job, first)
+        if free == 0:
+            await self._file(job, first)
+            return None
+        wave = [job.ahead.popleft() for _ in range(free)]
         rows = (self._row(job.manifest, n, row) for n, row in enumerate(wave, first))
         # Exceptions come as outcomes, so that no row is still at work when a neighbour's bug ends the import.
         outcomes = await self._beating(asyncio.gather(*rows, return_exceptions=True))
@@ -203,6 +238,24 @@ class Importer:
             self._component.done()
         await self._tell(job)
         return None
+
+    def _free(self, job: Job, first: int) -> int:
+        """Return how many of the next rows, from the one at `first`, may be booked now: none behind a suspect."""
+        most = min(IN_FLIGHT_MAX, len(job.ahead))
+        if not self._suspected.any:
+            return most
+        keys = (judging.key_of(job.manifest, first + n) for n in range(most))
+        return next((n for n, key in enumerate(keys) if self._suspected.holds(name_of(key))), most)
+
+    async def _file(self, job: Job, ordinal: int) -> None:
+        """Have an import wait for the trial of its next row, whose case is filed once in a life."""
+        key = judging.key_of(job.manifest, ordinal)
+        name, import_id = name_of(key), job.manifest.id
+        filed = await self._beating(
+            asyncio.create_task(asyncio.to_thread(self._suspected.file, name, key, import_id, ordinal))
+        )
+        job.waits_for = name
+        job.file_again_ns = 0 if filed else time.monotonic_ns() + END_AGAIN_AFTER_NS
 
     async def _read_ahead(self, job: Job) -> bool:
         """Parse the next rows, some at a time so that a core may leave in between; False where none are left."""
@@ -235,10 +288,11 @@ class Importer:
         """Ask the ledger once; None where it could not be asked now."""
         transaction_id, account_ids = command.id, accounts_of(command)
         account_id = ids_shown(account_ids)  # noqa: F841  for whoever asks for tasks
+        payload = judging.payload_of(candidate)
         with holding_slot(
             self._service,
             KIND,
-            judging.payload_of(candidate),
+            payload,
             key=key,
             command_id=transaction_id,
             transaction_id=transaction_id,
@@ -248,7 +302,9 @@ class Importer:
                 return Stopped()
             if isinstance(held, NoSlot):
                 return None
-            answer = await self._service.carry_out(command, key, key.encode(), transaction_id, held.slot)
+            answer = await self._service.carry_out(
+                command, key, key.encode(), transaction_id, held.slot, kind=KIND, body_bytes=len(payload)
+            )
             held.status, outcome = meaning_of(answer, candidate)
         return outcome
 
@@ -312,7 +368,13 @@ def meaning_of(answer: Answer, candidate: Candidate) -> tuple[int, Outcome | Non
         case KeyTaken() | DecisionFailed():
             logger.error("Line %d of an import can't be decided: %s", candidate.line, answer)
             return UNANSWERED, Problem(candidate.line, FAILED_INSIDE, shown(candidate.cells))
-        case StoreBusy():
+        case SetAside(letter, account):
+            values = {"letter": letter} if account is None else {"letter": letter, "account": account}
+            reason = SET_ASIDE if account is None else ACCOUNT_SET_ASIDE
+            return REFUSED, Problem(candidate.line, reason, shown(candidate.cells), values)
+        case Limited(rule, None):
+            return REFUSED, Problem(candidate.line, LIMITED, shown(candidate.cells), {"rule": rule})
+        case StoreBusy() | Limited():
             return BUSY, None
         case OutcomeUnknown() | Leaving() | ReadOnly():
             return BUSY, Stopped()

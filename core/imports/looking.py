@@ -31,7 +31,8 @@ from core.imports.troubles import Trouble, unreadable
 from core.journal import queries
 from core.journal.store import StoreError
 from core.ledger.accounts import Account
-from core.service import Draining, NoSlot, ReadTooLong, Service, holding_slot
+from core.service import ReadTooLong, Service
+from core.slots import Draining, NoSlot, holding_slot
 
 T = TypeVar("T")
 

@@ -35,6 +35,7 @@ ROUTES: Final[Routes] = {
     "/api/ledger/transactions/{id}": {"GET": handlers.get_transaction},
     "/api/ledger/events": {"GET": handlers.list_events},
     "/api/ledger/verify": {"GET": handlers.get_verdict},
+    "/api/ledger/drill": {"POST": handlers.drill},
     # A key may hold a slash; the path arrives decoded.
     "/api/ledger/commands/{key:path}": {"GET": handlers.look_up},
     **import_handlers.ROUTES,

@@ -22,18 +22,21 @@ from core.journal.answers import (
     KeyTaken,
     KeyUnknown,
     Leaving,
+    Limited,
     OutcomeUnknown,
     ReadOnly,
     Refused,
+    SetAside,
     StoreBusy,
 )
 from core.journal.store import StoreError
 from core.ledger.commands import Command, accounts_of, transaction_of
 from core.ledger.reasons import Rejection
-from core.service import Draining, Held, NoSlot, ReadTooLong, Service, holding_slot
+from core.service import ReadTooLong, Service
+from core.slots import Draining, Held, NoSlot, holding_slot
 from core.web.door import note_commit, take_slot
-from core.web.intake import digest_of, idempotency_key
-from core.web.problems import PROBLEM_KINDS, Outcome, Problem, ProblemError, refusal, safe_mode
+from core.web.intake import digest_of, idempotency_key, request_name
+from core.web.problems import Outcome, Problem, ProblemError, limited, refusal, safe_mode, set_aside
 
 T = TypeVar("T")
 
@@ -53,7 +56,7 @@ def service_of(request: Request) -> Service:
 
 async def carry_out(request: Request, kind: str, command: Command, body: bytes) -> Response:
     """Have a command carried out under the key of its request; `kind` names it on the recorder."""
-    key = idempotency_key(request)
+    key, name = named(request)
     service = service_of(request)
     command_id = service.new_id()
     transaction_id = transaction_of(command)
@@ -63,12 +66,28 @@ async def carry_out(request: Request, kind: str, command: Command, body: bytes) 
         kind,
         body,
         key=key,
+        name=name,
         command_id=command_id,
         transaction_id=transaction_id,
         account_ids=account_ids,
     )
-    answer = await service.carry_out(command, key, digest_of(request, body), command_id, slot)
+    answer = await service.carry_out(
+        command,
+        key,
+        digest_of(request, body),
+        command_id,
+        slot,
+        kind=kind,
+        name=name,
+        body_bytes=len(body),
+    )
     return respond_with(request, answer)
+
+
+def named(request: Request) -> tuple[str | None, str]:
+    """Return the key of a request, and where it has none the name that the gateway made for it."""
+    key = idempotency_key(request)
+    return key, "" if key is not None else request_name(request)
 
 
 async def read(
@@ -108,7 +127,7 @@ def working(request: Request, kind: str, payload: bytes, **named: Any) -> Iterat
         try:
             yield held
         except ProblemError as error:
-            held.status = PROBLEM_KINDS[error.problem.slug].status
+            held.status = error.problem.told_status
             raise
 
 
@@ -143,6 +162,10 @@ def respond_with(request: Request, answer: Answer) -> Response:
             raise ProblemError(Problem("leaving"))
         case ReadOnly(reason):
             raise ProblemError(safe_mode(reason))
+        case SetAside():
+            raise ProblemError(set_aside(answer))
+        case Limited():
+            raise ProblemError(limited(answer))
         case DecisionFailed(text):
             logger.error("A command could not be decided: %s", text)
             raise ProblemError(Problem("internal", outcome=Outcome.NOT_DONE))

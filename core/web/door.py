@@ -10,7 +10,8 @@ from typing import Final
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from core.journal.answers import Commit
-from core.service import UNANSWERED, Service
+from core.service import Service
+from core.slots import UNANSWERED
 
 _SLOT: Final = "core.slot"
 _COMMIT: Final = "core.commit"

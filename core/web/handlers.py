@@ -25,6 +25,7 @@ from core.ledger.commands import (
     post_transaction,
 )
 from core.ledger.views import view_account
+from core.service import DRILL
 from core.web.asking import (
     NAMED_MAX,
     accepted,
@@ -42,6 +43,8 @@ from core.web.intake import (
     asked_digest,
     check_key,
     decode_body,
+    digest_of,
+    idempotency_key,
     make_cursor,
     read_body,
 )
@@ -49,6 +52,9 @@ from core.web.problems import Outcome, Problem, ProblemError, problem_json, refu
 from frontend.render import language
 
 logger = logging.getLogger("core.web")
+
+DRILL_ACCOUNT: Final = "system:drill"
+DRILL_BYTES_MAX: Final = 255  # its key, so that no two of them have the same digest
 
 _TRANSACTION_PARAMETERS: Final = frozenset({"account", "from", "to", "q", "limit", "cursor"})
 _ACCOUNT_PARAMETERS: Final = frozenset({"limit", "cursor"})
@@ -168,6 +174,29 @@ async def look_up(request: Request) -> Response:
         case _:
             return respond_with(request, answer)
     return as_json({"key": key, "outcome": "done", "status": status, "answer": told})
+
+
+async def drill(request: Request) -> Response:
+    """POST /api/ledger/drill: the command that a drill has poisoned, without effect; anybody else's is not there."""
+    body = await read_body(request, DRILL_BYTES_MAX)
+    key = idempotency_key(request)
+    if key is None:
+        raise ProblemError(Problem("not-found"))
+    service = service_of(request)
+    command_id = service.new_id()
+    slot = begin(
+        request,
+        DRILL,
+        body,
+        key=key,
+        command_id=command_id,
+        transaction_id=command_id,
+        account_ids=(DRILL_ACCOUNT,),
+    )
+    answer = await service.exercise(key, digest_of(request, body), command_id, DRILL_ACCOUNT, slot)
+    if answer is None:
+        raise ProblemError(Problem("not-found"))
+    return respond_with(request, answer)
 
 
 async def health(request: Request) -> Response:

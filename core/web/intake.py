@@ -13,6 +13,7 @@ from typing import Final, TypeVar
 import msgspec
 from starlette.requests import Request
 
+from core.guarded.poison import is_name
 from core.ledger.accounts import is_account_id
 from core.ledger.fields import is_date
 from core.ledger.reasons import Fault, Reason
@@ -93,6 +94,12 @@ def idempotency_key(request: Request) -> str | None:
     if len(keys) > 1:
         raise ProblemError(Problem("invalid-key"))
     return check_key(keys[0])
+
+
+def request_name(request: Request) -> str:
+    """Return the name that the gateway has made for a request without a key; empty where it made none."""
+    names = request.headers.getlist("x-request-name")
+    return names[0] if len(names) == 1 and is_name(names[0]) else ""
 
 
 def check_key(text: str) -> str:

@@ -16,7 +16,8 @@ from core.frames import MISSED_EVENTS_MAX
 from core.hub import Frame, Seat
 from core.journal import queries
 from core.journal.store import StoreError
-from core.service import Draining, NoSlot, ReadTooLong, Service, holding_slot
+from core.service import ReadTooLong, Service
+from core.slots import Draining, NoSlot, holding_slot
 from core.web.problems import Problem, respond
 from core.web.same_origin import is_foreign
 from frontend.render import language

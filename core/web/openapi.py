@@ -65,6 +65,12 @@ _PROBLEM: Final[dict[str, Any]] = {
             "type": "string",
             "description": "Of `safe-mode`: the diagnosis because of which only reads are served.",
         },
+        "letter": {
+            "type": "string",
+            "description": "Of `set-aside` and `account-set-aside`: the number under which it is kept.",
+        },
+        "account": {"type": "string", "description": "Of `account-set-aside`: the account."},
+        "rule": {"type": "string", "description": "Of `limited`: the rule that takes no more."},
         **IMPORT_PROBLEM_MEMBERS,
         "errors": {
             "type": "array",
@@ -111,6 +117,8 @@ _HEALTH: Final[dict[str, Any]] = {
     },
 }
 
+_DRILLED: Final[dict[str, Any]] = {"type": "object", "description": "Nothing was booked."}
+
 _KEY: Final[dict[str, Any]] = {
     "name": "Idempotency-Key",
     "in": "header",
@@ -139,7 +147,13 @@ def document() -> bytes:
         },
         "paths": _paths(),
         "components": {
-            "schemas": {**shapes, "Problem": _PROBLEM, "LookUp": _LOOK_UP, "Health": _HEALTH},
+            "schemas": {
+                **shapes,
+                "Problem": _PROBLEM,
+                "LookUp": _LOOK_UP,
+                "Health": _HEALTH,
+                "Drilled": _DRILLED,
+            },
         },
     }
     return msgspec.json.encode(described)
@@ -183,6 +197,14 @@ def _paths() -> dict[str, Any]:
             ),
         },
         "/api/ledger/verify": {"get": _get("Prove the whole book", _ref("Verdict"))},
+        "/api/ledger/drill": {
+            "post": _post(
+                "The command of a drill, without effect; only the armed key's is there",
+                "200",
+                "Drilled",
+                None,
+            ),
+        },
         "/api/ledger/commands/{key}": {
             "get": _get("What became of a key (404: not done)", _ref("LookUp"), _path("key")),
         },

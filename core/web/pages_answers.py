@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
 from core.web.asking import service_of
-from core.web.problems import PROBLEM_JSON, PROBLEM_KINDS, Problem, headers_of, problem_json
+from core.web.problems import PROBLEM_JSON, Problem, headers_of, problem_json
 from frontend.paper import Reader, draw, page_text, reader_language
 from frontend.render import problem_text, read_only_because
 
@@ -75,9 +75,8 @@ def show(
 
 def show_problem(request: Request, problem: Problem) -> Response:
     """Return the page that tells a problem, with everything that its answer to a program would say in headers."""
-    kind = PROBLEM_KINDS[problem.slug]
     title, detail = problem_text(problem.slug, reader_of(request).lang, **problem.values)
-    response = show(request, "problem.html.j2", "", status=kind.status, title=title, detail=detail)
+    response = show(request, "problem.html.j2", "", status=problem.told_status, title=title, detail=detail)
     response.headers.update(headers_of(problem, service_of(request).settings))
     return response
 
@@ -85,7 +84,6 @@ def show_problem(request: Request, problem: Problem) -> Response:
 def tell_script(request: Request, problem: Problem, faults: dict[str, str]) -> Response:
     """Return the same to the script of a page: the problem, and a sentence for each of its fields."""
     reader = reader_of(request)
-    kind = PROBLEM_KINDS[problem.slug]
     settings = service_of(request).settings
     body = {**problem_json(problem, reader.lang, settings), "faults": faults}
     headers = {
@@ -93,7 +91,7 @@ def tell_script(request: Request, problem: Problem, faults: dict[str, str]) -> R
         "Cache-Control": "no-store",
         **headers_of(problem, settings),
     }
-    return Response(msgspec.json.encode(body), kind.status, headers, media_type=PROBLEM_JSON)
+    return Response(msgspec.json.encode(body), problem.told_status, headers, media_type=PROBLEM_JSON)
 
 
 def text_for(request: Request, name: str, **values: object) -> str:

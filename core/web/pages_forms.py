@@ -15,10 +15,11 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
+from core.guarded.poison import name_of
 from core.ledger.commands import Command, accounts_of, transaction_of
 from core.ledger.reasons import Fault
 from core.web.asking import respond_with, service_of, working
-from core.web.intake import check_key, digest_of, idempotency_key, read_body
+from core.web.intake import check_key, digest_of, idempotency_key, read_body, request_name
 from core.web.pages_answers import reader_of, tell_script, text_for
 from core.web.problems import Problem, ProblemError
 from frontend.catalogue_pages import TEXTS
@@ -84,16 +85,27 @@ async def carry_out(
     service = service_of(request)
     key = form.key + part if form.key is not None else None
     command_id = service.new_id()
+    name = name_of(form.key) if form.key is not None else request_name(request)
     with working(
         request,
         kind,
         form.body,
         key=form.key,
+        name=name,
         command_id=command_id,
         transaction_id=transaction_of(command),
         account_ids=accounts_of(command),
     ) as held:
-        answer = await service.carry_out(command, key, digest_of(request, form.body), command_id, held.slot)
+        answer = await service.carry_out(
+            command,
+            key,
+            digest_of(request, form.body),
+            command_id,
+            held.slot,
+            kind=kind,
+            name=name,
+            body_bytes=len(form.body),
+        )
         response = respond_with(request, answer)
         held.status = response.status_code
     told: dict[str, Any] = msgspec.json.decode(response.body)

@@ -6,6 +6,7 @@ that was typed still there.
 """
 
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 from typing import Final
 
 from starlette.requests import Request
@@ -32,7 +33,7 @@ from core.web.pages_forms import (
     refuse_script,
     sentences,
 )
-from core.web.problems import Problem, ProblemError
+from core.web.problems import RULE_HEADER, Problem, ProblemError
 from frontend.amounts import read_amount
 from frontend.paper import LANGUAGES, page_text
 from frontend.render import Language, problem_text
@@ -206,7 +207,7 @@ async def _granted(
         drawn = Drawn({**pages.EMPTY_FORM, **form.fields}, faults, "" if at_a_field else detail, wrong=True)
         unanswered = response.status_code >= 500
         drawn_page = await redraw(request, drawn, response.status_code, form.key if unanswered else None)
-        for name in ("retry-after", "x-core-draining"):
+        for name in ("retry-after", "x-core-draining", RULE_HEADER):
             if name in response.headers:
                 drawn_page.headers[name] = response.headers[name]
         return drawn_page
@@ -219,7 +220,7 @@ def _at_its_field(problem: Problem) -> Problem:
         for fault in problem.faults
         if fault.pointer != "/expected_seq"
     )
-    return Problem(problem.slug, faults, problem.values, problem.outcome, problem.headers)
+    return replace(problem, faults=faults)
 
 
 def _seq_seen(form: Form) -> int | None:

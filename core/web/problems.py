@@ -13,12 +13,15 @@ from typing import Any, Final
 import msgspec
 from starlette.responses import Response
 
-from core.journal.answers import status_of
+from core.journal.answers import Limited, SetAside, status_of
 from core.ledger.reasons import Fault, Rejection, Slug
 from core.settings import Settings
 from frontend.render import Language, problem_text
 
 PROBLEM_JSON: Final = "application/problem+json"
+#: Names the rule that refused: the gateway counts it, and takes it off.
+RULE_HEADER: Final = "X-Core-Rule"
+TOO_LARGE: Final = 413
 
 
 class Outcome(StrEnum):
@@ -73,6 +76,9 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "body-too-large": ProblemKind(413),
     **{slug.value: ProblemKind(status_of(slug)) for slug in Slug},
     "key-reused": ProblemKind(422),
+    "set-aside": ProblemKind(422, Outcome.NOT_DONE),
+    "account-set-aside": ProblemKind(422, Outcome.NOT_DONE),
+    "limited": ProblemKind(429, Outcome.NOT_DONE),
     "internal": ProblemKind(500),
     "busy": ProblemKind(503, Outcome.NOT_DONE, again=True),
     "leaving": ProblemKind(503, Outcome.NOT_DONE, again=True, draining=True),
@@ -88,8 +94,8 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
 class Problem:
     """One problem: its slug, the fields at fault, the values its sentence names.
 
-    `outcome` overrides the table's where the place of the fault decides it (our own bug, before or after the
-    writer was asked); `headers` are added to the response,
+    `outcome` and `status` override the table's where the place of the fault decides it (our own bug, before or after
+    the writer was asked; what is taken too often, or is too large); `headers` are added to the response,
     `extra` members to its body.
     """
 
@@ -99,6 +105,12 @@ class Problem:
     outcome: Outcome | None = None
     headers: dict[str, str] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
+    status: int | None = None
+
+    @property
+    def told_status(self) -> int:
+        """The status it is told with."""
+        return self.status or PROBLEM_KINDS[self.slug].status
 
 
 class ProblemError(Exception):
@@ -120,6 +132,29 @@ def safe_mode(reason: str, outcome: Outcome | None = None) -> Problem:
     return Problem("safe-mode", values={"why": reason}, outcome=outcome, extra={"safe": reason})
 
 
+def set_aside(refused: SetAside) -> Problem:
+    """Return the problem of what the guard has set aside, or of an account of which it has."""
+    letter = refused.letter
+    named = {"letter": letter} if refused.account is None else {"letter": letter, "account": refused.account}
+    slug = "set-aside" if refused.account is None else "account-set-aside"
+    return Problem(slug, values=dict(named), headers={RULE_HEADER: letter}, extra=dict(named))
+
+
+def limited(refused: Limited) -> Problem:
+    """Return the problem of what a rule takes no more of: too many of them, or one that is too large."""
+    headers, extra = {RULE_HEADER: refused.rule}, {"rule": refused.rule}
+    if refused.again_s is None:
+        return Problem(
+            "limited", values={"rule": refused.rule}, headers=headers, extra=extra, status=TOO_LARGE
+        )
+    return Problem(
+        "limited",
+        values={"rule": refused.rule},
+        headers={**headers, "Retry-After": str(refused.again_s)},
+        extra={**extra, "retry_after": refused.again_s},
+    )
+
+
 def problem_json(problem: Problem, lang: Language, settings: Settings) -> dict[str, Any]:
     """Return the members of a problem's body."""
     kind = PROBLEM_KINDS[problem.slug]
@@ -128,7 +163,7 @@ def problem_json(problem: Problem, lang: Language, settings: Settings) -> dict[s
     body: dict[str, Any] = {
         "type": f"/problems/{problem.slug}",
         "title": title,
-        "status": kind.status,
+        "status": problem.told_status,
         "detail": detail,
     }
     if outcome is not None:
@@ -157,7 +192,6 @@ def headers_of(problem: Problem, settings: Settings) -> dict[str, str]:
 
 def respond(problem: Problem, lang: Language, settings: Settings) -> Response:
     """Return the response that tells a problem."""
-    kind = PROBLEM_KINDS[problem.slug]
     headers = {"Content-Language": lang, "Vary": "Accept-Language", **headers_of(problem, settings)}
     body = msgspec.json.encode(problem_json(problem, lang, settings))
-    return Response(body, kind.status, headers, media_type=PROBLEM_JSON)
+    return Response(body, problem.told_status, headers, media_type=PROBLEM_JSON)

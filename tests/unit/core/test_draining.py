@@ -15,8 +15,9 @@ from core.imports.desk import Desk
 from core.journal.answers import Done, Exercise
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.verify import GivenUp
-from core.service import Draining, Service
+from core.service import Service
 from core.settings import Settings
+from core.slots import Draining
 from tests import waiting
 from tests.unit.core.books import Pen, opening
 from tests.unit.core.test_writer import Heard, ask, writing

@@ -17,8 +17,9 @@ from core.guarded.recorder import NoRecorder
 from core.journal.answers import Done
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.verify import Verdict
-from core.service import Draining, Service
+from core.service import Service
 from core.settings import Settings
+from core.slots import Draining
 from core.web.asking import working
 from core.web.problems import Problem, ProblemError
 from tests import waiting

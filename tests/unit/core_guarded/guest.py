@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import uvloop
 
-from core.guarded.control import Standing
+from core.guarded.control import RulesRead, Standing
 from core.guarded.drills import AT_ONCE
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
@@ -50,6 +50,9 @@ class Bare:
 
     async def drain(self, _: DrainOrder) -> int | str:
         return 12
+
+    async def read_rules(self) -> RulesRead | str:
+        return RulesRead(serial=3, rules=2)
 
 
 async def serve(environment: GuardedEnvironment, instruments: Instruments, mode: str) -> None:
