@@ -24,7 +24,7 @@ class Fault:
 def setting(
     default: object, text: str, *, low: int = 0, high: int = 0, words: tuple[str, ...] = ()
 ) -> Any:  # Any: dataclasses.field's own type, so that the annotation beside it is what counts
-    """Declare a setting. Numbers carry bounds (both inclusive), texts the words they may be."""
+    """Declare a setting. Numbers carry bounds (both inclusive), texts (and lists of them) the words they may be."""
     return field(default=default, metadata={"text": text, "low": low, "high": high, "words": words})
 
 
@@ -36,6 +36,9 @@ def _judge(name: str, kind: object, meta: Mapping[str, Any], value: object) -> F
             return Fault(name, f"must be a whole number, not {value!r}")
         low, high = meta["low"], meta["high"]
         return None if low <= value <= high else Fault(name, f"must be {low} to {high}, not {value}")
+    if kind == tuple[str, ...]:
+        known = isinstance(value, list) and value and all(word in meta["words"] for word in value)
+        return None if known else Fault(name, f"must be a list of {', '.join(meta['words'])}, not {value!r}")
     assert kind is str, f"a setting of type {kind} has no rule"
     if value not in meta["words"]:
         return Fault(name, f"must be one of {', '.join(meta['words'])}, not {value!r}")
@@ -51,7 +54,8 @@ def read(cls: type[T], values: Mapping[str, object]) -> T | list[Fault]:
     for name, value in values.items():
         if name in known and (fault := _judge(name, kinds[name], known[name].metadata, value)):
             faults.append(fault)
-    return faults or cls(**values)
+    lists = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
+    return faults or cls(**{**values, **lists})
 
 
 @dataclass(frozen=True, slots=True)

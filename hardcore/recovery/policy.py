@@ -157,6 +157,21 @@ _UNDOABLE: tuple[tuple[frozenset[Word], frozenset[Diagnosis], str], ...] = (
 )
 
 
+#: Drills that may run while nobody watches: each is over by itself.
+SCHEDULED_DRILLS = (
+    "crash",
+    "segv",
+    "exit",
+    "freeze",
+    "block",
+    "spin",
+    "gil",
+    "deadlock",
+    "slow-tx",
+    "poison",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Policy:
     """The policy in force. Units stand at the end of each name."""
@@ -237,6 +252,11 @@ class Policy:
         600, "a source that is stopped may change nothing for so long", low=1, high=86_400
     )
     drills: bool = setting(True, "whether `hardcore drill` may break the core")
+    drill_every_hours: int = setting(0, "time between two drills on a schedule; 0: none", low=0, high=8760)
+    drill_faults: tuple[str, ...] = setting(
+        ("crash",), "what is drilled on a schedule, one after the other", words=SCHEDULED_DRILLS
+    )
+    drill_hour: int = setting(4, "the hour of the day (local time) of a drill on a schedule", low=0, high=23)
     await_operator_sec: int = setting(
         300, "patience with the operator (not in this version)", low=1, high=86_400
     )

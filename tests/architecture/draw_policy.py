@@ -4,6 +4,7 @@
 """
 
 import dataclasses
+import json
 from pathlib import Path
 
 from hardcore.model.verdicts import Diagnosis
@@ -78,8 +79,10 @@ def _rows(cls: type[Policy] | type[Limits]) -> list[str]:
             continue
         meta, default = field.metadata, field.default
         shown = str(default).lower() if isinstance(default, bool) else str(default)
+        if isinstance(default, tuple):
+            shown = json.dumps(default)
         if meta["words"]:
-            span = ", ".join(meta["words"])
+            span = ("a list of " if isinstance(default, tuple) else "") + ", ".join(meta["words"])
         elif isinstance(default, bool):
             span = "true, false"
         else:
