@@ -13,6 +13,7 @@ from core.guarded.poison import FILE, Armoury
 from core.guarded.quarantine import Quarantine, Unreadable
 from core.journal.rebuilding import Rebuilding
 
+RULES: Final = "state/quarantine.json"  # in a data folder: where its guard writes them
 CASES: Final = "cases"  # beside the rules: where a suspect's case is filed
 
 
