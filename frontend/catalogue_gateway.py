@@ -4,6 +4,9 @@ Plain data, so that a translator can read it and a test can hold it against the 
 problems. A sentence may say only what the gateway knows when it sends it.
 """
 
+#: The number of what was set aside, by language.
+NUMBER: dict[str, str] = {"ko": "번호: {id}", "en": "Number: {id}"}
+
 #: slug -> language -> (title, detail)
 PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
     "bad-request": {
@@ -220,6 +223,53 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
         "en": (
             "Receipts cannot be read now",
             "Their file on the disk was left as it is. Please try again in a moment.",
+        ),
+    },
+    "set-aside": {
+        "ko": (
+            "이 요청은 따로 보관했어요",
+            "처리 중에 서버가 멈춘 요청이라 더는 시도하지 않아요. 이 요청은 처리하지 않았어요. 서버 관리자에게 번호를 알려 주세요.",
+        ),
+        "en": (
+            "This request was set aside",
+            "The server stopped while handling it, so it is not tried any more. It was not done. Please tell the administrator its number.",
+        ),
+    },
+    "source-stopped": {
+        "ko": (
+            "이 브라우저의 입력을 잠시 멈췄어요",
+            "여기에서 보낸 요청 때문에 서버가 여러 번 멈췄어요. 보기는 할 수 있고, 이 요청은 처리하지 않았어요.",
+        ),
+        "en": (
+            "Changes from here are paused",
+            "Requests sent from here stopped the server several times. You can still look at everything; this request was not done.",
+        ),
+    },
+    "admin-local": {
+        "ko": (
+            "관리 화면은 서버 컴퓨터에서만 열려요",
+            "서버가 켜져 있는 컴퓨터의 브라우저에서 localhost 주소로 열어 주세요.",
+        ),
+        "en": (
+            "The dashboard opens on the server itself only",
+            "Please open it in a browser on the computer that runs this server, at a localhost address.",
+        ),
+    },
+    "admin-away": {
+        "ko": ("관리 화면을 켜고 있어요", "아직 준비되지 않았어요. 잠시 뒤에 다시 열어 주세요."),
+        "en": (
+            "The dashboard is being started",
+            "It is not ready yet. Please open it again in a moment.",
+        ),
+    },
+    "admin-broken": {
+        "ko": (
+            "관리 화면의 응답이 끊겼어요",
+            "요청한 일이 시작됐는지 알 수 없어요. 화면을 다시 열어 확인해 주세요.",
+        ),
+        "en": (
+            "The dashboard's answer broke off",
+            "Whether what was asked for has begun is not known. Please open the page again to see.",
         ),
     },
 }

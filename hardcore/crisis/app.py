@@ -65,6 +65,7 @@ class Gateway:
         demo: bool,
         recoveries: Path | None = None,
         receipts: Path | None = None,
+        state: Path | None = None,
     ) -> None:
         self._loop = loop
         self._demo = demo
@@ -80,7 +81,7 @@ class Gateway:
         self._link = FeedLink(loop, control, os.getpid(), limits)
         drills = DrillDoor(loop, control) if demo else None
         self._history = History(loop, recoveries)
-        self._desk = Desk(loop, limits, self._link, time.monotonic_ns, drills, self._history, receipts)
+        self._desk = Desk(loop, limits, self._link, time.monotonic_ns, drills, self._history, receipts, state)
 
     async def serve(self) -> None:
         """Serve until SIGTERM, then drain."""
@@ -91,6 +92,7 @@ class Gateway:
             backlog=BACKLOG,
         )
         self._desk.promises.start()
+        self._desk.moves.dock.cases.start()
         self._link.start(self._desk.heard)
         stocking = self._loop.create_task(self._stock())
         upkeep = self._loop.create_task(self._upkeep())
@@ -102,6 +104,8 @@ class Gateway:
         self._desk.live.close()
         self._link.close()
         await self._desk.promises.finish()
+        await self._desk.moves.dock.cases.finish()
+        await self._desk.moves.barrier.finish()
         await self._history.finish()
 
     async def _stock(self) -> None:
@@ -213,6 +217,7 @@ def main(arguments: Sequence[str]) -> int:
             demo=options.demo,
             recoveries=options.recoveries,
             receipts=options.receipts,
+            state=options.state,
         )
         await gateway.serve()
 

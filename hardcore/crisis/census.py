@@ -29,6 +29,11 @@ def address_of(transport: asyncio.BaseTransport) -> str:
     return str(peer[0]) if isinstance(peer, tuple) and peer else NOWHERE
 
 
+def is_near(address: str) -> bool:
+    """Whether an address is one of this machine itself."""
+    return address.removeprefix("::ffff:").startswith("127.") or address == "::1"
+
+
 @dataclass(slots=True)
 class Census:
     """Who is open, and the names this server answers to. `changed` is called when somebody comes or leaves."""

@@ -16,7 +16,6 @@ from hardcore.crisis import pages
 from hardcore.crisis.alarm import Alarm
 from hardcore.crisis.census import NOWHERE, Census, address_of
 from hardcore.crisis.desk import Desk
-from hardcore.crisis.drills import is_near
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.heads import AnswerHead, RequestHead, answer_bytes
 from hardcore.crisis.mishap import describe
@@ -42,7 +41,7 @@ class ClientConnection(asyncio.BufferedProtocol):
 
     def __init__(self, loop: asyncio.AbstractEventLoop, desk: Desk, census: Census) -> None:
         self.limit = Alarm(loop, self._limit_rings)
-        self.is_near = False
+        self.address = NOWHERE
         self._desk = desk
         self._limits = desk.limits
         self._census = census
@@ -68,10 +67,9 @@ class ClientConnection(asyncio.BufferedProtocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Join the others, unless there are too many."""
         self._transport = cast("asyncio.Transport", transport)
-        self.is_near = is_near(transport.get_extra_info("peername"))
+        self.address = address = address_of(transport)
         self._transport.set_write_buffer_limits(high=WRITE_HIGH_BYTES)
         self._watch.set(self._limits.keepalive_ms)
-        address = address_of(transport)
         full, crowded = self._census.is_full(address, self._limits), self._census.is_crowded(self._limits)
         self._census.enter(self, NOWHERE if full else address)
         if full:

@@ -11,6 +11,7 @@ from functools import partial
 from typing import assert_never
 
 from hardcore.crisis import pages
+from hardcore.crisis.census import is_near
 from hardcore.crisis.drills import Begun, Declined, DrillDoor, Said, Unheard, fault_of
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.heads import RequestHead
@@ -55,7 +56,7 @@ class Counter:
         self._moves.release_bytes(exchange)
         head, tongue = exchange.head, exchange.head.accept_language
         fault = fault_of(head.path) if way is Route.DRILL else None
-        if fault is not None and self._drills is not None and exchange.client.is_near:
+        if fault is not None and self._drills is not None and is_near(exchange.client.address):
             if head.method == "POST":
                 self._drills.ask(fault, lambda said: self._drilled(exchange, said))
                 return

@@ -45,9 +45,10 @@ class Desk:
         drills: DrillDoor | None = None,
         history: History | None = None,
         receipts: Path | None = None,
+        state: Path | None = None,
     ) -> None:
         self.limits = limits
-        self.moves = Moves(loop, limits, teller, now_ns, receipts)
+        self.moves = Moves(loop, limits, teller, now_ns, receipts, state)
         self.promises = self.moves.promises
         outlook, demo = self.moves.outlook, drills is not None
         self.history = history or History(loop, None)
@@ -69,6 +70,9 @@ class Desk:
         way = self.moves.way(exchange.head.path)
         if way in _TO_CORE:
             _read_key(exchange)
+            if self.moves.bars(exchange):
+                self.moves.move(exchange, Trigger.BARRED)
+                return
         if way in _TO_CORE and self._comes_early(exchange):
             return
         if way in _TO_CORE and (known := self.promises.knows(exchange)) is not None:
@@ -81,7 +85,7 @@ class Desk:
             case Route.RECEIPT:
                 self._is_ours(exchange)
                 self.promises.asked(exchange)
-            case Route.FORWARD if self.moves.core_has_room() and self.moves.precedence.lets(exchange):
+            case Route.FORWARD if self.moves.passes(exchange):
                 self.moves.move(exchange, Trigger.PASS)
             case Route.FORWARD | Route.HOLD:
                 self.moves.keep(exchange)
@@ -168,7 +172,10 @@ class Desk:
                 self.moves.book.name(incident)
             case _:
                 pass
+        current = message.generation >= self.moves.outlook.standing.generation
         self.moves.outlook.hear(message)
+        if current:
+            contained("seeing to suspects", lambda: self.moves.heard(message))
 
     def _told(self, receipt: Receipt) -> None:
         """A promise was given, or something became of it: pages hear of it, and whoever waits behind it may go on."""
@@ -178,6 +185,7 @@ class Desk:
     def upkeep(self) -> None:
         """What is due now and then."""
         self.moves.outlook.upkeep()
+        self.moves.dock.upkeep()
         self.live.upkeep()
         self.sockets.upkeep()
         self.promises.upkeep()

@@ -45,12 +45,6 @@ def fault_of(path: bytes) -> str | None:
     return _FAULTS.get(path.removeprefix(DRILL_PREFIX))
 
 
-def is_near(peer: object) -> bool:
-    """Whether the address of a peer, as a socket names it, is one of this machine itself."""
-    host = peer[0] if isinstance(peer, tuple) and peer and isinstance(peer[0], str) else ""
-    return host.removeprefix("::ffff:").startswith("127.") or host == "::1"
-
-
 class DrillDoor:
     """Asks one sentinel; each question is a task of its own that ends by itself."""
 

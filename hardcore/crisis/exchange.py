@@ -10,6 +10,7 @@ from hardcore.crisis.alarm import Alarm
 from hardcore.crisis.heads import AnswerHead, RequestDigest, RequestHead
 from hardcore.crisis.holding import Life, Plea
 from hardcore.crisis.problems import Problem
+from hardcore.crisis.quarantine import Refusal
 from hardcore.crisis.upstream import UpstreamConnection
 
 #: Pieces of a body kept apart.
@@ -20,7 +21,7 @@ class Client(Protocol):
     """What the desk may do with the connection a request came from. All of it is safe after its end."""
 
     limit: Alarm
-    is_near: bool  # the client sits at this machine
+    address: str  # where the client sits
 
     def answer(self, head: AnswerHead, body: bytes, *, close: bool = False) -> None:
         """Give a whole answer."""
@@ -50,6 +51,7 @@ class Exchange:
         "body",
         "browser",
         "called",
+        "cleared",
         "client",
         "closes",
         "dial",
@@ -62,8 +64,10 @@ class Exchange:
         "life",
         "lost_epoch",
         "lost_ns",
+        "made_name",
         "met_outage",
         "received_bytes",
+        "refusal",
         "rests",
         "sends",
         "spent",
@@ -102,6 +106,23 @@ class Exchange:
         self.rests = False  # the core that had it did not know of it, and is asked again after a pause
         self.met_outage = False
         self.answer_status = 0
+        self.refusal: Refusal | None = None  # why it must not reach a core
+        self.cleared = False  # its trial has shown that it does no harm
+        self.made_name = ""  # what a core was told to call it, where it has no key
+
+    @property
+    def name(self) -> str | None:
+        """What it is called if it is suspected; None: no core was told a name."""
+        return self.head.key_hash or self.made_name or None
+
+    def digest_hex(self) -> str:
+        """The name of its bytes. The key alone may be another one's, whose answer is not this one's."""
+        digest = self.digest
+        if digest is None:
+            digest = RequestDigest(self.head)
+            for data in self.body:
+                digest.add(data)
+        return digest.hex()
 
     def keep(self, data: bytes) -> None:
         """Keep a piece of the body. Thousands of tiny ones would take far more memory than their bytes."""

@@ -65,6 +65,11 @@ class Verdict(StrEnum):
     HELD = "held"
     DROPPED = "dropped"
 
+    @property
+    def ends_case(self) -> bool:
+        """Whether nobody needs the case any more; one that is held waits for a person with it."""
+        return self is not Verdict.HELD
+
 
 @dataclass(frozen=True, slots=True)
 class VerdictHeard:
@@ -111,13 +116,7 @@ class Unreadable:
 
 
 Heard = (
-    PhaseHeard
-    | ServingHeard
-    | SuspectsHeard
-    | ReleaseHeard
-    | VerifiedHeard
-    | VerdictHeard
-    | QuarantineHeard
+    PhaseHeard | ServingHeard | SuspectsHeard | ReleaseHeard | VerifiedHeard | VerdictHeard | QuarantineHeard
 )
 
 

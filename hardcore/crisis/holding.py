@@ -8,16 +8,21 @@ Spreading these rules over the connection code was tried in a sketch: every new 
 
     ARRIVED --PASS--> FORWARDED --ANSWER--> ANSWERED        LOST --REPEAT--> FORWARDED
        |  \              |  ^ |  \--BEGUN--> ANSWERING         \--ASK--> ASKED --FOUND, ABSENT--> ANSWERED
-       |   KEEP     NOT_RUN |  \--LOST--> LOST
-       |     \--> HELD <-/ PASS                              LOST <--NOT_YET-- ASKED (of the same core)
+       |   KEEP     NOT_RUN |  \--LOST--> LOST                           ^ |
+       |     \--> HELD <-/ PASS    HELD --ASK (a suspect)---------------/ |   LOST <--NOT_YET-- ASKED (of the same core)
+       |           ^--CLEARED-- ON_TRIAL <--SUSPECTED (absent)-----------/
+       \--BARRED (HELD too)--> ANSWERED      ON_TRIAL --CONVICTED, HELD_BACK, DROPPED, LIMIT--> ANSWERED
 
-Whoever takes a promise for an answer is kept when his time is over (PROMISE): HELD -> KEEPING, LOST or ASKED ->
-KEEPING_LOST, and from there only an answer. What is promised runs outside of this table (`receipts`).
+A suspect reaches a core by one way only: ON_TRIAL, CLEARED, HELD, PASS. Deaths of a core change nothing for it.
+Whoever takes a promise for an answer is kept when his time is over (PROMISE): HELD or ON_TRIAL -> KEEPING, LOST or
+ASKED -> KEEPING_LOST, and from there only an answer. What is promised runs outside of this table (`receipts`).
 """
 
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from typing import assert_never
 
+from hardcore.crisis.feed import Verdict
 from hardcore.crisis.problems import Problem
 from hardcore.settings import Limits
 
@@ -34,7 +39,10 @@ class Life(Enum):
     ANSWERING = auto()  # the first bytes of its answer have left
     LOST = auto()  # the core that had it is gone; waits for the release
     ASKED = auto()  # the new core is being asked whether it is in the ledger
-    KEEPING = auto()  # no core has seen it; a promise to run it later is being stored
+    ON_TRIAL = auto()  # a suspect that the ledger does not have; waits for its verdict
+    KEEPING = (
+        auto()
+    )  # no core has seen it, or a later one does not have it; a promise to run it later is being stored
     KEEPING_LOST = auto()  # the same of one that a core may have seen
     ANSWERED = auto()  # over: the client has its answer
     GONE = auto()  # over: the client left
@@ -57,7 +65,13 @@ class Trigger(Enum):
     ASK = auto()  # released: only look it up
     FOUND = auto()  # the ledger has it
     ABSENT = auto()  # the ledger does not have it, and never will
+    SUSPECTED = auto()  # the same, and it may be what the core died of
     NOT_YET = auto()  # the core that had it does not know of it: it may still be running it
+    CLEARED = auto()  # its trial: it does no harm
+    CONVICTED = auto()  # its trial: it did it again
+    HELD_BACK = auto()  # its trial: nobody can say, and it is kept for a person
+    DROPPED = auto()  # nothing more is expected of it, and nothing will run it
+    BARRED = auto()  # a rule of the quarantine names it
     FAULT = auto()  # the rest of its body is too long, broken, or does not come
     LIMIT = auto()  # its time is over
     PROMISE = auto()  # the same, and its client takes a promise
@@ -75,11 +89,15 @@ class Deed(Enum):
     REMEMBER = auto()  # wait as a lost one, with a limit of its own
     ASK_LATER = auto()  # the same, and ask again after a pause
     LOOK_UP = auto()
+    TRY = auto()  # file its case, and wait for the verdict
+    FREE = auto()  # wait as one that no core has seen
     BEGIN = auto()  # start to pass the answer on
     PASS_ON = auto()  # pass the whole answer on
     FINISH = auto()  # end the answer that was begun
     SAY_NOT_DONE = auto()
     SAY_ABSENT = auto()  # not done, and it was looked up
+    SAY_UNTRIED = auto()  # the same, and its trial is not over or was none
+    SAY_SET_ASIDE = auto()
     SAY_UNKNOWN = auto()
     SAY_GARBLED = auto()
     SAY_LATE = auto()
@@ -111,6 +129,7 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
             Trigger.PASS: (Life.FORWARDED, Deed.SEND),
             Trigger.KEEP: (Life.HELD, Deed.WAIT),
             Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_NOT_DONE),
+            Trigger.BARRED: (Life.ANSWERED, Deed.SAY_SET_ASIDE),
             Trigger.FAULT: (Life.ANSWERED, Deed.SAY_FAULT),
             Trigger.CLIENT_LEFT: (Life.GONE, Deed.DROP_UNSENT),
         },
@@ -119,6 +138,8 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
         Life.HELD,
         {
             Trigger.PASS: (Life.FORWARDED, Deed.SEND),
+            Trigger.ASK: (Life.ASKED, Deed.LOOK_UP),
+            Trigger.BARRED: (Life.ANSWERED, Deed.SAY_SET_ASIDE),
             Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_NOT_DONE),
             Trigger.FAULT: (Life.ANSWERED, Deed.SAY_FAULT),
             Trigger.LIMIT: (Life.ANSWERED, Deed.SAY_NOT_DONE),
@@ -171,12 +192,26 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
         {
             Trigger.FOUND: (Life.ANSWERED, Deed.SAY_STORED),
             Trigger.ABSENT: (Life.ANSWERED, Deed.SAY_ABSENT),
+            Trigger.SUSPECTED: (Life.ON_TRIAL, Deed.TRY),
             Trigger.NOT_YET: (Life.LOST, Deed.ASK_LATER),
             Trigger.GARBLED: (Life.ANSWERED, Deed.SAY_UNKNOWN),
             Trigger.CORE_LOST: (Life.LOST, Deed.REMEMBER),
             Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_UNKNOWN),
             Trigger.LIMIT: (Life.ANSWERED, Deed.SAY_UNKNOWN),
             Trigger.PROMISE: (Life.KEEPING_LOST, Deed.STORE),
+            Trigger.CLIENT_LEFT: (Life.GONE, Deed.DROP_SENT),
+        },
+    ),
+    **_row(
+        Life.ON_TRIAL,
+        {
+            Trigger.CLEARED: (Life.HELD, Deed.FREE),
+            Trigger.CONVICTED: (Life.ANSWERED, Deed.SAY_SET_ASIDE),
+            Trigger.HELD_BACK: (Life.ANSWERED, Deed.SAY_SET_ASIDE),
+            Trigger.DROPPED: (Life.ANSWERED, Deed.SAY_UNTRIED),
+            Trigger.TURN_AWAY: (Life.ANSWERED, Deed.SAY_UNTRIED),
+            Trigger.LIMIT: (Life.ANSWERED, Deed.SAY_UNTRIED),
+            Trigger.PROMISE: (Life.KEEPING, Deed.STORE),
             Trigger.CLIENT_LEFT: (Life.GONE, Deed.DROP_SENT),
         },
     ),
@@ -207,7 +242,7 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
 }
 
 #: Lives in which a request waits in the gateway.
-WAITING = frozenset({Life.HELD, Life.LOST, Life.ASKED})
+WAITING = frozenset({Life.HELD, Life.LOST, Life.ASKED, Life.ON_TRIAL})
 OVER = frozenset({Life.ANSWERED, Life.GONE})
 
 
@@ -237,6 +272,21 @@ def after_release(plea: Plea, *, suspected: bool, newer: bool) -> Trigger:
     if plea.safe or (newer and plea.body_kept and not suspected and plea.sends < 2):
         return Trigger.REPEAT
     return Trigger.ASK
+
+
+def after_verdict(outcome: Verdict, *, sendable: bool) -> Trigger:
+    """What a verdict means for whoever waits for it. `sendable`: its body is still here."""
+    match outcome:
+        case Verdict.CLEARED:
+            return Trigger.CLEARED if sendable else Trigger.DROPPED
+        case Verdict.CONVICTED:
+            return Trigger.CONVICTED
+        case Verdict.HELD:
+            return Trigger.HELD_BACK
+        case Verdict.DROPPED:
+            return Trigger.DROPPED
+        case _:
+            assert_never(outcome)
 
 
 def hold_limit_ms(limits: Limits, *, navigation: bool) -> int:

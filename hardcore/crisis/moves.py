@@ -8,14 +8,17 @@ lists of who waits and who is at the core follow from it. Clients, cores and the
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from functools import partial
 from pathlib import Path
 from typing import assert_never
 
 from hardcore.crisis import pages
+from hardcore.crisis.barrier import Barrier
+from hardcore.crisis.cases import Cases
+from hardcore.crisis.dock import Dock
 from hardcore.crisis.exchange import Exchange
-from hardcore.crisis.feed import Settled, Teller
-from hardcore.crisis.heads import RequestHead
+from hardcore.crisis.feed import Heard, QuarantineHeard, Settled, SuspectsHeard, Teller, VerdictHeard
 from hardcore.crisis.holding import (
     OVER,
     TABLE,
@@ -31,18 +34,18 @@ from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.mishap import describe
 from hardcore.crisis.outcomes import OutageBook
 from hardcore.crisis.outlook import Outlook, Ties
-from hardcore.crisis.plight import KEPT, cover
+from hardcore.crisis.plight import cover
 from hardcore.crisis.precedence import Precedence
 from hardcore.crisis.problems import STATUS, Outcome, Problem
 from hardcore.crisis.receipts import Receipt
 from hardcore.crisis.receipts_desk import Kept, Promises, moments
-from hardcore.crisis.receipts_form import KeptForm
 from hardcore.crisis.receipts_pages import promised
 from hardcore.crisis.receipts_store import Failure
 from hardcore.crisis.returns import Returns
 from hardcore.crisis.routing import Route, route
 from hardcore.crisis.sending import Courier
 from hardcore.crisis.shelf import Shelf
+from hardcore.crisis.telling import Told, told_for, words
 from hardcore.model.phases import Face
 
 _LOG = logging.getLogger(__name__)
@@ -58,6 +61,8 @@ TURNED_AWAY = {
 _CLOSES = frozenset(
     {Problem.SHUTTING_DOWN, Problem.BAD_REQUEST, Problem.REQUEST_TIMEOUT, Problem.BODY_TOO_LARGE}
 )
+#: Lives in which a core has it, or may have it, and nobody has asked.
+_AT_A_CORE = frozenset({Life.FORWARDED, Life.LOST, Life.ASKED})
 
 
 class Moves:
@@ -70,6 +75,7 @@ class Moves:
         teller: Teller,
         now_ns: Callable[[], int],
         receipts: Path | None = None,
+        state: Path | None = None,
     ) -> None:
         self.leaving = False
         self.shelf = Shelf()  # empty until it was rendered
@@ -78,6 +84,12 @@ class Moves:
         self.outlook = Outlook(loop, limits, Ties(self._changed, self._pump_soon, teller, now_ns))
         self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits))
         self.promises = Promises(loop, limits, self.outlook, receipts, moments(now_ns))
+        self.barrier = Barrier(loop, state)
+        self.outlook.ruled = self.barrier.hit
+        self.barrier.renewed = self._ruled_anew
+        folder = state / "cases" if state is not None else None
+        cases = partial(Cases, loop, folder)
+        self.dock = Dock(self.outlook, self.barrier, cases, teller, now_ns, self.step)
         self.precedence = Precedence(loop, limits, self.outlook, self.promises, now_ns, self._pump_soon)
         self._loop = loop
         self._limits = limits
@@ -95,12 +107,17 @@ class Moves:
 
     def counts(self) -> tuple[int, int]:
         """Requests that wait here, and requests that are at the core."""
-        return len(self._held) + len(self._lost) + len(self._keeping), len(self._at_core)
+        waiting = len(self._held) + len(self._lost) + len(self._keeping) + len(self.dock.waiting())
+        return waiting, len(self._at_core)
 
     def waiting(self) -> dict[bytes, int]:
         """How many requests of each browser wait here."""
-        here = (*self._held, *self._lost, *self._keeping)
+        here = (*self._held, *self._lost, *self._keeping, *self.dock.waiting())
         return Counter(one.browser for one in here if one.browser is not None)
+
+    def on_trial(self) -> dict[bytes, int]:
+        """How many requests of each browser wait for a verdict."""
+        return Counter(one.browser for one in self.dock.waiting() if one.browser is not None)
 
     def leave(self) -> None:
         """The gateway is being stopped: whoever waits is answered now, what is at the core may finish."""
@@ -134,7 +151,7 @@ class Moves:
                 self.book.begin()
 
     def _turn_all_away(self, problem: Problem) -> None:
-        for exchange in [*self._lost, *self._held]:
+        for exchange in [*self._lost, *self._held, *self.dock.waiting()]:
             if exchange.life in WAITING:
                 exchange.fault = problem
                 self.step(exchange, Trigger.TURN_AWAY)
@@ -149,21 +166,61 @@ class Moves:
         self._pump_due = False
         if self.outlook.posture is not Face.FORWARD:
             return
-        suspects = frozenset(self.outlook.standing.suspects)
         for exchange in list(self._lost):
             newer = self.outlook.epoch > exchange.lost_epoch
             if exchange.life is Life.LOST and (newer or not exchange.rests):
                 if not self.core_has_room():
                     return
-                plea = exchange.plea()
-                self.step(exchange, after_release(plea, suspected=plea.key_hash in suspects, newer=newer))
+                suspected = self.dock.suspects(exchange)
+                self.step(exchange, after_release(exchange.plea(), suspected=suspected, newer=newer))
         ahead = self.precedence.ahead()
         for exchange in list(self._held):
             if not self.core_has_room():
                 return
-            behind = not exchange.head.safe and exchange.browser in ahead
-            if exchange.life is Life.HELD and not behind:
-                self.step(exchange, Trigger.PASS)
+            if exchange.life is Life.HELD:
+                self._let_go(exchange, ahead)
+
+    def _let_go(self, exchange: Exchange, ahead: Collection[bytes]) -> None:
+        """Give the core a request that waits, unless something has been said of it or goes before it."""
+        if self.bars(exchange):
+            self.step(exchange, Trigger.BARRED)
+        elif self.dock.suspects(exchange):
+            self.step(exchange, Trigger.ASK)
+        elif self.precedence.lets(exchange, ahead):
+            self.step(exchange, Trigger.PASS)
+
+    def bars(self, exchange: Exchange) -> bool:
+        """Whether a rule of the quarantine names it."""
+        exchange.refusal = self.barrier.refusal(exchange)
+        return exchange.refusal is not None
+
+    def passes(self, exchange: Exchange) -> bool:
+        """Whether a request that has just come may go to the core at once."""
+        return self.core_has_room() and not self.dock.suspects(exchange) and self.precedence.lets(exchange)
+
+    def accuses(self, exchange: Exchange) -> bool:
+        """Whether a request that the ledger does not have is a suspect."""
+        return self.dock.accuses(exchange)
+
+    def heard(self, message: Heard) -> None:
+        """A line of the feed that is about suspects or rules, once the outlook has taken it in."""
+        match message:
+            case SuspectsHeard():
+                self.dock.suspected(message)
+            case VerdictHeard():
+                self.dock.judged(message)
+                self._pump_soon()
+                self.promises.look()
+            case QuarantineHeard():
+                self.barrier.look()
+            case _:
+                return
+        self.precedence.suspected()
+
+    def _ruled_anew(self) -> None:
+        """Other rules are in force: whoever waits may be named by one."""
+        self._pump_soon()
+        self.promises.look()
 
     def core_has_room(self) -> bool:
         """Whether the serving core can be given one more request now."""
@@ -200,6 +257,18 @@ class Moves:
                 self._look_up(exchange)
             case Deed.STORE:
                 self._store(exchange)
+            case Deed.TRY:
+                self.dock.enter(exchange)
+                limit_ms = hold_limit_ms(
+                    self._limits, navigation=False
+                )  # a form's page stands until it is answered
+                if exchange.life is Life.ON_TRIAL:
+                    self._limit_from(exchange, exchange.lost_ns or exchange.waiting_ns, limit_ms)
+            case Deed.FREE:
+                self._held[exchange] = None
+                self._pump_soon()
+            case Deed.SAY_SET_ASIDE:
+                self._say_barred(exchange)
             case Deed.SAY_PROMISED:
                 assert answer is not None
                 self._settle(exchange, "promised", answer.head.status)
@@ -212,6 +281,8 @@ class Moves:
                 exchange.client.begin(answer.head, answer.body)
             case Deed.PASS_ON | Deed.SAY_STORED:
                 assert answer is not None
+                if deed is Deed.SAY_STORED:
+                    self.dock.settled(exchange)
                 word = "done" if deed is Deed.SAY_STORED else _how(exchange)
                 self._settle(exchange, word, answer.head.status)
                 if deed is Deed.SAY_STORED and exchange.head.navigation:
@@ -226,39 +297,11 @@ class Moves:
             case Deed.NOTHING | Deed.NEVER:
                 pass
             case _:
-                self._say_for(exchange, deed, early=before is Life.ARRIVED)
-
-    def _say_for(self, exchange: Exchange, deed: Deed, *, early: bool) -> None:
-        """Answer with a problem. `early`: the request never waited."""
-        safe = exchange.head.safe
-        doubtful = Outcome.NOT_DONE if safe else Outcome.UNKNOWN  # a safe request leaves nothing half done
-        match deed:
-            case Deed.SAY_NOT_DONE:
-                why = exchange.fault or Problem.RECOVERING
-                self._say(exchange, why, Outcome.NOT_DONE, "refused" if early else None)
-            case Deed.SAY_ABSENT if exchange.head.navigation:
-                # A form may be several commands, each under a key of its own made from the form's.
-                self._say(exchange, Problem.OUTCOME_UNKNOWN, Outcome.UNKNOWN)
-            case Deed.SAY_ABSENT:
-                self._say(exchange, Problem.NOT_DONE, Outcome.NOT_DONE)
-            case Deed.SAY_PROMISE_UNKNOWN:
-                self._say(exchange, Problem.PROMISE_UNKNOWN, Outcome.UNKNOWN)
-            case Deed.SAY_UNKNOWN:
-                self._meet(exchange, outage=True)  # whatever the feed says: a core died under it
-                why = Problem.RECOVERING if safe else Problem.OUTCOME_UNKNOWN
-                self._say(exchange, why, doubtful, offers=True)
-            case Deed.SAY_GARBLED:
-                self._say(exchange, Problem.BROKEN_ANSWER, doubtful)
-            case Deed.SAY_LATE:
-                self._say(exchange, Problem.CORE_TOO_SLOW, doubtful)
-            case Deed.SAY_FAULT:
-                assert exchange.fault is not None
-                self._say(exchange, exchange.fault, doubtful if exchange.spent else Outcome.NOT_DONE)
-            case Deed.DROP_UNSENT:
-                self._say(exchange, Problem.RECOVERING, Outcome.NOT_DONE, "gone")
-            case _:
-                assert deed is Deed.DROP_SENT, f"nobody says anything for {deed}"
-                self._say(exchange, Problem.OUTCOME_UNKNOWN, doubtful, "gone")
+                if before in _AT_A_CORE:
+                    self.dock.keep(exchange)
+                if deed is Deed.SAY_UNKNOWN:
+                    self._meet(exchange, outage=True)  # whatever the feed says: a core died under it
+                self._say(exchange, told_for(deed, exchange, early=before is Life.ARRIVED))
 
     # -- deeds -----------------------------------------------------------------------------------------
 
@@ -368,41 +411,28 @@ class Moves:
             exchange.met_outage = True
             self.book.meet()
 
-    def _say(
-        self,
-        exchange: Exchange,
-        problem: Problem,
-        outcome: Outcome,
-        word: str | None = None,
-        *,
-        offers: bool = False,
-    ) -> None:
-        """`offers`: nobody has asked the ledger about it yet, so the gateway would, if it is a form."""
-        offers = offers or outcome is Outcome.NOT_DONE
+    def _say(self, exchange: Exchange, told: Told) -> None:
+        offers = told.offers or told.outcome is Outcome.NOT_DONE
         form = self.promises.offered(exchange) if offers else None
-        self._settle(exchange, word or outcome, STATUS[problem])
-        answer = self._words(exchange.head, problem, outcome, form)
-        close = word == "gone" or problem in _CLOSES
-        exchange.client.answer(answer.head, answer.body, close=close)
-
-    def _words(
-        self, head: RequestHead, problem: Problem, outcome: Outcome, form: KeptForm | None
-    ) -> pages.Answer:
-        """A problem as its reader can use it: a page for a tab, fields for a program. `form`: may be kept."""
-        if not head.navigation:
-            return pages.problem(problem, head.accept_language, outcome)
-        told = cover(
-            problem,
-            outcome,
+        self._settle(exchange, told.word or told.outcome, STATUS[told.problem])
+        page = cover(
+            told.problem,
+            told.outcome,
             self.outlook.posture,
-            safe=head.safe,
+            safe=exchange.head.safe,
             planned=self.outlook.standing.planned,
             keepable=form is not None,
         )
-        sheet = self.shelf.cover(told, head.accept_language) if told is not None else None
-        if sheet is None or told is None:
-            return pages.plain(problem, head)
-        return pages.recovery(sheet, problem, head, form if told.asked in KEPT else None)
+        answer = words(told, exchange.head, page, self.shelf, form)
+        close = told.word == "gone" or told.problem in _CLOSES
+        exchange.client.answer(answer.head, answer.body, close=close)
+
+    def _say_barred(self, exchange: Exchange) -> None:
+        """Say that it was refused, and under which number."""
+        assert exchange.refusal is not None, "nothing else is refused at the door"
+        answer = pages.barred(exchange.refusal, exchange.head)
+        self._settle(exchange, Outcome.NOT_DONE, answer.head.status)
+        exchange.client.answer(answer.head, answer.body)
 
     # -- the end of a request --------------------------------------------------------------------------
 
@@ -411,6 +441,7 @@ class Moves:
         self._lost.pop(exchange, None)
         self._at_core.pop(exchange, None)
         self._keeping.pop(exchange, None)
+        self.dock.leave(exchange)
 
     def _leave_room(self, exchange: Exchange) -> None:
         if exchange.in_room:

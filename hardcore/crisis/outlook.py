@@ -8,7 +8,7 @@ requests themselves are not known here; the desk is told that something changed.
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from hardcore.crisis import standing as know
@@ -92,6 +92,7 @@ class Outlook:
         self.posture = Face.HOLD
         self.pool: Pool | None = None
         self.watch: Callable[[Standing], None] = lambda _: None  # hears what was known, after each change
+        self.ruled: Callable[[str], None] = lambda _: None  # hears which rule a core has refused by
         self._loop = loop
         self._limits = limits
         self._ties = ties
@@ -127,6 +128,10 @@ class Outlook:
             self._probe()
         else:
             self._become(known, was)
+
+    def unsuspected(self, names: Collection[str]) -> None:
+        """These are in the ledger: nothing can run them again."""
+        self._become(know.unsuspected(self.standing, names))
 
     def _follow(self, known: Standing) -> None:
         """A newer core is named: believe nothing of the older one any more, then open up to the newer."""

@@ -12,12 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from email.utils import formatdate
 from http import HTTPStatus
+from typing import Final, assert_never
 from urllib.parse import urlsplit
 
-from frontend.catalogue_gateway import PROBLEMS
+from frontend.catalogue_gateway import NUMBER, PROBLEMS
 from frontend.render import language
 from hardcore.crisis.heads import ALLOW, AnswerHead, Header, RequestHead
 from hardcore.crisis.problems import RETRY_AFTER_S, STATUS, Outcome, Problem
+from hardcore.crisis.quarantine import Refusal, SetAside, Stopped
 from hardcore.crisis.receipts_form import KeptForm, hidden_fields
 from hardcore.crisis.shelf import FIELDS_MARK, HTML, Sheet
 
@@ -30,6 +32,8 @@ class Answer:
     body: bytes
 
 
+#: So many characters of a key, or of a letter's number, are its number for people.
+NUMBER_CHARACTERS: Final = 8
 #: Of the page that is shown when none was rendered: it needs nothing but itself.
 _PLAIN_POLICY = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 _PLAIN = (
@@ -54,8 +58,17 @@ def whole(
     return Answer(AnswerHead(status, HTTPStatus(status).phrase.encode(), headers, length), body)
 
 
-def problem(what: Problem, accept_language: str, outcome: Outcome | None = None, **more: str) -> Answer:
-    """The answer for a problem, in the language its reader asked for; `more` are further fields."""
+def problem(
+    what: Problem,
+    accept_language: str,
+    outcome: Outcome | None = None,
+    *,
+    again_s: int | None = None,
+    **more: str,
+) -> Answer:
+    """The answer for a problem, in the language its reader asked for; `again_s`: when to come again, where it is not
+    as usual; `more` are further fields.
+    """
     tongue = language(accept_language)
     title, detail = PROBLEMS[what][tongue]
     status = STATUS[what]
@@ -69,7 +82,7 @@ def problem(what: Problem, accept_language: str, outcome: Outcome | None = None,
     if outcome is not None:
         fields["outcome"] = outcome
     fields |= more
-    if (seconds := RETRY_AFTER_S.get(what)) is not None:
+    if (seconds := again_s or RETRY_AFTER_S.get(what)) is not None:
         fields["retry_after"] = seconds
         extra.append((b"Retry-After", b"%d" % seconds))
     if what is Problem.METHOD_NOT_ALLOWED:
@@ -78,14 +91,33 @@ def problem(what: Problem, accept_language: str, outcome: Outcome | None = None,
     return whole(status, b"application/problem+json", body, extra)
 
 
-def plain(what: Problem, head: RequestHead) -> Answer:
-    """A problem as a bare page. One that only reads comes back by itself; nothing is ever sent again."""
+def plain(what: Problem, head: RequestHead, number: str = "") -> Answer:
+    """A problem as a bare page. One that only reads comes back by itself; nothing is ever sent again. `number`: of
+    what was set aside.
+    """
     tongue = language(head.accept_language)
     title, detail = (html.escape(words) for words in PROBLEMS[what][tongue])
     seconds = RETRY_AFTER_S.get(what)
     again = f'<meta http-equiv="refresh" content="{seconds}">' if head.safe and seconds else ""
+    if number:
+        detail = f"{detail}</p><p>{html.escape(NUMBER[tongue].format(id=number))}"
     body = _PLAIN.format(lang=tongue, again=again, title=title, detail=detail).encode()
     return whole(STATUS[what], HTML, body, _of_a_page(tongue, _PLAIN_POLICY, what))
+
+
+def barred(refusal: Refusal, head: RequestHead) -> Answer:
+    """A request that the quarantine refuses: to a program with the letter's whole number, to a tab with its end."""
+    match refusal:
+        case Stopped(for_s=for_s):
+            if head.navigation:
+                return plain(Problem.SOURCE_STOPPED, head)
+            return problem(Problem.SOURCE_STOPPED, head.accept_language, Outcome.NOT_DONE, again_s=for_s)
+        case SetAside(letter=letter):
+            if head.navigation:
+                return plain(Problem.SET_ASIDE, head, letter[-NUMBER_CHARACTERS:])
+            return problem(Problem.SET_ASIDE, head.accept_language, Outcome.NOT_DONE, letter=letter)
+        case _:
+            assert_never(refusal)
 
 
 def recovery(sheet: Sheet, what: Problem, head: RequestHead, form: KeptForm | None = None) -> Answer:

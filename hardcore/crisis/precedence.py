@@ -1,10 +1,15 @@
-"""Who goes first after a release: what a browser was promised, before what it sends then.
+"""Who goes first after a release: what a browser was promised before what it sends then, and a suspect before what
+touches its accounts.
 
 A promise is older than anything its browser sends once a core serves again, and may be what the newer wish builds on
 (the account it books on, the entry it reverses). So for a moment after each release an unsafe request waits for the
 promises of its own browser that still wait. Only for a moment: a promise may have to wait for a person, and then the
 newer wish is what somebody wants now. One line for both was not chosen: a promise that can't go on would stop a
 browser for ever.
+
+A wish that touches the accounts of a suspect waits for its verdict in the same way, because it may build on it; not
+what a core has had before, which was sent beside it. It waits until no suspect is open, and at most for a while after
+the guard has named them.
 """
 
 import asyncio
@@ -14,6 +19,7 @@ from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.outlook import Outlook
 from hardcore.crisis.receipts_desk import Promises
+from hardcore.crisis.touching import names_one_of
 
 #: A timer may ring a little before its time.
 _EARLY_MS = 10
@@ -39,6 +45,9 @@ class Precedence:
         self._now_ns = now_ns
         self._epoch = 0
         self._until_ns = 0
+        self._account_hold_ms = limits.account_hold_ms
+        self._accounts: frozenset[str] = frozenset()
+        self._accounts_until_ns = 0
 
     def released(self) -> None:
         """A core serves: if it is another one, its first moment begins."""
@@ -52,6 +61,23 @@ class Precedence:
         is_time = self._now_ns() < self._until_ns and self._outlook.standing.safe is None
         return self._promises.waiting() if is_time else ()
 
-    def lets(self, exchange: Exchange) -> bool:
-        """Whether nothing goes before this request."""
-        return exchange.head.safe or exchange.browser is None or exchange.browser not in self.ahead()
+    def suspected(self) -> None:
+        """The guard has named suspects, or the last of them has its verdict."""
+        accounts = frozenset(self._outlook.standing.account_ids)
+        before, self._accounts = self._accounts, accounts
+        if not accounts <= before:
+            self._accounts_until_ns = self._now_ns() + self._account_hold_ms * 1_000_000
+            self._loop.call_later((self._account_hold_ms + _EARLY_MS) / 1000, self.freed)
+        elif accounts != before:
+            self.freed()
+
+    def lets(self, exchange: Exchange, ahead: Collection[bytes] | None = None) -> bool:
+        """Whether nothing goes before this request. `ahead`: as `ahead` says it, if that is known."""
+        if exchange.head.safe or exchange.cleared:
+            return True
+        if exchange.browser is not None and exchange.browser in (self.ahead() if ahead is None else ahead):
+            return False
+        if not self._accounts or self._now_ns() >= self._accounts_until_ns:
+            return True
+        head, body = exchange.head, b"" if exchange.streamed else b"".join(exchange.body)
+        return not names_one_of(self._accounts, head.path, head.headers, body)

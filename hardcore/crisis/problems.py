@@ -38,6 +38,11 @@ class Problem(StrEnum):
     RECEIPT_CANCELLED = "receipt-cancelled"
     RECEIPT_NOT_OPEN = "receipt-not-open"
     RECEIPTS_AWAY = "receipts-away"
+    SET_ASIDE = "set-aside"
+    SOURCE_STOPPED = "source-stopped"
+    ADMIN_LOCAL = "admin-local"
+    ADMIN_AWAY = "admin-away"
+    ADMIN_BROKEN = "admin-broken"
 
 
 class Outcome(StrEnum):
@@ -75,6 +80,11 @@ STATUS: dict[Problem, int] = {
     Problem.RECEIPT_CANCELLED: 409,
     Problem.RECEIPT_NOT_OPEN: 409,
     Problem.RECEIPTS_AWAY: 503,
+    Problem.SET_ASIDE: 422,
+    Problem.SOURCE_STOPPED: 429,
+    Problem.ADMIN_LOCAL: 403,
+    Problem.ADMIN_AWAY: 503,
+    Problem.ADMIN_BROKEN: 502,
 }
 
 #: Seconds after which asking again makes sense; a problem not named here carries no `Retry-After`.
@@ -89,6 +99,8 @@ RETRY_AFTER_S: dict[Problem, int] = {
     Problem.NOT_KEPT: 2,
     Problem.PROMISE_UNKNOWN: 2,
     Problem.RECEIPTS_AWAY: 2,
+    Problem.SOURCE_STOPPED: 60,  # unless it is known better
+    Problem.ADMIN_AWAY: 5,
 }
 
 #: Problems that say enough by themselves: a request that could not be read was not done.

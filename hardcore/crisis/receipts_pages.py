@@ -11,13 +11,11 @@ import re
 from urllib.parse import quote
 
 from hardcore.crisis.heads import RequestHead
-from hardcore.crisis.pages import Answer, filled, whole
+from hardcore.crisis.pages import NUMBER_CHARACTERS, Answer, filled, whole
 from hardcore.crisis.receipts import Moment, Receipt, age_ms
 from hardcore.crisis.routing import RECEIPT_PREFIX
 from hardcore.crisis.shelf import KEY_MARK, NUMBER_MARK, WHY_MARK, Sheet
 
-#: So many characters of a key are its number, for people.
-NUMBER_CHARACTERS = 8
 #: Characters of the ledger's own sentence that are repeated.
 WHY_CHARACTERS_MAX = 400
 _JSON = b"application/json"

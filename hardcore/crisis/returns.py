@@ -22,6 +22,9 @@ class Mover(Protocol):
     def step(self, exchange: Exchange, trigger: Trigger, answer: pages.Answer | None = None) -> None:
         """Take one step; `answer` comes with those triggers that bring one."""
 
+    def accuses(self, exchange: Exchange) -> bool:
+        """Whether a request that the ledger does not have is a suspect."""
+
 
 class Returns:
     """The `sending.Sender` of the house."""
@@ -37,6 +40,8 @@ class Returns:
             return
         if self._outlook.pool is not None and head.epoch == self._outlook.pool.epoch:
             self._outlook.answered(self._outlook.pool)
+        if head.rule is not None:
+            self._outlook.ruled(head.rule)
         exchange.upstream = None
         if exchange.life is Life.ANSWERING:
             self._mover.step(exchange, Trigger.ANSWER)
@@ -84,9 +89,11 @@ class Returns:
             return
         if found is not None:
             self._mover.step(exchange, Trigger.FOUND, found)
+        elif pool.epoch <= exchange.lost_epoch:
+            self._mover.step(exchange, Trigger.NOT_YET)
         else:
-            later = pool.epoch > exchange.lost_epoch
-            self._mover.step(exchange, Trigger.ABSENT if later else Trigger.NOT_YET)
+            accused = self._mover.accuses(exchange)
+            self._mover.step(exchange, Trigger.SUSPECTED if accused else Trigger.ABSENT)
 
     def not_told(self, exchange: Exchange, pool: Pool) -> None:
         """No word of the contract came: the last one of a later core, but one that had it may die and leave it to the next."""

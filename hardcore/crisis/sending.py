@@ -6,6 +6,7 @@ with a question of our own instead of the client's.
 """
 
 import json
+import secrets
 from collections.abc import Callable
 from typing import Protocol
 from urllib.parse import quote
@@ -14,11 +15,14 @@ from hardcore.crisis import pages
 from hardcore.crisis.burden import Burden
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.forwarding import Forwarding, Reader
-from hardcore.crisis.heads import AnswerHead, RequestDigest, request_bytes
+from hardcore.crisis.heads import AnswerHead, Header, RequestDigest, request_bytes
 from hardcore.crisis.holding import Life
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.outlook import Errand, Outlook
 from hardcore.crisis.upstream import Pool, UpstreamConnection
+
+#: Of a name that is made: as many as of a key's hash.
+NAME_BYTES = 16
 
 
 class Sender(Reader, Protocol):
@@ -87,13 +91,15 @@ class Courier:
         kept = self._kept.share()
         asker = Forwarding(self._sender, exchange, pool, connection, self._limits, kept)
         no_body = head.method == "HEAD"
+        own = _name_line(exchange)
         if not exchange.streamed:
-            data = request_bytes(head, length=exchange.received_bytes)
+            data = request_bytes(head, length=exchange.received_bytes, own=own)
             connection.ask(asker, b"".join((data, *exchange.body)), no_body=no_body, whole=True)
             return
         exchange.spent = True
         exchange.digest = RequestDigest(head)
-        connection.ask(asker, request_bytes(head, length=head.content_length), no_body=no_body, whole=False)
+        data = request_bytes(head, length=head.content_length, own=own)
+        connection.ask(asker, data, no_body=no_body, whole=False)
         early, exchange.body = exchange.body, []
         exchange.flowing = True
         for data in early:
@@ -137,7 +143,7 @@ class Courier:
         lines = (
             f"GET /api/ledger/commands/{path} HTTP/1.1",
             "Host: localhost",
-            f"X-Request-Digest: {_digest_of(exchange)}",
+            f"X-Request-Digest: {exchange.digest_hex()}",
             "\r\n",
         )
         connection.ask(errand, "\r\n".join(lines).encode(), no_body=False, whole=True)
@@ -154,14 +160,12 @@ class Courier:
             self._sender.not_told(exchange, pool)
 
 
-def _digest_of(exchange: Exchange) -> str:
-    """The name of the request. The key alone may be another one's, whose answer is not this one's."""
-    digest = exchange.digest
-    if digest is None:
-        digest = RequestDigest(exchange.head)
-        for data in exchange.body:
-            digest.add(data)
-    return digest.hex()
+def _name_line(exchange: Exchange) -> tuple[Header, ...]:
+    """What a request without a key is called, in case it is suspected of a death; made for it alone."""
+    if exchange.head.safe or exchange.head.key is not None:
+        return ()
+    exchange.made_name = secrets.token_hex(NAME_BYTES)
+    return ((b"X-Request-Name", exchange.made_name.encode()),)
 
 
 def _object(body: bytes) -> dict[str, object]:

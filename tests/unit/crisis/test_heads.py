@@ -116,7 +116,7 @@ def test_an_answer_has_one_length_or_chunks() -> None:
 
 def test_every_problem_has_a_status_and_its_texts_in_both_languages() -> None:
     assert set(STATUS) == set(Problem) == set(PROBLEMS)
-    assert set(RETRY_AFTER_S) == {one for one in Problem if STATUS[one] == 503}
+    assert set(RETRY_AFTER_S) == {one for one in Problem if STATUS[one] in {429, 503}}
     for slug, texts in PROBLEMS.items():
         assert set(texts) == {"ko", "en"}, slug
         assert all(title and detail for title, detail in texts.values()), slug

@@ -4,6 +4,7 @@ import itertools
 
 import pytest
 
+from hardcore.crisis.feed import Verdict
 from hardcore.crisis.holding import (
     OVER,
     SENDS_MAX,
@@ -15,6 +16,7 @@ from hardcore.crisis.holding import (
     WaitingRoom,
     after_death,
     after_release,
+    after_verdict,
     hold_limit_ms,
 )
 from hardcore.crisis.problems import Problem
@@ -59,6 +61,8 @@ def test_not_done_is_said_only_of_what_no_core_has_run_or_a_later_one_has_looked
             assert life in unseen or trigger is Trigger.NOT_RUN_SPENT
         if deed is Deed.SAY_ABSENT:
             assert (life, trigger) == (Life.ASKED, Trigger.ABSENT)
+        if deed is Deed.SAY_UNTRIED:
+            assert life is Life.ON_TRIAL
 
 
 def test_a_lost_request_never_becomes_one_that_no_core_has_seen() -> None:
@@ -66,12 +70,49 @@ def test_a_lost_request_never_becomes_one_that_no_core_has_seen() -> None:
     assert after_loss.isdisjoint({Life.ARRIVED, Life.HELD})
 
 
+def test_only_a_suspect_that_a_later_core_does_not_have_goes_on_trial() -> None:
+    ways = {pair for pair, (after, _) in TABLE.items() if after is Life.ON_TRIAL and pair[0] is not after}
+    assert ways == {(Life.ASKED, Trigger.SUSPECTED)}
+
+
+def test_only_a_cleared_suspect_may_reach_a_core_again() -> None:
+    ways = {
+        trigger
+        for trigger in Trigger
+        if TABLE[Life.ON_TRIAL, trigger][0] in {Life.HELD, Life.FORWARDED, Life.LOST, Life.ASKED}
+    }
+    assert ways == {Trigger.CLEARED}
+
+
+def test_the_death_of_a_core_means_nothing_to_whoever_is_on_trial() -> None:
+    for trigger in (Trigger.CORE_LOST, Trigger.CORE_LOST_FOR_GOOD, Trigger.REPEAT, Trigger.ASK):
+        assert TABLE[Life.ON_TRIAL, trigger] == (Life.ON_TRIAL, Deed.NEVER)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "sendable", "trigger"),
+    [
+        (Verdict.CLEARED, True, Trigger.CLEARED),
+        (Verdict.CLEARED, False, Trigger.DROPPED),
+        (Verdict.CONVICTED, True, Trigger.CONVICTED),
+        (Verdict.HELD, True, Trigger.HELD_BACK),
+        (Verdict.DROPPED, True, Trigger.DROPPED),
+    ],
+)
+def test_a_verdict_runs_a_request_only_if_it_cleared_it(
+    outcome: Verdict, sendable: bool, trigger: Trigger
+) -> None:
+    assert after_verdict(outcome, sendable=sendable) is trigger
+
+
 def test_every_life_can_end() -> None:
     for life in Life:
         assert any(TABLE[life, trigger][0] in OVER for trigger in Trigger)
 
 
-@pytest.mark.parametrize("life", [Life.HELD, Life.FORWARDED, Life.ANSWERING, Life.LOST, Life.ASKED])
+@pytest.mark.parametrize(
+    "life", [Life.HELD, Life.FORWARDED, Life.ANSWERING, Life.LOST, Life.ASKED, Life.ON_TRIAL]
+)
 @pytest.mark.parametrize("trigger", [Trigger.LIMIT, Trigger.TURN_AWAY, Trigger.CLIENT_LEFT])
 def test_time_leaving_and_the_gateways_end_can_come_at_any_moment(life: Life, trigger: Trigger) -> None:
     after, deed = TABLE[life, trigger]

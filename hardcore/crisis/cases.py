@@ -1,0 +1,183 @@
+"""Cases: the whole request of a suspect on the disk, so that it can be tried while nobody holds it any more.
+
+A case is written on a thread, whole and synced, and then the guard is told of it; again with each list of suspects,
+because a new guard has heard nothing. What opens doors (cookies, passwords) is never in one: a trial runs without it.
+What is too large, or finds no room, is no case, and nobody is told: its suspect is answered when its time is over.
+Sending the request over the feed instead was not chosen: a guard that dies would lose what has to outlive everybody.
+"""
+
+import asyncio
+import base64
+import datetime as dt
+import logging
+import time
+from collections.abc import Callable, Collection, Coroutine, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from hardcore.crisis.heads import Header
+from hardcore.crisis.mishap import describe
+from hardcore.host.files import write_json
+
+_LOG = logging.getLogger(__name__)
+
+#: Bytes of all cases together, and of the body of one.
+CASES_BYTES_MAX: Final = 64 << 20
+BODY_BYTES_MAX: Final = 1 << 20
+#: A case that is older was forgotten by everybody.
+KEPT_S: Final = 24 * 3600
+#: What opens doors.
+_SECRET: Final = frozenset({b"authorization", b"cookie", b"proxy-authorization"})
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A request as it would be filed. `name`: its suspect's; `source`: who sent it; `body`: in its pieces."""
+
+    name: str
+    source: str
+    key: str | None
+    digest: str
+    method: str
+    target: str
+    headers: tuple[tuple[str, str], ...] = field(repr=False)
+    body: tuple[bytes, ...] = field(repr=False)
+    body_bytes: int = 0
+
+    @property
+    def files(self) -> bool:
+        """Whether it is small enough to be a case."""
+        return self.body_bytes <= BODY_BYTES_MAX
+
+
+def shown(headers: Sequence[Header]) -> tuple[tuple[str, str], ...]:
+    """A request's headers without what opens doors."""
+    kept = ((name, value) for name, value in headers if name.lower() not in _SECRET)
+    return tuple((name.decode("latin-1"), value.decode("latin-1")) for name, value in kept)
+
+
+class Cases:
+    """The folder of cases. `filed` is called with the name of each that lies there safely."""
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, folder: Path | None, filed: Callable[[str], None]
+    ) -> None:
+        self._loop = loop
+        self._folder = folder
+        self._filed = filed
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="cases") if folder is not None else None
+        self._sizes: dict[str, int] = {}  # of what lies there, by name
+        self._coming: dict[str, int] = {}  # of what is being written
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def start(self) -> None:
+        """See what earlier gateways have left, and let go of what is too old."""
+        if self._folder is not None:
+            self._soon(self._begin(self._folder))
+
+    async def _begin(self, folder: Path) -> None:
+        found = await self._loop.run_in_executor(self._thread, _swept, folder, time.time() - KEPT_S)
+        self._sizes = found | self._sizes
+
+    def tell(self, names: Collection[str]) -> None:
+        """These are suspects: say which of them have their case, to a guard that may not have heard it."""
+        for name in names:
+            if name in self._sizes:
+                self._filed(name)
+
+    def file(self, draft: Draft) -> None:
+        """File a case, if there is room."""
+        if self._folder is None or not draft.files:
+            return
+        size = draft.body_bytes * 2  # as it will lie there, nearly
+        taken = {**self._sizes, **self._coming, draft.name: size}
+        if sum(taken.values()) <= CASES_BYTES_MAX:
+            self._coming[draft.name] = size
+            self._soon(self._file(self._folder, draft))
+
+    async def _file(self, folder: Path, draft: Draft) -> None:
+        size = await self._loop.run_in_executor(self._thread, _written, folder, draft)
+        self._coming.pop(draft.name, None)
+        if size is not None:
+            self._sizes[draft.name] = size
+            self._filed(draft.name)
+
+    def remove(self, name: str) -> None:
+        """A case is over."""
+        if self._folder is not None:
+            self._sizes.pop(name, None)
+            self._soon(self._remove(self._folder / f"{name}.json"))
+
+    async def _remove(self, path: Path) -> None:
+        await self._loop.run_in_executor(self._thread, _removed, path)
+
+    async def finish(self) -> None:
+        """Let what is being written be written."""
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        if self._thread is not None:
+            self._thread.shutdown(wait=False)
+
+    def _soon(self, deed: Coroutine[object, object, None]) -> None:
+        task = self._loop.create_task(deed)
+        self._tasks.add(task)
+        task.add_done_callback(self._over)
+
+    def _over(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            _LOG.error("a case could not be seen to: %s", describe(error))
+
+
+def _swept(folder: Path, oldest_s: float) -> dict[str, int]:
+    """What lies there that is not too old, with its size."""
+    found: dict[str, int] = {}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for path in folder.iterdir():
+            with suppress(OSError):
+                about = path.lstat()
+                if about.st_mtime < oldest_s:
+                    path.unlink()
+                elif path.suffix == ".json":
+                    found[path.stem] = about.st_size
+    except OSError as error:
+        _LOG.warning("the cases could not be looked through: %s", error.strerror)
+    return found
+
+
+def _written(folder: Path, draft: Draft) -> int | None:
+    """The size of the case on the disk; None: it is not there."""
+    path = folder / f"{draft.name}.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_json(path, _fields(draft))
+        return path.stat().st_size
+    except OSError as error:
+        _LOG.warning("a case could not be written: %s", error.strerror)
+        return None
+
+
+def _removed(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
+
+
+def _fields(draft: Draft) -> dict[str, object]:
+    request = {
+        "method": draft.method,
+        "path": draft.target,
+        "headers": [list(pair) for pair in draft.headers],
+        "body": base64.b64encode(b"".join(draft.body)).decode(),
+    }
+    return {
+        "version": 1,
+        "name": draft.name,
+        "at": dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+        "source": draft.source,
+        "key": draft.key,
+        "digest": draft.digest,
+        "case": {"name": draft.name, "request": request},
+    }
