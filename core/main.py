@@ -33,6 +33,7 @@ from core.lock_holder import SECONDS_MAX, hold_lock
 from core.rulings import RULES, Rulings
 from core.saying import Unkept
 from core.settings import Settings
+from core.trying.commands import rehearse_restore, try_cases
 
 PORT_DEFAULT: Final = 3001
 
@@ -121,6 +122,10 @@ def hold_ledger(data: Path, seconds: int) -> NoReturn:
         sys.exit(said(departure.config_invalid(" ".join(settings))))
     left = hold_lock(data, seconds, settings.fence_busy_ms, functools.partial(print, flush=True))
     os._exit(ExitCode.ASKED if left is None else said(left))
+
+
+cli.add_command(try_cases)
+cli.add_command(rehearse_restore)
 
 
 def _faults(read: object) -> list[str]:

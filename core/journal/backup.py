@@ -31,6 +31,15 @@ def backup_name(version: int, epoch: int) -> str:
     return f"ledger-schema{version}-epoch{epoch}.db"
 
 
+def newest_backup(data: Path) -> Path | None:
+    """Return the newest copy that is kept in a data folder, by what it is called; None without one."""
+    try:
+        kept = [path for path in (data / BACKUPS).iterdir() if _NAMED.fullmatch(path.name)]
+    except OSError:
+        return None
+    return max(kept, key=_age, default=None)
+
+
 def back_up(
     ledger: Path, version: int, epoch: int, ledger_bytes: int, step_bytes: int, tick: Callable[[], object]
 ) -> StoreError | None:

@@ -39,6 +39,10 @@ CORE_FILE_ROOMS: Final = {
     "core/journal/ballast.py": "the ballast beside the ledger's file",
     "core/journal/disk.py": "a small file of its own, and ledger.lock, to see whether the disk takes writes",
     "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
+    "core/trying/forking.py": "what the kernel says of this process, and the file for a throw-away core's stacks",
+    "core/trying/place.py": "the folder of a trial",
+    "core/trying/sitting.py": "the rules and the drill that a trial's folder is given",
+    "core/trying/watch.py": "what the kernel says of a throw-away core, and the file for its stacks",
 }
 # Methods that only files have, with anything before them; then names that lists and dicts have as well.
 _FILE_CALL: Final = re.compile(

@@ -1,0 +1,83 @@
+"""The copy of a ledger for whoever throws it away: made beside the core that writes to it, and only where there is room.
+
+The room is asked for before, and what stays free afterwards is more than what a guard calls a full disk: a trial must not
+bring about what it was not asked to look into. What only the superuser may fill is not counted as room, whoever we are.
+"""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from sqlalchemy.exc import DBAPIError
+
+from core.journal import ballast, queries
+from core.journal.room import free_bytes
+from core.journal.store import (
+    LEDGER_FILE,
+    StoreError,
+    StoreFault,
+    copy_beside_work,
+    open_reading,
+    size_bytes,
+    snapshot,
+    store_error,
+)
+
+READ_MS_MAX: Final = 5_000
+BUSY_MS: Final = 2_000
+SPARED_BYTES: Final = ballast.ROOM_BYTES  # stay free beside a copy and what trials add to it
+
+
+@dataclass(frozen=True, slots=True)
+class Copy:
+    """A copy as it is: its last event with its hash, and how many bytes it has."""
+
+    seq: int
+    hash: bytes
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class TooLarge:
+    """The ledger has more bytes than may be copied."""
+
+    size_bytes: int
+
+
+def has_ledger(data: Path) -> bool:
+    """Whether there is a ledger in a data folder."""
+    return (data / LEDGER_FILE).is_file()
+
+
+def copy_into(
+    folder: Path, ledger: Path, bytes_max: int, tick: Callable[[], object]
+) -> Copy | TooLarge | StoreError:
+    """Copy a ledger, given by its file or by its data folder, into a folder. Blocks; `tick` may raise."""
+    source = ledger / LEDGER_FILE if ledger.is_dir() else ledger
+    has_bytes = _look(source)
+    if isinstance(has_bytes, StoreError):
+        return has_bytes
+    if has_bytes.size_bytes > bytes_max:
+        return TooLarge(has_bytes.size_bytes)
+    free = free_bytes(os.statvfs(folder), reserve_is_ours=False)
+    if free is not None and free < has_bytes.size_bytes + SPARED_BYTES:
+        text = (
+            f"ENOSPC: {free} bytes are free, a copy of {has_bytes.size_bytes} needs {SPARED_BYTES} beside it"
+        )
+        return StoreError(StoreFault.NO_ROOM, text)
+    error = copy_beside_work(source, folder / LEDGER_FILE, tick)
+    return error or _look(folder / LEDGER_FILE)
+
+
+def _look(ledger: Path) -> Copy | StoreError:
+    engine = open_reading(ledger, 1, BUSY_MS)
+    try:
+        with snapshot(engine, READ_MS_MAX) as connection:
+            row = queries.head(connection)
+            return Copy(row.head_seq, row.head_hash, size_bytes(connection))
+    except DBAPIError as error:
+        return store_error(error)
+    finally:
+        engine.dispose()

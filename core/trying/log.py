@@ -1,0 +1,101 @@
+"""The log on trial: everything that is made of its events again is made once, in a process that may die of it.
+
+Events are taken through the same gate as at a start, decoded and folded; after each slice the process says how far it is,
+so a long log is not taken for a hang, and a death leaves a slice in which to look. In that slice halves are tried, first
+halves first, until one event is left that kills a process which rebuilds nothing else. Where neither half kills alone there
+is no such event, and none is named. Not chosen: to say each event before it is taken; a killer that only spoils memory would
+have its neighbour named.
+"""
+
+import socket
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from sqlalchemy import select
+
+from core.journal import queries, schema
+from core.journal.store import LEDGER_FILE, open_reading, snapshot
+from core.ledger.decider import evolve
+from core.ledger.events import decode
+from core.rulings import Rulings
+from core.trying.forking import say
+
+SLICE_EVENTS: Final = 500
+READ_MS_MAX: Final = 60_000  # of a copy that nobody writes to
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """The events behind `after` up to `until`."""
+
+    after: int
+    until: int
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """What is known of an event from what its commit wrote beside it, without making anything of it."""
+
+    kind: str = ""
+    transaction_id: str = ""
+    account_ids: tuple[str, ...] = ()
+
+
+def killer_in(span: Span, kills: Callable[[Span], bool]) -> int | None:
+    """Return the one event that kills by itself, of a span that kills; None where no single one does."""
+    while span.until - span.after > 1:
+        middle = (span.after + span.until) // 2
+        first, second = Span(span.after, middle), Span(middle, span.until)
+        if kills(first):
+            span = first
+        elif kills(second):
+            span = second
+        else:
+            return None
+    return span.until
+
+
+def rebuild(folder: Path, rulings_file: Path, span: Span, words: socket.socket) -> None:
+    """Rebuild a span of the copy in a folder, saying how far that is. Blocks; for a process of its own."""
+    rulings = Rulings.beside(rulings_file)
+    rulings.read()
+    gate = rulings.rebuilding
+    engine = open_reading(folder / LEDGER_FILE, 1, READ_MS_MAX)
+    with snapshot(engine, READ_MS_MAX) as connection:
+        book = {account.id: account for account in queries.all_accounts(connection)}
+    at = span.after
+    while at < span.until:
+        with snapshot(engine, READ_MS_MAX) as connection:
+            rows = list(queries.event_rows(connection, at, min(SLICE_EVENTS, span.until - at)))
+        for row in rows:
+            event = decode(row.body) if gate.takes(row.seq) else None
+            if event is not None:
+                with suppress(KeyError):  # of a book that is not whole, which a proof will say better
+                    book.update(evolve(book, event))
+        if not rows:
+            break
+        at = rows[-1].seq
+        say(words, rebuilt=at)
+    say(words, over=at)
+
+
+def named(folder: Path, seq: int) -> Named:
+    """Return what the copy's other tables say of an event. Blocks."""
+    engine = open_reading(folder / LEDGER_FILE, 1, READ_MS_MAX)
+    try:
+        with snapshot(engine, READ_MS_MAX) as connection:
+            kind = connection.execute(select(schema.event.c.kind).where(schema.event.c.seq == seq)).scalar()
+            booking = connection.execute(
+                select(schema.booking.c.id).where(schema.booking.c.seq == seq)
+            ).scalar()
+            accounts = connection.execute(
+                select(schema.posting.c.account_id)
+                .where(schema.posting.c.seq == seq)
+                .order_by(schema.posting.c.line)
+            ).scalars()
+            return Named(str(kind or ""), str(booking or ""), tuple(dict.fromkeys(map(str, accounts))))
+    finally:
+        engine.dispose()
