@@ -32,6 +32,11 @@ class Rulings:
             return cls()
         return cls(Quarantine(path), Armoury(path.with_name(FILE)), path.with_name(CASES))
 
+    @classmethod
+    def of_a_trial(cls, path: Path) -> "Rulings":
+        """Return the rulings of a throw-away core, not read yet: no rule refuses a case that is on trial."""
+        return cls(Quarantine(path, parked_only=True), Armoury(path.with_name(FILE)))
+
     @property
     def rebuilding(self) -> Rebuilding:
         """The gate of every event that is rebuilt."""

@@ -85,9 +85,13 @@ class Unreadable:
 class Quarantine:
     """The rules of one core. `rules` is one value, so any thread may look at it; `read` is called by one at a time."""
 
-    def __init__(self, path: Path | None = None) -> None:
-        """Begin without rules. `path`: the guard's file; None: nobody makes rules for this core."""
+    def __init__(self, path: Path | None = None, *, parked_only: bool = False) -> None:
+        """Begin without rules. `path`: the guard's file; None: nobody makes rules for this core.
+
+        `parked_only`: it refuses nothing, and only leaves out of the log what is left out: a trial.
+        """
         self.path = path
+        self._parked_only = parked_only
         self.rules = NO_RULES
 
     def read(self) -> Unreadable | None:
@@ -100,7 +104,7 @@ class Quarantine:
         found = raw if isinstance(raw, Unreadable) else read_rules(raw)
         if isinstance(found, Unreadable):
             return found
-        self.rules = found
+        self.rules = Rules(found.serial, parked=found.parked) if self._parked_only else found
         return None
 
 
