@@ -80,7 +80,7 @@ async def _live(birth: Birth, words: socket.socket) -> None:
 
     leave = partial(leave_with, words)
     recorder = NoRecorder()
-    rulings = Rulings.beside(birth.rulings)
+    rulings = Rulings.of_a_trial(birth.rulings)
     rulings.read()
     settings = birth.settings
     book = open_copy(birth.folder, settings, rulings, recorder)
