@@ -5,6 +5,7 @@ hangs, a guard that died must still be followed by another. What the disk has to
 that nobody waits for.
 """
 
+import datetime as dt
 import os
 import sys
 import threading
@@ -13,13 +14,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hardcore import standing
-from hardcore.host import files, leftovers, steps
+from hardcore import quarantine_file, standing
+from hardcore.host import files, leftovers, steps, suspects
 from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
 from hardcore.host.ids import new_id
 from hardcore.host.leftovers import Leftovers
 from hardcore.host.processes import start_of
 from hardcore.model.phases import Wanted
+from hardcore.model.trials import CourtMemory
+from hardcore.quarantine_file import Aside
 from hardcore.snapshot import writer
 
 EXIT_ANOTHER_WATCHES = 3
@@ -39,6 +42,9 @@ class Setup:
     leftovers: Leftovers
     abandoned: tuple[writer.Abandoned, ...]
     noted: Mapping[str, Any]  # what the guard before knew of the incident that was open when it ended
+    aside: Aside  # what is set aside, and by which rules
+    court: CourtMemory  # what the guard before remembered of suspects
+    court_since: Mapping[str, str]  # and since when
 
 
 def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
@@ -73,6 +79,7 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     threading.Thread(target=_behind, args=(folders, generation), daemon=True, name="behind").start()
     in_force = standing.policy_in_force(folders)
     noted = steps.incident_left(folders)
+    court, court_since = suspects.read(folders, dt.datetime.now(dt.UTC))
     abandoned = writer.find_abandoned(folders.incidents, folders.shelter, str(noted.get("id", "")))
     return Setup(
         folders,
@@ -84,6 +91,9 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         leftovers.find_leftovers(folders, adopt=standing.wanted(folders) is Wanted.UP),
         abandoned,
         noted if any(one.id == noted.get("id") for one in abandoned) else {},
+        quarantine_file.read(folders),
+        court,
+        court_since,
     )
 
 

@@ -11,7 +11,7 @@ import os
 import re
 import resource
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from pathlib import Path
 from typing import Any, Protocol, assert_never
 
@@ -19,7 +19,9 @@ import psutil
 
 from hardcore import standing, status
 from hardcore.control.protocol import PEACE_S, PEACEFUL, Ask, Request, write_line
+from hardcore.court_room import CourtRoom
 from hardcore.host import build, clock, leftovers, processes
+from hardcore.host.docket import is_name
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
@@ -54,6 +56,10 @@ class House(Protocol):
     url: str
     generation: int
     adopted: bool
+    court: CourtRoom
+
+    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Start a piece of work that nobody waits for."""
 
     def feed(self, fact: seen.Observation) -> None:
         """Give the manager a fact and do what it orders."""
@@ -327,6 +333,8 @@ class Door:
                 self._witnessed(line)
             case "outcomes", _:
                 self._settled(line)
+            case (("case" | "settled"), _):
+                self._of_suspects(line)
             case "stats", _:
                 self._stats = {k: v for k, v in line.items() if isinstance(v, int)}
             case _:
@@ -358,6 +366,16 @@ class Door:
             if isinstance(item, dict)
         )
         self._house.feed(seen.RequestsSettled(clock.now_ns(), incident, outcomes))
+
+    def _of_suspects(self, line: Mapping[str, object]) -> None:
+        match line:
+            case {"type": "case", "name": str(name)} if is_name(name):
+                self._house.begin(self._house.court.case_filed(name))
+            case {"type": "settled", "names": list(names)}:
+                known = tuple(name for name in names[:REQUESTS_MAX] if is_name(name))
+                self._house.begin(self._house.court.settled(known))
+            case _:
+                return
 
     # ---- status ----
 

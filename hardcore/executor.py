@@ -12,24 +12,27 @@ import signal
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, assert_never
 
 from hardcore.clearing import Clearing
+from hardcore.court_room import CourtRoom
 from hardcore.handover import Handover
 from hardcore.host import clock, deaths, lives, logs, memory, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import CoreLimits, Life, Terms
+from hardcore.host.processes import Handle
 from hardcore.host.steps import Steps
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.reporting import have_report
+from hardcore.rule_book import Doors
 from hardcore.senses import Senses
-from hardcore.snapshot import writer
 from hardcore.snapshot.facts import facts
 from hardcore.snapshot.filing import Filing
 from hardcore.snapshot.image import ImageLimits
 from hardcore.snapshot.stacks import find_tools
-from hardcore.snapshot.subject import Evidence, Subject
+from hardcore.taking import Taking
 
 THREADS_MAX = 4
 LIVES_KEPT_MAX = 4
@@ -74,7 +77,7 @@ class Executor:
         self.lives: dict[int, Life] = {}
         self.adoptable: Life | None = None
         self.halted = asyncio.Event()
-        self._steps = Steps(folders, generation, still_ours, self._unwritten)
+        self.steps = Steps(folders, generation, still_ours, self._unwritten)
         self._keeping = asyncio.Lock()
         self._clearing = Clearing(tell, self.in_hand)
         self.pool = ThreadPoolExecutor(THREADS_MAX, thread_name_prefix="hand")
@@ -86,14 +89,16 @@ class Executor:
         self._bounds = bounds
         self.tools = find_tools()
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
-        self._handover = Handover(folders, generation, self._steps, tell)
+        self._handover = Handover(folders, generation, self.steps, tell)
         self._making: set[str] = set()
         self._adopted_in = ""
         self._tasks: set[asyncio.Task[None]] = set()
-        self._evidence: dict[str, list[asyncio.Event]] = {}
         report = functools.partial(have_report, self, folders)
         self.filing = Filing(folders.incidents, self, report, shelter=folders.shelter)
         self.serving: tuple[dict[str, object], ...] = ()
+        self._taking = Taking(self, folders, tell, self._handover.calm, bounds.image if bounds else None)
+        doors = Doors(tell, publish, self._controls, self._handover.calm, self.filing.add_trials)
+        self.court = CourtRoom(folders, generation, self, doors)
 
     def carry_out(self, action: orders.Action) -> None:
         """Begin to carry out one order."""
@@ -116,9 +121,8 @@ class Executor:
             case orders.KillLeftovers():
                 self.begin(self._kill_leftovers())
             case orders.TakeEvidence():
-                done = asyncio.Event()
-                self._evidence.setdefault(action.incident, []).append(done)
-                self.begin(self._take_evidence(action, done))
+                done = self._taking.begun(action.incident)
+                self.begin(self._taking.take(action, self.lives.get(action.life), done))
             case orders.SampleStacks() | orders.LookAtStore() | orders.SetSafe():
                 self._sense(action)
             case orders.Release():
@@ -134,7 +138,7 @@ class Executor:
             case orders.Halt():
                 self.begin(self._halt())
             case _:
-                assert_never(action)
+                self.court.carry_out(action)
 
     def note(self, kind: str, **particulars: object) -> None:
         """Have a line written to the guard's log; nothing waits for it. May be called on any thread."""
@@ -148,6 +152,7 @@ class Executor:
         """Wait for what is under way, but not for ever; a hand that hangs in the kernel ends with the process."""
         loop = asyncio.get_running_loop()
         give_up_at = loop.time() + FINISH_S
+        await self.court.stop()
         while self._tasks and loop.time() < give_up_at:
             await asyncio.wait(self._tasks, timeout=give_up_at - loop.time())
         for task in self._tasks:
@@ -162,11 +167,11 @@ class Executor:
 
         A guard whose lock is gone has lost the right to act, and ends here. The writing is a hint.
         """
-        self._steps.mark(step, **particulars)
+        self.steps.mark(step, **particulars)
 
     def hint(self, step: str | None, **particulars: object) -> None:
         """Write down where we are, for whoever looks; without a step, the one before stays."""
-        self._steps.hint(step, **particulars)
+        self.steps.hint(step, **particulars)
 
     def _unwritten(self, step: str | None, error: BaseException) -> None:
         self.note("hint", step=step, failed=_said(error))
@@ -252,7 +257,7 @@ class Executor:
         self._over(life, how or seen.Exit(), at_ns)
 
     def _over(self, life: Life, how: seen.Exit, at_ns: int) -> None:
-        self._steps.absolve(life.nonce)
+        self.steps.absolve(life.nonce)
         try:
             page, kills, said = life.page(), life.oom_kills(), life.said(how)
             self._tell(seen.CoreExited(at_ns, life.number, how, page, kills, said))
@@ -304,10 +309,18 @@ class Executor:
         self._tell(seen.SpawnFailed(clock.now_ns(), life.number, why))
         self.begin(self._kill(orders.Kill(life.number)))
 
+    async def see_off(self, handle: Handle) -> None:
+        """End a process that an earlier guard left and nobody waits for."""
+        try:
+            await self.in_hand(handle.kill_tree)
+            await processes.gone(handle, lives.KILL_S)
+        finally:
+            handle.close()
+
     async def _halt(self) -> None:
         """End whoever still lives (a spare, who was left behind), and only then let the guard end."""
         left = [life for life in self.lives.values() if not life.ended and life.handle is not None]
-        self._steps.condemn(*(life.nonce for life in left))
+        self.steps.condemn(*(life.nonce for life in left))
         for life in left:
             assert life.handle is not None, "as chosen above"
             await self.in_hand(life.handle.kill_tree)
@@ -316,6 +329,11 @@ class Executor:
             assert life.handle is not None, "as above"
             await processes.gone(life.handle, give_up_at - asyncio.get_running_loop().time())
         self.halted.set()
+
+    def _controls(self) -> list[Path]:
+        """Return the control sockets of the cores that live."""
+        living = (life for life in self.lives.values() if life.handle is not None and not life.ended)
+        return [self._folders.core_control(life.nonce) for life in living]
 
     def _living(self, number: int) -> Life | None:
         life = self.lives.get(number)
@@ -354,7 +372,7 @@ class Executor:
         life = self.lives.get(order.life)
         if life is None or life.handle is None:
             return
-        self._steps.condemn(life.nonce)
+        self.steps.condemn(life.nonce)
         await self.in_hand(self.mark, "terminate")
         life.handle.signal(signal.SIGTERM)
         life.handle.signal(signal.SIGCONT)  # a stopped core could not obey
@@ -363,7 +381,7 @@ class Executor:
         life = self.lives.get(order.life)
         if life is None or life.handle is None:
             return
-        self._steps.condemn(life.nonce)
+        self.steps.condemn(life.nonce)
         await self.in_hand(self.mark, "kill")
         await self.in_hand(life.handle.kill_tree)
 
@@ -375,63 +393,22 @@ class Executor:
         """Take what an earlier guard left: what is to be ended, and a core that may be gone on with."""
         self._clearing.leftovers = leftovers
         self.adoptable = adoptable
-        self._steps.condemn(*(life.nonce for life in leftovers))
-
-    async def _take_evidence(self, order: orders.TakeEvidence, done: asyncio.Event) -> None:
-        try:
-            await self._take(order)
-        finally:
-            done.set()
-
-    async def _take(self, order: orders.TakeEvidence) -> None:
-        life = self.lives.get(order.life)
-        if life is None or life.handle is None:
-            nothing = seen.EvidenceTaken(
-                clock.now_ns(), order.life, complete=False, page=None, stopped=order.stop
-            )
-            self._tell(nothing)
-            return
-        subject = Subject(
-            pid=life.handle.pid,
-            pidfd=life.handle.pidfd,
-            nonce=life.nonce,
-            recorder=self._folders.recorder(life.nonce),
-            logs=(life.log or self._folders.logs / "core.log",),
-            incident=order.incident,
-            incidents=self._folders.incidents,
-            data=self._folders.data,
-            control=self._folders.core_control(life.nonce),
-            first_stacks=self.senses.first_stacks(life.number),
-            shelter=self._folders.shelter,
-        )
-        if order.living:
-            if order.stop:
-                self._steps.condemn(life.nonce)
-                await self.in_hand(self.mark, "stop")
-            image = self._bounds.image if self._bounds is not None and order.image else None
-            taken = await writer.take_live(
-                subject, order.budget_ms, self.pool, self.tools, stop=order.stop, image=image
-            )
-        else:
-            await self._handover.calm()
-            taken = await writer.take_dead(subject, order.budget_ms, self.pool, life.sample)
-        whole = isinstance(taken, Evidence) and taken.complete
-        if not isinstance(taken, Evidence):
-            self.note("evidence", incident=order.incident, missing=taken.reason, kept=taken.kept.value)
-            self.filing.lose(order.incident, taken)
-        self._tell(
-            seen.EvidenceTaken(
-                clock.now_ns(),
-                order.life,
-                complete=whole,
-                page=taken.page,
-                steps=taken.steps,
-                stopped=order.stop,
-            )
-        )
+        self.steps.condemn(*(life.nonce for life in leftovers))
 
     def _release(self, order: orders.Release) -> None:
         self._handover.over()
+        if self.court.is_written:
+            self._let_in(order)
+        else:
+            self.begin(self._release_later(order))
+
+    async def _release_later(self, order: orders.Release) -> None:
+        """Release a core once the names of its suspects can be read: an importer would run one of them again."""
+        await self.court.written()
+        if self._living(order.life) is not None:
+            self._let_in(order)
+
+    def _let_in(self, order: orders.Release) -> None:
         life = self.lives[order.life]
         self.serving = (
             *_suspect_lines(order.suspects),
@@ -456,9 +433,9 @@ class Executor:
 
     async def _close(self, order: orders.CloseIncident) -> None:
         incident = order.incident
-        evidence = self._evidence.pop(incident.id, [])
+        evidence = self._taking.close(incident.id)
         await self.filing.close(incident, *self._whose(incident), evidence)
-        self._steps.forget(incident.id)
+        self.steps.forget(incident.id)
 
     def _whose(self, incident: orders.Incident) -> tuple[int | None, str]:
         life = self.lives.get(incident.life)
@@ -473,12 +450,12 @@ class Executor:
         brief = dataclasses.replace(
             incident, in_flight=(), requests=(), suspects=incident.suspects[:SUSPECTS_A_LINE]
         )
-        self._steps.tell(facts(brief, *self._whose(incident), clock.wall))
+        self.steps.tell(facts(brief, *self._whose(incident), clock.wall))
         self.begin(self._open(incident))
 
     async def _open(self, incident: orders.Incident) -> None:
         await self._handover.calm()
-        evidence = list(self._evidence.get(incident.id, ()))
+        evidence = self._taking.of(incident.id)
         await self.filing.open(incident, *self._whose(incident), evidence)
 
     async def _keep(self, order: orders.KeepBudget) -> None:

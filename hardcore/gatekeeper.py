@@ -135,6 +135,7 @@ class Gatekeeper:
             argv.append("--demo")
         argv += ["--recoveries", str(self._folders.state / "recoveries.json")]
         argv += ["--receipts", str(self._folders.data / "receipts.db")]
+        argv += ["--state", str(self._folders.state), "--investigator", str(self._folders.investigator)]
         return argv
 
     def _fits(self, older: Handle) -> bool:

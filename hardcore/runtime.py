@@ -81,6 +81,8 @@ class Runtime:
             standing.bounds(self.policy),
         )
         self.senses = self.executor.senses
+        self.court = self.executor.court
+        self.begin = self.executor.begin
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
         self.door = Door(self)
         self.control = ControlServer(
@@ -132,6 +134,9 @@ class Runtime:
         self.executor.inherit(found.cores, found.adoptable)
         self.executor.filing.left_open = str(setup.noted["id"]) if stops(setup.noted) else ""
         self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned, setup.noted))
+        for handle in found.courts:
+            self.executor.begin(self.executor.see_off(handle))
+        court = self.executor.court.take_up(setup.aside, setup.court, setup.court_since)
         self.feed(
             seen.SentinelBegan(
                 clock.now_ns(),
@@ -140,6 +145,7 @@ class Runtime:
                 adoptable=found.adoptable_page,
                 suspects=tuple(map(str, setup.noted.get("suspects", ()))),
                 serves_since_ns=found.serves_since_ns,
+                court=court,
             )
         )
 
@@ -307,6 +313,8 @@ class Runtime:
             self.feed(seen.TermReceived(at_ns, life, notice.term_pid))
         if notice.fence_blocked:
             self.feed(seen.FenceBlocked(at_ns, life))
+        if notice.case is not None:
+            self.executor.begin(self.executor.court.case_filed(notice.case))
         if notice.store is not None:
             self.senses.look_at_disk()  # the core's word is one kind of evidence, ours the other
             self.feed(seen.StoreTold(at_ns, life, notice.store))
@@ -375,6 +383,8 @@ class Runtime:
     def _greet(self) -> list[Mapping[str, object]]:
         reading = self.manager.reading()
         lines: list[Mapping[str, object]] = [self.phase_line(reading)]
+        greeting = self.executor.court.greeting()
+        lines += [{**line, "generation": self.setup.generation} for line in greeting]
         if reading.epoch is not None:
             told = (*self.executor.serving, *_audit_lines(reading))
             lines += [{**line, "generation": self.setup.generation} for line in told]

@@ -46,11 +46,11 @@ def write_json(path: Path, value: object, *, durable: bool = True) -> None:
     write_whole(path, json.dumps(value, ensure_ascii=False, indent=1).encode() + b"\n", durable=durable)
 
 
-def read_json(path: Path) -> dict[str, object]:
+def read_json(path: Path, bytes_max: int = SMALL_FILE_BYTES_MAX) -> dict[str, object]:
     """Return the JSON object at `path`; empty when there is none, or none that can be read."""
     try:
         with path.open("rb") as file:
-            value = json.loads(file.read(SMALL_FILE_BYTES_MAX))
+            value = json.loads(file.read(bytes_max))
     except (OSError, ValueError, RecursionError):
         return {}
     return value if isinstance(value, dict) else {}

@@ -69,6 +69,36 @@ class Folders:
         return self.data / "logs"
 
     @property
+    def quarantine(self) -> Path:
+        """What is set aside and which rules are in force; the guard alone writes it."""
+        return self.state / "quarantine.json"
+
+    @property
+    def suspects(self) -> Path:
+        """What the guard remembers of suspects and their trials."""
+        return self.state / "suspects.json"
+
+    @property
+    def cases(self) -> Path:
+        """The whole requests of suspects, one file each, as whoever held them has filed them."""
+        return self.state / "cases"
+
+    @property
+    def armed(self) -> Path:
+        """The drill whose request kills whoever executes it; absent: none."""
+        return self.state / "drill.json"
+
+    @property
+    def spool(self) -> Path:
+        """What the guard has to say to the investigators."""
+        return self.data / "spool"
+
+    @property
+    def investigator(self) -> Path:
+        """Where the investigators listen."""
+        return self.run / "investigator.sock"
+
+    @property
     def control(self) -> Path:
         """The operator's door and the feed."""
         return self.run / "control.sock"
@@ -175,7 +205,7 @@ def prepare_data(data: Path) -> Folders | Unusable:
     try:
         data.mkdir(parents=True, exist_ok=True, mode=0o700)
         folders = locate(data)
-        for folder in (folders.state, folders.incidents, folders.logs):
+        for folder in (folders.state, folders.cases, folders.incidents, folders.logs):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         probe = folders.state / ".writable"
         probe.write_bytes(b"")

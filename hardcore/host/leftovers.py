@@ -35,6 +35,10 @@ ASKED_S = 0.3
 ANSWER_BYTES_MAX = 4096
 #: The line in a page's ring of events that a core writes when it begins to serve.
 SERVES = "READY"
+#: By which variable of its environment, that names our run folder, each other process of ours is known.
+_GATEWAY = "HARDCORE_GATEWAY"
+_COURT = "HARDCORE_COURT"
+_INVESTIGATOR = "HARDCORE_INVESTIGATOR"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +53,8 @@ class Leftovers:
     last_page: Page | None
     adoptable: Life | None = None
     adoptable_page: Page | None = None
+    courts: tuple[Handle, ...] = ()  # nobody hears them any more: they are to be ended
+    investigators: tuple[Handle, ...] = ()
 
     @property
     def serves_since_ns(self) -> int | None:
@@ -70,38 +76,48 @@ def find_leftovers(folders: Folders, *, adopt: bool = False) -> Leftovers:
 
     `adopt`: say which of the cores may be gone on with, if one may. It may take a moment: that core is asked.
     """
-    found, gateways = _processes(folders)
+    found, others = _processes(folders)
     pages = _pages(folders)
     last = max(pages, key=_head_of, default=None)
     last = last if last is not None and last.witness is not None else None
     chosen = _adoptable(folders, found, pages) if adopt else None
     life, page = chosen if chosen is not None else (None, None)
     cores = tuple(core.life for core in found if core.life is not life)
-    return Leftovers(cores, tuple(gateways), last, life, page)
+    return Leftovers(
+        cores,
+        tuple(others[_GATEWAY]),
+        last,
+        life,
+        page,
+        tuple(others[_COURT]),
+        tuple(others[_INVESTIGATOR]),
+    )
 
 
-def _processes(folders: Folders) -> tuple[list[_Found], list[Handle]]:
-    """Return the cores and the gateways whose environment names our run folder."""
-    cores, gateways = [], []
+def _processes(folders: Folders) -> tuple[list[_Found], dict[str, list[Handle]]]:
+    """Return the cores whose environment names our run folder, and the others by what they are."""
+    cores: list[_Found] = []
+    others: dict[str, list[Handle]] = {name: [] for name in (_GATEWAY, _COURT, _INVESTIGATOR)}
     # By its name alone: the folder above it may be another one now than where they were started.
     run = re.escape(folders.run.name)
     core_mark = re.compile(rf"HARDCORE_RECORDER=(.*/{run}/recorder-([0-9a-f]+))", re.DOTALL)
-    gateway_mark = re.compile(rf"HARDCORE_GATEWAY=.*/{run}", re.DOTALL)
+    other_mark = re.compile(rf"({'|'.join(others)})=.*/{run}", re.DOTALL)
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit() or int(entry.name) == os.getpid():
             continue
         found = read_environment(int(entry.name))
         core = next(filter(None, map(core_mark.fullmatch, found)), None)
-        mark = core or next(filter(None, map(gateway_mark.fullmatch, found)), None)
+        mark = core or next(filter(None, map(other_mark.fullmatch, found)), None)
         handle = _hold(int(entry.name), mark[0]) if mark else None
         if handle is None:
             continue
         if core is None:
-            gateways.append(handle)
+            assert mark is not None, "it is held by its mark"
+            others[mark[1]].append(handle)
         else:
             life = Life(0, core[2], folders, PageReader(Path(core[1]), core[2]), handle)
             cores.append(_Found(life, any(name.startswith("HARDCORE_SAFE=") for name in found)))
-    return cores, gateways
+    return cores, others
 
 
 def _adoptable(folders: Folders, cores: list[_Found], pages: list[Page]) -> tuple[Life, Page] | None:
@@ -149,7 +165,8 @@ def end_leftovers(folders: Folders, grace_s: float) -> int:
     The caller holds the sentinel's lock: nobody else may be adopting them meanwhile.
     """
     found = find_leftovers(folders)
-    left = [*(life.handle for life in found.cores if life.handle is not None), *found.gateways]
+    left = [life.handle for life in found.cores if life.handle is not None]
+    left += [*found.gateways, *found.courts, *found.investigators]
     for handle in left:
         handle.signal(signal.SIGTERM)
         handle.signal(signal.SIGCONT)  # a stopped one could not obey
@@ -236,4 +253,14 @@ def sweep_drafts(folders: Folders) -> None:
 
 def environment_of_gateway(folders: Folders) -> dict[str, str]:
     """Return the environment by which a later guard recognises our gateway."""
-    return {**clean_environment(), "HARDCORE_GATEWAY": str(folders.run)}
+    return {**clean_environment(), _GATEWAY: str(folders.run)}
+
+
+def environment_of_court(folders: Folders) -> dict[str, str]:
+    """Return the environment by which a later guard recognises a court of ours, and what that has started."""
+    return {**clean_environment(), _COURT: str(folders.run)}
+
+
+def environment_of_investigator(folders: Folders) -> dict[str, str]:
+    """Return the environment by which a later guard recognises our investigators."""
+    return {**clean_environment(), _INVESTIGATOR: str(folders.run)}

@@ -257,6 +257,7 @@ def start(life: Life, terms: Terms, watchdog_usec: int, limits: CoreLimits | Non
         "HARDCORE_SOCKET": str(folders.core_socket(life.nonce)),
         "HARDCORE_RECORDER": str(folders.recorder(life.nonce)),
         "HARDCORE_CONTROL": str(folders.core_control(life.nonce)),
+        "HARDCORE_QUARANTINE": str(folders.quarantine),
         "NOTIFY_SOCKET": str(folders.notify),
         "WATCHDOG_USEC": str(watchdog_usec),
     }

@@ -154,11 +154,17 @@ def find(identity: Identity) -> Handle | None:
 
 
 def spawn(
-    argv: Sequence[str], environment: Mapping[str, str], log: Path, cwd: Path, fds: Sequence[int] = ()
+    argv: Sequence[str],
+    environment: Mapping[str, str],
+    log: Path,
+    cwd: Path,
+    fds: Sequence[int] = (),
+    stdout: int | None = None,
 ) -> Handle:
     """Start a process in a session of its own, its output appended to `log`.
 
-    Output goes to a file, never through the guard: a pipe to a dead guard would stop or kill the core.
+    Output goes to a file, never through the guard: a pipe to a dead guard would stop or kill the core. `stdout`: a
+    descriptor for what it prints, of one that shall end with the guard.
     Raises OSError when it can't be started or can't be held; then nothing of it is left.
     """
     out = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600)
@@ -168,7 +174,7 @@ def spawn(
             env=dict(environment),
             cwd=cwd,
             stdin=subprocess.DEVNULL,
-            stdout=out,
+            stdout=out if stdout is None else stdout,
             stderr=out,
             start_new_session=True,
             pass_fds=tuple(fds),

@@ -22,6 +22,7 @@ _NUMBER_MAX = 2**63 - 1
 _NUMBER = re.compile(r"[0-9]{1,19}")
 _HASH = re.compile(r"[0-9a-f]{64}")
 _BUILD = re.compile(r"[0-9a-f]{16}")
+_CASE = re.compile(r"[0-9a-f]{32}")
 _PROOFS = ("witness", "chain", "none")
 _NUMBERS = {
     "X_EPOCH": "epoch",
@@ -43,7 +44,9 @@ _FLAGS = {
 }
 #: What a spare says of itself, and nobody else may.
 _OF_A_SPARE = ("X_BUILD", "X_CONTROL", "X_SCHEMA")
-_OURS = frozenset({*_NUMBERS, *_FLAGS, "X_BUILD", "X_HASH", "X_PROOF", "X_STORE", "X_UNSOUND", "STATUS"})
+_OURS = frozenset(
+    {*_NUMBERS, *_FLAGS, "X_BUILD", "X_CASE", "X_HASH", "X_PROOF", "X_STORE", "X_UNSOUND", "STATUS"}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +70,7 @@ class Notice:
     `none` of one that serves reads only) and `tail` (events checked) all set for a ledger, or none of `seq`,
     `hash`, `proof`, `tail` for another kind of guest. `extend_usec`: microseconds. `term_pid`: sender of a TERM,
     0 when unknown. `store`: what it says of its store. `verified_seq`: the whole ledger is proven up to there;
-    `unsound`: a sentence that says why it is not. One with `spare` has no epoch and is not `ready`.
+    `unsound`: a sentence that says why it is not. `case`: the name of a suspect whose case it has filed. One with `spare` has no epoch and is not `ready`.
     """
 
     ready: bool = False
@@ -86,6 +89,7 @@ class Notice:
     unsound: str | None = None
     status: str | None = None
     spare: SpareNotice | None = None
+    case: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +148,9 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
     unsound = _words(said.get("X_UNSOUND"), SENTENCE_CHARACTERS_MAX)
     if unsound == "" or (unsound is not None and numbers["verified_seq"] is not None):
         return MalformedNotice("X_UNSOUND says nothing, or the opposite of X_VERIFIED")
+    case = said.get("X_CASE")
+    if case is not None and not _CASE.fullmatch(case):
+        return MalformedNotice("X_CASE is not a name")
     return Notice(
         ready=flags["ready"],
         epoch=numbers["epoch"],
@@ -161,6 +168,7 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
         unsound=unsound,
         status=_words(said.get("STATUS"), STATUS_CHARACTERS_MAX),
         spare=spare,
+        case=case,
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from hardcore.model.actions import Incident
 from hardcore.model.observations import Exit, LedgerAudited, RequestOutcome
 from hardcore.model.recorder import CommandNote
+from hardcore.model.trials import TrialNote
 from hardcore.model.verdicts import Grade
 from hardcore.snapshot.masking import mask_line
 
@@ -61,7 +62,23 @@ def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int],
         ],
         "next_epoch": incident.next_epoch,
         "waits_for": str(incident.waits_for) if incident.waits_for else None,
+        "trials": trials(incident.trials),
     }
+
+
+def trials(notes: Iterable[TrialNote]) -> list[dict[str, Any]]:
+    """Return what came of the trials of an incident's suspects, in the form of the facts."""
+    return [
+        {
+            "name": note.name,
+            "command_id": note.command_id,
+            "ordeal": str(note.ordeal),
+            "letter": note.letter or None,
+            "took_ms": note.took_ms,
+            "why": note.why,
+        }
+        for note in notes
+    ]
 
 
 def requests(settled: Iterable[RequestOutcome]) -> list[dict[str, Any]]:

@@ -17,9 +17,10 @@ from weakref import WeakValueDictionary
 from hardcore.host import clock
 from hardcore.model.actions import AddAudit, Incident
 from hardcore.model.observations import RequestOutcome, RequestsSettled
+from hardcore.model.trials import AddTrials
 from hardcore.model.verdicts import Diagnosis
 from hardcore.snapshot import storing, writer
-from hardcore.snapshot.facts import audit, facts, in_the_middle, requests
+from hardcore.snapshot.facts import audit, facts, in_the_middle, requests, trials
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.storing import BundleFailed
 from hardcore.snapshot.subject import EvidenceFailed, Kept
@@ -62,6 +63,7 @@ class Filing:
         self._shelter = shelter
         self._going_on: dict[str, dict[str, Any]] = {}
         self._lost: dict[str, EvidenceFailed] = {}
+        self._trials: dict[str, list[dict[str, Any]]] = {}  # of incidents that are open
         self._waiting = 0
         self._locks: WeakValueDictionary[str, asyncio.Lock] = WeakValueDictionary()
         self._late: dict[str, list[RequestOutcome]] = {}
@@ -114,6 +116,8 @@ class Filing:
         if self.left_open and incident.diagnosis is Diagnosis.SENTINEL_LOST:
             told = in_the_middle(told, self.left_open)
         folder = self._incidents / incident.id
+        tried = self._trials.pop(incident.id, None)
+        told = told if tried is None else {**told, "trials": tried}
         async with self._alone(incident.id):
             for evidence in after:
                 await evidence.wait()
@@ -183,6 +187,19 @@ class Filing:
         told = audit(order.audit, clock.wall)
         async with self._alone(order.incident):
             if await self._persist(order.incident, writer.add_audit, folder, told):
+                await self._have_report(folder)
+
+    async def add_trials(self, order: AddTrials) -> None:
+        """Write what came of an incident's trials: into its facts where it is closed, else with them."""
+        told = trials(order.trials)
+        if order.incident in self._going_on:
+            self._trials[order.incident] = told
+            return
+        if not writer.is_id(order.incident):
+            return
+        folder = self._incidents / order.incident
+        async with self._alone(order.incident):
+            if await self._persist(order.incident, writer.add_trials, folder, told):
                 await self._have_report(folder)
 
     async def add_recording(self, incident_id: str, write: Callable[[], bytes]) -> None:

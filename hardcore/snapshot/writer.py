@@ -128,6 +128,18 @@ def add_audit(path: Path, audit: Mapping[str, Any]) -> bundle.BundleFailed | Non
     return facts if isinstance(facts, bundle.BundleFailed) else write_facts(path, {**facts, "audit": audit})
 
 
+def add_trials(path: Path, trials: Sequence[Mapping[str, Any]]) -> bundle.BundleFailed | None:
+    """Put what came of its trials into the facts of a closed incident; nothing where that was pruned meanwhile."""
+    if not bundle.is_there(path):
+        return None
+    facts = _read(path, bundle.FACTS)
+    return (
+        facts
+        if isinstance(facts, bundle.BundleFailed)
+        else write_facts(path, {**facts, "trials": list(trials)})
+    )
+
+
 def add_recording(path: Path, write: Callable[[], bytes]) -> bundle.BundleFailed | None:
     """Add what the guard heard and ordered, as `write` tells it; nothing without a folder to put it in."""
     return bundle.add_file(path, RECORDING, write()) if bundle.is_there(path) else None

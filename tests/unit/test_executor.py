@@ -99,10 +99,10 @@ def test_who_is_condemned_is_known_also_where_the_file_of_the_steps_takes_no_mor
     house.switch.mkdir()  # as if there were no room
 
     def work(executor: Executor) -> None:
-        executor._steps.condemn("0123")
+        executor.steps.condemn("0123")
         executor.mark("drain")
         assert steps.condemned(house) == {"0123"}
-        executor._steps.absolve("0123")
+        executor.steps.absolve("0123")
         assert steps.condemned(house) == frozenset()
 
     assert at_work(house, work) == []
@@ -370,7 +370,7 @@ def test_who_is_being_ended_is_not_to_be_gone_on_with(
 ) -> None:
     async def play(scene: Scene) -> None:
         told: list[object] = []
-        steps = scene.executor._steps
+        steps = scene.executor.steps
         monkeypatch.setattr(steps, "_still_ours", lambda: told.append(steps._condemned))
         scene.executor.carry_out(order)
         await condition(lambda: scene.facts != [])
