@@ -278,6 +278,74 @@ FINDINGS: Mapping[str, Text] = {
         "거래 하나가 여기서 기다리고 있었어요: {function} ({place})",
         "A transaction waited here: {function} ({place})",
     ),
+    "poison_died": _text(
+        "이 요청이 서버를 종료시켜요. 사본에서 다시 실행했더니 또 종료됐어요: {kind} {transaction}",
+        "This command ends the core. Run again on a copy, it did so again: {kind} {transaction}",
+    ),
+    "poison_hung": _text(
+        "이 요청이 서버를 멈추게 해요. 사본에서 다시 실행했더니 또 멈췄어요: {kind} {transaction}",
+        "This command hangs the core. Run again on a copy, it did so again: {kind} {transaction}",
+    ),
+    "poison_grew": _text(
+        "이 요청이 메모리를 넘치게 해요. 사본에서 다시 실행했더니 또 넘쳤어요: {kind} {transaction}",
+        "This command fills the core's memory. Run again on a copy, it did so again: {kind} {transaction}",
+    ),
+    "unproven": _text(
+        "여러 번 함께 있었지만 사본에서는 다시 일어나지 않아 사람의 확인을 기다려요: {kind} {transaction}",
+        "It was there more than once, but did not do it again on a copy, so it waits for a person: {kind} {transaction}",
+    ),
+    "cleared": _text(
+        "의심받은 요청을 사본에서 실행했고 문제가 없었어요. 요청 수: {count}",
+        "Suspected commands were run on a copy and did no harm. How many: {count}",
+    ),
+    "at_work": _text(
+        "종료될 때 이 요청을 처리하고 있었어요: {kind} {transaction}",
+        "The core was at work on this command: {kind} {transaction}",
+    ),
+    "batch_at_work": _text(
+        "종료될 때 여러 요청을 함께 기록하고 있었어요. 요청 수: {count}",
+        "The core was writing several commands together: {count}",
+    ),
+    "near": _text(
+        "처리 중인 요청은 없었어요. 바로 전에 끝난 요청 수: {count}",
+        "No command was at work. Commands that had finished right before: {count}",
+    ),
+    "near_often": _text(
+        "비슷한 요청이 여러 번 종료 바로 전에 있었어요. 근거 수: {count}",
+        "Commands like these had finished right before several deaths. Signs of it: {count}",
+    ),
+    "uncaught": _text(
+        "처리되지 않은 오류로 서버가 종료됐어요: {kind}, 위치: {place}",
+        "An error that nobody caught ended the core: {kind}, in {place}",
+    ),
+    "uncaught_untold": _text(
+        "프로그램의 오류로 서버가 종료됐어요. 위치는 기록되지 않았어요.",
+        "A mistake in the program ended the core; where it was is not on record.",
+    ),
+    "config_invalid": _text("설정을 쓸 수 없어요: {said}", "The configuration can't be used: {said}"),
+    "startup_failed": _text("서버가 시작하지 못했어요: {said}", "The core could not start: {said}"),
+    "crash_loop": _text("서버가 거듭 종료됐어요: {said}", "The core ended again and again: {said}"),
+    "component": _text(
+        "서버의 한 부분이 멈춰 있었어요: {name}, {seconds}초",
+        "A part of the core had stopped: {name}, for {seconds} s",
+    ),
+    "component_untold": _text(
+        "서버의 한 부분이 멈췄어요. 어느 부분인지는 기록되지 않았어요.",
+        "A part of the core had stopped; which one is not on record.",
+    ),
+    "starved": _text(
+        "컴퓨터가 너무 바빠서 차례가 오지 않았어요. 요청의 탓이 아니에요.",
+        "The machine was too busy to let it run. No command is to blame.",
+    ),
+    "slept": _text("컴퓨터가 잠들어 있었어요.", "The machine had been asleep."),
+    "busy_machine": _text(
+        "컴퓨터가 바빴어요. 감시자가 늦게 살펴본 횟수: {count}",
+        "The machine was busy. Looks of the guard itself that came late: {count}",
+    ),
+    "not_asked": _text(
+        "이 분석은 끝내지 못했어요. 나머지 내용은 그대로예요: {rule}",
+        "This rule could not be asked; all the rest stands: {rule}",
+    ),
 }
 
 REQUEST_OUTCOMES: Mapping[str, Text] = {

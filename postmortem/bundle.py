@@ -220,6 +220,14 @@ def read_manifest(path: Path) -> Manifest | BundleFailed:
 
 def read_file(path: Path, name: str, bytes_max: int = FILE_BYTES_MAX) -> bytes | BundleFailed:
     """Return the bytes of one file of a bundle. Links and anything but plain files are refused."""
+    data = read_head(path, name, bytes_max + 1)
+    if isinstance(data, bytes) and len(data) > bytes_max:
+        return BundleFailed(f"{name} is larger than {bytes_max} bytes")
+    return data
+
+
+def read_head(path: Path, name: str, bytes_max: int) -> bytes | BundleFailed:
+    """Return the first `bytes_max` bytes of one file of a bundle, refused as in `read_file`."""
     if _NAME.fullmatch(name) is None:
         return BundleFailed(f"{name!r} is not the name of a file in a bundle")
     try:
@@ -230,14 +238,11 @@ def read_file(path: Path, name: str, bytes_max: int = FILE_BYTES_MAX) -> bytes |
     try:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             return BundleFailed(f"{name} is not a plain file")
-        data = placing.read_up_to(handle, bytes_max + 1)
+        return placing.read_up_to(handle, bytes_max)
     except OSError as error:
         return BundleFailed(f"{name} is not readable: {placing.words(error)}")
     finally:
         os.close(handle)
-    if len(data) > bytes_max:
-        return BundleFailed(f"{name} is larger than {bytes_max} bytes")
-    return data
 
 
 def verify_bundle(path: Path) -> list[str]:

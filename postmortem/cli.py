@@ -78,7 +78,7 @@ def write_report(folder: Path, lang: str = "en") -> BundleFailed | None:
     """Make `report.json` and `report.md` of an incident's folder; made twice, they are the same."""
     if not bundle.is_incident_id(folder.name):
         return BundleFailed(f"{folder.name!r} is not an incident's folder")
-    report = reading.read_report(Found(folder.name, folder, partial=False))
+    report = reading.read_report(Found(folder.name, folder, partial=False), reading.read_past(folder.parent))
     files = {"report.json": _json(as_story(report, lang)), "report.md": _markdown(report, lang)}
     return bundle.add_files(folder, {name: _encoded(text) for name, text in files.items()}, {})
 

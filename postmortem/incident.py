@@ -16,6 +16,8 @@ ITEMS_MAX = 2_000
 OUTCOMES = frozenset({"recovered", "manual", "safe_mode", "assist", "open", "abandoned"})
 _MOMENT = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,9})?(?:Z|[+-]\d\d:\d\d)", re.ASCII)
 GRADES = frozenset({"certain", "likely", "unknown"})
+#: What a command has to do in a throw-away core to be convicted.
+REPRODUCED = frozenset({"died", "hung", "grew"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,39 @@ class Audit:
 
 
 @dataclass(frozen=True, slots=True)
+class Trial:
+    """What came of one suspect in a throw-away core (docs/wires.md, section 12). `letter`: empty if it was cleared.
+
+    What is known of the command beyond its name is told where whoever wrote the facts knew it.
+    """
+
+    name: str
+    command_id: str
+    ordeal: str
+    letter: str
+    took_ms: float | None
+    why: str
+    fingerprint: str = ""
+    kind: str = ""
+    account_ids: tuple[str, ...] = ()
+    transaction_id: str = ""
+
+    @property
+    def reproduced(self) -> bool:
+        """Whether it did it again, which alone convicts."""
+        return self.ordeal in REPRODUCED
+
+
+@dataclass(frozen=True, slots=True)
+class Versions:
+    """What ran: the name of the core's code, the hash of the policy, the schema of the store. None: not on record."""
+
+    build: str | None = None
+    policy: str | None = None
+    schema: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Death:
     """One death inside the incident."""
 
@@ -141,6 +176,8 @@ class Incident:
     served_again_at: str | None
     blamed: tuple[str, ...] = ()  # ids of the commands that the evidence names
     left_open: str | None = None  # the incident in whose middle this one, a guard's end, came
+    trials: tuple[Trial, ...] = ()
+    versions: Versions = Versions()
 
 
 #: Stages in which the core was at work on a command; QUEUED only waited for its turn.
@@ -185,6 +222,12 @@ def from_facts(incident_id: str, raw: object) -> Incident:
         served_again_at=moment(facts.get("served_again_at")),
         blamed=texts(facts.get("blamed")),
         left_open=optional_text(facts.get("left_open")),
+        trials=tuple(_trial(line) for line in mappings(facts.get("trials"))),
+        versions=Versions(
+            build=optional_text(facts.get("build")),
+            policy=optional_text(facts.get("policy_sha256")),
+            schema=number(facts.get("schema")),
+        ),
     )
 
 
@@ -251,6 +294,11 @@ def money(incident: Incident) -> Money:
         return Money(None, None, verified=False)
     seen = proof.kind == "witness" and proof.witness_seq is not None and proof.seq >= proof.witness_seq
     return Money(0 if seen else None, 0 if seen else None, verified=True)
+
+
+def deciding(incident: Incident) -> tuple[Command, ...]:
+    """Return the commands that were being decided or written when the core was lost: those that can have done it."""
+    return tuple(one for one in incident.in_flight if one.stage in {"DECIDING", "WRITING"})
 
 
 def at_work(incident: Incident) -> tuple[Command, ...]:
@@ -376,6 +424,21 @@ def _proof(raw: object) -> Proof | None:
 def _audit(raw: object) -> Audit | None:
     told = mapping(raw)
     return Audit(told.get("ok") is True, number(told.get("seq")), text(told.get("fault"))) if told else None
+
+
+def _trial(raw: Mapping[str, Any]) -> Trial:
+    return Trial(
+        name=text(raw.get("name")),
+        command_id=text(raw.get("command_id")),
+        ordeal=text(raw.get("ordeal")) or "untried",
+        letter=text(raw.get("letter")),
+        took_ms=duration(raw.get("took_ms")),
+        why=text(raw.get("why")),
+        fingerprint=text(raw.get("fingerprint")),
+        kind=text(raw.get("kind")),
+        account_ids=texts(raw.get("account_ids")),
+        transaction_id=text(raw.get("transaction_id")),
+    )
 
 
 def _death(raw: Mapping[str, Any]) -> Death:

@@ -6,13 +6,16 @@ incidents exist.
 """
 
 import json
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from postmortem import bundle, incident
 from postmortem.analyzer.case import Case, read_threads
+from postmortem.analyzer.tape import read_tape
 from postmortem.bundle import BundleFailed, Found, Manifest
-from postmortem.reports.report import Contents, Report, make_report
+from postmortem.reports.report import Contents, Past, Report, make_report
 
 #: Incidents that are read for a list; older ones are found by their id.
 LISTED_MAX = 1_000
@@ -21,6 +24,13 @@ LISTED_MAX = 1_000
 REPORTS = ("report.json", "report.md")
 
 _FACTS = "incident.json"
+#: Earlier incidents that are looked at for repetition, and of each the beginning of its report.
+PAST_MAX = 5_000
+_PAST_BYTES_MAX = 16 << 10
+#: A field on the first level of a report: one to a line, and no text can hold a line's end unescaped.
+_FIELD = re.compile(
+    r'^ "(opened_at|fingerprint|build|policy_sha256|schema)": ("(?:[^"\\]|\\.)*"|\d{1,18}),$', re.MULTILINE
+)
 
 
 def all_reports(incidents: Path) -> list[Report]:
@@ -36,8 +46,14 @@ def find(incidents: Path, prefix: str) -> list[Found]:
     return exact or [found for found in known if prefix and found.id.startswith(prefix)]
 
 
-def read_report(found: Found) -> Report:
-    """Return the report of one incident's folder."""
+def read_past(incidents: Path) -> list[Past]:
+    """Return what the reports beside each other say of repetition, newest first, at most PAST_MAX."""
+    found = _one_each(bundle.find_bundles(incidents))[:PAST_MAX]
+    return [past for one in found if (past := _past(one)) is not None]
+
+
+def read_report(found: Found, past: Sequence[Past] | None = None) -> Report:
+    """Return the report of one incident's folder. `past` None: nothing is said of repetition and change."""
     manifest = bundle.read_manifest(found.path)
     opened_at = manifest.written_at or None if isinstance(manifest, Manifest) else None
     facts, process, recorder = (_json(found.path, name) for name in (_FACTS, "process.json", "recorder.json"))
@@ -48,8 +64,10 @@ def read_report(found: Found) -> Report:
         if isinstance(facts, dict)
         else incident.still_open(found.id, opened_at, recorder)
     )
+    tape = read_tape(_text(found.path, "observations.jsonl"))
+    story = replace(_with_slots(story, recorder), versions=_versions(story, tape.policy_sha256))
     case = Case(
-        incident=_with_slots(story, recorder),
+        incident=story,
         threads=read_threads(_json(found.path, "stacks.json")),
         process=incident.mapping(process),
         recorder=incident.mapping(recorder),
@@ -57,8 +75,41 @@ def read_report(found: Found) -> Report:
         first_threads=read_threads(_json(found.path, "stacks-first.json")),
         memory=incident.mapping(_json(found.path, "memory.json")),
         locks=incident.mapping(_json(found.path, "locks.json")),
+        log=_text(found.path, "log.txt"),
+        tape=tape,
     )
-    return make_report(case, _contents(found, manifest))
+    return make_report(case, _contents(found, manifest), past)
+
+
+def _past(found: Found) -> Past | None:
+    head = bundle.read_head(found.path, "report.json", _PAST_BYTES_MAX)
+    if isinstance(head, BundleFailed):
+        return None
+    fields = {match[1]: _value(match[2]) for match in _FIELD.finditer(head.decode("utf-8", "replace"))}
+    return Past(
+        id=found.id,
+        opened_at=incident.moment(fields.get("opened_at")) or "",
+        fingerprint=incident.text(fields.get("fingerprint")),
+        versions=incident.Versions(
+            build=incident.optional_text(fields.get("build")),
+            policy=incident.optional_text(fields.get("policy_sha256")),
+            schema=incident.number(fields.get("schema")),
+        ),
+    )
+
+
+def _value(printed: str) -> object:
+    try:
+        parsed: object = json.loads(printed)
+    except ValueError:
+        return None
+    return parsed
+
+
+def _versions(story: incident.Incident, policy: str | None) -> incident.Versions:
+    """Return what ran: as the facts say, and the policy by the recording where they don't."""
+    known = story.versions
+    return known if known.policy is not None else replace(known, policy=policy)
 
 
 def _one_each(found: list[Found]) -> list[Found]:

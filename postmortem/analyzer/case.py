@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from postmortem.analyzer.tape import Tape
 from postmortem.incident import Incident, mapping, mappings, number, text
 
 
@@ -55,11 +56,25 @@ class Case:
     first_threads: tuple[Thread, ...] = ()
     memory: Mapping[str, Any] = field(default_factory=dict)
     locks: Mapping[str, Any] = field(default_factory=dict)
+    log: str = ""
+    tape: Tape = field(default_factory=Tape)
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """Thread `who` waits for `lock`, which thread `holder` has."""
+
+    who: str
+    lock: str
+    holder: str
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What a rule found. `values` fill the catalogue's sentence for `rule`; `evidence` are facts as read."""
+    """What a rule found. `values` fill the catalogue's sentence for `rule`; `evidence` are facts as read.
+
+    `waits`: who waited for whom, where that is what was found.
+    """
 
     rule: str
     confidence: Confidence
@@ -67,6 +82,7 @@ class Finding:
     evidence: tuple[str, ...]
     account_ids: tuple[str, ...] = ()
     transaction_ids: tuple[str, ...] = ()
+    waits: tuple[Waiting, ...] = ()
 
 
 Rule = Callable[[Case], list[Finding]]

@@ -1,7 +1,8 @@
 """Rule: the core ended by a fatal signal of its own.
 
 Certain, because the kernel says which signal it was. Where it happened is what the core's own handler
-printed in its last moment; SIGKILL is another rule's business, as it never comes from inside.
+printed in its last moment: the Python frame, and from Python 3.14 on the one in C. Where that one is missing it is said
+so, because the line of Python is only where it went out from. SIGKILL is another rule's business, as it never comes from inside.
 """
 
 import re
@@ -19,7 +20,13 @@ _FATAL = {
     signal.SIGTRAP: "SIGTRAP",
 }
 CALLERS_MAX = 4
-_PLACE = re.compile(r'File "(?:[^"]*/)?([^"/]+)", line (\d+) in (\S+)')
+_PLACE = re.compile(r'File "([^"]+)", line (\d+) in (\S+)')
+#: The dying thread's own stack; others may stand before it, and its stack in C behind it.
+_PYTHON_STACK = re.compile(r"^(?:Current thread|Thread) 0x[^\n]*\n((?:[^\n]+\n?)*)", re.MULTILINE)
+_NATIVE_STACK = re.compile(r"^Current thread's C stack trace[^\n]*\n((?:[^\n]+\n?)*)", re.MULTILINE)
+_NATIVE = re.compile(r'Binary file "(?:[^"]*/)?([^"/]*)", at (\w+)\+0x')
+#: Frames of the handler that prints, and of the delivery of the signal.
+_OF_THE_HANDLER = re.compile(r"_Py_Dump|faulthandler|__restore_rt|_sigtramp|__kernel_rt_sigreturn")
 
 
 def examine(case: Case) -> list[Finding]:
@@ -34,6 +41,12 @@ def examine(case: Case) -> list[Finding]:
         values["place"] = place
         evidence.append(f"printed by the dying process: {place}")
         evidence += [f"called from {caller}" for caller in places(case.traceback)[1:CALLERS_MAX]]
+    native = native_frames(case.traceback)
+    evidence += [f"native frame: {one}" for one in native[:CALLERS_MAX]]
+    if not native:
+        evidence.append(
+            "the native frame is not on record: this Python's handler does not print the stack in C"
+        )
     if (words := case.incident.last_words) is not None:
         evidence.append(f"last words: {words.code} {words.text}".rstrip())
     rule = "crashed_at" if values["place"] else "crashed"
@@ -46,8 +59,21 @@ def fatal_place(traceback: str) -> str | None:
 
 
 def places(traceback: str) -> list[str]:
-    """Return the frames of the thread that died, the innermost first."""
-    # The dying thread's stack is the one under "Current thread", other threads may stand before it.
-    _, mark, rest = traceback.rpartition("Current thread")
-    own = rest.split("\n\n", 1)[0] if mark else traceback
-    return [f"{match[3]} ({match[1]}:{match[2]})" for match in _PLACE.finditer(own)]
+    """Return the frames of the thread that died as `function (file:line)`, the innermost first."""
+    return [f"{function} ({path.rpartition('/')[2]}:{line})" for function, path, line in frames_of(traceback)]
+
+
+def frames_of(traceback: str) -> list[tuple[str, str, int]]:
+    """Return the frames of the thread that died as (function, path, line), the innermost first."""
+    stacks = list(_PYTHON_STACK.finditer(traceback))
+    # The last one: a core that was asked for its stacks before it died has printed more than once.
+    dying = next((one for one in reversed(stacks) if one[0].startswith("Current")), None)
+    own = dying[1] if dying else "" if stacks else traceback
+    return [(match[3], match[1], int(match[2])) for match in _PLACE.finditer(own)]
+
+
+def native_frames(traceback: str) -> list[str]:
+    """Return the frames in C of the thread that died as `function (library)`, the innermost first, if printed."""
+    printed = [one[1] for one in _NATIVE_STACK.finditer(traceback)]
+    frames = [(match[2], match[1]) for match in _NATIVE.finditer(printed[-1])] if printed else []
+    return [f"{function} ({library})" for function, library in frames if not _OF_THE_HANDLER.search(function)]

@@ -8,10 +8,10 @@ there is only what the guard had seen, and the frame that hung.
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from postmortem.analyzer.blocked import frame_finding, ids_of, plain
-from postmortem.analyzer.case import Case, Confidence, Finding, Thread
+from postmortem.analyzer.case import Case, Confidence, Finding, Thread, Waiting
 from postmortem.incident import unique
 
 _LOCK = re.compile(r"<_thread\.(?:lock|RLock) at (0x[0-9a-f]+)>")
@@ -38,7 +38,12 @@ def examine(case: Case) -> list[Finding]:
             f"thread {_name(one.thread)} waits for the lock {one.lock}, held by thread {_name(holder.thread)}"
             for one, holder in zip(ring, [*ring[1:], ring[0]], strict=True)
         ]
-        return [_finding(Confidence.CERTAIN, way, evidence, [one.thread for one in ring])]
+        waits = tuple(
+            Waiting(_name(one.thread), one.lock, _name(holder.thread))
+            for one, holder in zip(ring, [*ring[1:], ring[0]], strict=True)
+        )
+        found = _finding(Confidence.CERTAIN, way, evidence, [one.thread for one in ring])
+        return [replace(found, waits=waits)]
     if pair := _nameless_pair(case.threads):
         way = " ↔ ".join(_name(thread) for thread in pair)
         evidence = [f"thread {_name(thread)} sleeps with both locks in its frames" for thread in pair]

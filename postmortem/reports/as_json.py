@@ -4,8 +4,26 @@ from dataclasses import asdict
 from typing import Any
 
 from frontend import catalogue_reports as texts
+from postmortem.analyzer.case import Thread
+from postmortem.analyzer.fingerprint import is_own
 from postmortem.incident import at_work
-from postmortem.reports.report import Report, finding_line, next_step, no_requests, outage_word, request_word
+from postmortem.reports.report import (
+    Report,
+    change_line,
+    culprit_line,
+    finding_line,
+    next_step,
+    no_requests,
+    outage_word,
+    proposal_text,
+    repetition_line,
+    request_word,
+)
+
+#: Of the stacks, what is worth telling beside the file they stand in.
+THREADS_MAX, FRAMES_MAX = 32, 24
+#: Points of the memory curve.
+POINTS_MAX = 240
 
 
 def as_item(report: Report, language: str) -> dict[str, Any]:
@@ -15,6 +33,10 @@ def as_item(report: Report, language: str) -> dict[str, Any]:
         "id": incident.id,
         "opened_at": incident.opened_at,
         "closed_at": incident.closed_at,
+        "fingerprint": report.fingerprint,
+        "build": incident.versions.build,
+        "policy_sha256": incident.versions.policy,
+        "schema": incident.versions.schema,
         "diagnosis": incident.diagnosis,
         "grade": incident.grade,
         "summary": report.summary[language],
@@ -26,7 +48,6 @@ def as_item(report: Report, language: str) -> dict[str, Any]:
         "outcome": incident.outcome,
         "served_again_at": incident.served_again_at,
         "planned": incident.planned,
-        "fingerprint": report.fingerprint,
         "evidence_complete": report.contents.complete,
         "money": asdict(report.money),
     }
@@ -55,7 +76,30 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
             }
             for finding in report.findings
         ],
-        "proposals": [],
+        "title": dict(report.title),
+        "why": list(report.print_of.why),
+        "fingerprint_version": report.print_of.version,
+        "culprit": _culprit(report),
+        "trials": [asdict(trial) for trial in incident.trials],
+        "waits": [asdict(wait) for wait in report.waits],
+        "stacks": [_stack(thread) for thread in report.threads[:THREADS_MAX]],
+        "memory": {"points": _points(report), "limit_bytes": report.memory_limit_bytes},
+        "repetition": asdict(report.repetition) if report.repetition else None,
+        "repetition_line": {one: repetition_line(report.repetition, one) for one in texts.LANGUAGES},
+        "changes": [
+            asdict(change) | {"text": {one: change_line(change, one) for one in texts.LANGUAGES}}
+            for change in report.changes or ()
+        ],
+        "proposals": [
+            {
+                "id": proposed.id,
+                "kind": proposed.kind,
+                "text": {one: proposal_text(proposed, one) for one in texts.LANGUAGES},
+                "rule": dict(proposed.rule) if proposed.rule is not None else None,
+                "tested": None,
+            }
+            for proposed in report.proposals
+        ],
         "requests": [
             asdict(request) | {"told": {one: request_word(incident, request, one) for one in texts.LANGUAGES}}
             for request in incident.requests
@@ -77,3 +121,36 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
         "audit": asdict(incident.audit) if incident.audit else None,
         "bundle": asdict(report.contents) | {"faults": list(report.contents.faults)},
     }
+
+
+def _culprit(report: Report) -> dict[str, Any]:
+    """Return the command behind it, or with all fields empty that none is named, and why in words."""
+    culprit = report.culprit
+    return {
+        "command_id": culprit.command_id if culprit else "",
+        "kind": culprit.kind if culprit else "",
+        "transaction_id": culprit.transaction_id if culprit else "",
+        "account_ids": list(culprit.account_ids) if culprit else [],
+        "confidence": str(culprit.confidence) if culprit else None,
+        "why": {one: culprit_line(report, one) for one in texts.LANGUAGES},
+    }
+
+
+def _stack(thread: Thread) -> dict[str, Any]:
+    return {
+        "tid": thread.tid,
+        "name": thread.name,
+        "holds_gil": thread.holds_gil,
+        "active": thread.active,
+        "frames": [
+            {"function": frame.function, "place": frame.place, "own": is_own(frame.place)}
+            for frame in thread.frames[:FRAMES_MAX]
+        ],
+    }
+
+
+def _points(report: Report) -> list[list[float]]:
+    """Return the memory curve with at most POINTS_MAX points, the last one among them."""
+    step = max(1, -(-len(report.memory) // POINTS_MAX))
+    kept = report.memory[::-1][::step][::-1]
+    return [[round(at_s, 2), held_bytes] for at_s, held_bytes in kept]

@@ -5,16 +5,22 @@ why, the summary in both languages, the verdict on the money. A printer chooses 
 fact.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from frontend import catalogue_prevention as prevention
 from frontend import catalogue_reports as texts
 from postmortem.analyzer import registry
-from postmortem.analyzer.case import Case, Finding
+from postmortem.analyzer.case import Case, Finding, Thread, Waiting
+from postmortem.analyzer.culprit import Culprit, name_culprit
+from postmortem.analyzer.fingerprint import Fingerprint, make_fingerprint
+from postmortem.analyzer.proposals import Proposed, proposals
+from postmortem.analyzer.tape import curve
 from postmortem.incident import (
     Incident,
     Money,
     Request,
+    Versions,
     at_work,
     ending,
     money,
@@ -40,8 +46,39 @@ class Contents:
 
 
 @dataclass(frozen=True, slots=True)
+class Past:
+    """An earlier incident, as far as repetition and change are told from it."""
+
+    id: str
+    opened_at: str
+    fingerprint: str
+    versions: Versions
+
+
+@dataclass(frozen=True, slots=True)
+class Repetition:
+    """How often the same fingerprint was there before. `last`: the one before this, empty: there was none."""
+
+    count: int
+    last: str
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What ran in this incident and in the one before. `what`: build, policy or schema; None: not on record."""
+
+    what: str
+    before: str | None
+    now: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that is said about one incident. `summary` has one sentence for each language."""
+    """Everything that is said about one incident. `summary` has one sentence for each language.
+
+    `repetition` and `changes` None: nobody has looked at the incidents before it. `memory`: (seconds before the last
+    look, bytes) of the core that was lost.
+    """
 
     incident: Incident
     summary: Mapping[str, str]
@@ -52,26 +89,140 @@ class Report:
     command_ids: tuple[str, ...]
     money: Money
     contents: Contents
+    print_of: Fingerprint
+    title: Mapping[str, str]
+    culprit: Culprit | None
+    proposals: tuple[Proposed, ...]
+    threads: tuple[Thread, ...] = ()
+    waits: tuple[Waiting, ...] = ()
+    memory: tuple[tuple[float, int], ...] = ()
+    memory_limit_bytes: int | None = None
+    repetition: Repetition | None = None
+    changes: tuple[Change, ...] | None = None
 
 
-def make_report(case: Case, contents: Contents) -> Report:
-    """Return the report of a case: the same one whenever it is asked for."""
+def make_report(case: Case, contents: Contents, past: Sequence[Past] | None = None) -> Report:
+    """Return the report of a case: the same one whenever it is asked for with the same past."""
     incident, findings = case.incident, registry.examine(case)
+    culprit = name_culprit(case, findings)
     commands = at_work(incident)
+    first_accounts = culprit.account_ids if culprit else ()
     in_stacks = [one for finding in findings for one in finding.account_ids]
     in_slots = [one for command in commands for one in command.account_ids]
+    first_transactions = [culprit.transaction_id] if culprit else []
     transactions = [one for finding in findings for one in finding.transaction_ids]
+    made = make_fingerprint(case, findings)
+    earlier = None if past is None else earlier_than(incident, past)
     return Report(
         incident=incident,
         summary={language: summarise(incident, language) for language in LANGUAGES},
         findings=findings,
-        fingerprint=registry.fingerprint(case, findings),
-        account_ids=unique([*in_stacks, *in_slots]),
-        transaction_ids=unique([*transactions, *(command.transaction_id for command in commands)]),
-        command_ids=unique(command.command_id for command in commands),
+        fingerprint=made.digest,
+        account_ids=unique([*first_accounts, *in_stacks, *in_slots]),
+        transaction_ids=unique(
+            [*first_transactions, *transactions, *(command.transaction_id for command in commands)]
+        ),
+        command_ids=unique(
+            [culprit.command_id if culprit else "", *(command.command_id for command in commands)]
+        ),
         money=money(incident),
         contents=contents,
+        print_of=made,
+        title={language: group_title(incident, made, language) for language in LANGUAGES},
+        culprit=culprit,
+        proposals=proposals(case, findings),
+        threads=case.threads,
+        waits=next((finding.waits for finding in findings if finding.waits), ()),
+        memory=curve(case.tape, incident.pid),
+        memory_limit_bytes=case.tape.memory_limit_bytes,
+        repetition=None if earlier is None else _repetition(made.digest, earlier),
+        changes=None if earlier is None else _changes(incident.versions, earlier),
     )
+
+
+def earlier_than(incident: Incident, past: Sequence[Past]) -> list[Past]:
+    """Return the incidents that were opened before this one, newest first."""
+    before = [
+        one
+        for one in past
+        if one.id != incident.id and (one.opened_at, one.id) < (incident.opened_at or "", incident.id)
+    ]
+    return sorted(before, key=lambda one: (one.opened_at, one.id), reverse=True)
+
+
+def _repetition(digest: str, earlier: Sequence[Past]) -> Repetition:
+    equal = [one.id for one in earlier if one.fingerprint == digest]
+    return Repetition(len(equal), equal[0] if equal else "")
+
+
+def _changes(now: Versions, earlier: Sequence[Past]) -> tuple[Change, ...]:
+    """Compare with the newest earlier incident that knows the same thing."""
+    told = {
+        "build": (now.build, next((one.versions.build for one in earlier if one.versions.build), None)),
+        "policy": (now.policy, next((one.versions.policy for one in earlier if one.versions.policy), None)),
+        "schema": (
+            _number_text(now.schema),
+            next(
+                (_number_text(one.versions.schema) for one in earlier if one.versions.schema is not None),
+                None,
+            ),
+        ),
+    }
+    return tuple(Change(what, before, after) for what, (after, before) in told.items())
+
+
+def _number_text(value: int | None) -> str | None:
+    return None if value is None else str(value)
+
+
+def group_title(incident: Incident, made: Fingerprint, language: str) -> str:
+    """Return what equal deaths are called: what happened, and where if that is known."""
+    what = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])["en"]
+    name = incident.diagnosis if language == "ko" else what[0].upper() + what[1:]
+    facts = [one.partition(" ") for one in made.why]
+    frame = next((rest for kind, _, rest in facts if kind == "frame"), "")
+    other = next((rest for kind, _, rest in facts if kind in {"lock", "holder", "command", "component"}), "")
+    form = "in" if frame else "with" if other else "plain"
+    return prevention.TITLES[form][language].format(
+        what=_cause_word(incident, language, name), place=frame or other
+    )
+
+
+def _cause_word(incident: Incident, language: str, otherwise: str) -> str:
+    """Return the cause as a sentence of its own: the Korean one is cut before the ending that leads on."""
+    if language != "ko":
+        return otherwise
+    cause = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])["ko"]
+    return f"{cause.removesuffix('고')}음" if cause.endswith("었고") else otherwise
+
+
+def change_line(change: Change, language: str) -> str:
+    """Return what became of one thing since the start before, as a line."""
+    what = prevention.WHAT[change.what][language]
+    if change.before is None or change.now is None:
+        return prevention.CHANGES["unknown"][language].format(what=what)
+    if change.before == change.now:
+        return prevention.CHANGES["same"][language].format(what=what)
+    return prevention.CHANGES[change.what][language].format(before=change.before[:12], after=change.now[:12])
+
+
+def repetition_line(repetition: Repetition | None, language: str) -> str:
+    """Return how often it was there before, as a sentence."""
+    if repetition is None:
+        return texts.WORDS["nothing_recorded"][language]
+    if not repetition.count:
+        return prevention.WORDS["first_time"][language]
+    return prevention.WORDS["seen_before"][language].format(count=repetition.count, last=repetition.last)
+
+
+def culprit_line(report: Report, language: str) -> str:
+    """Return why a command is named, or that none is."""
+    return prevention.CULPRITS[report.culprit.why if report.culprit else "nobody"][language]
+
+
+def proposal_text(proposed: Proposed, language: str) -> str:
+    """Return a proposal as a sentence."""
+    return prevention.PROPOSALS[proposed.says][language].format_map(proposed.values)
 
 
 def summarise(incident: Incident, language: str) -> str:

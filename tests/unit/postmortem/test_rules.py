@@ -6,8 +6,9 @@ from frontend import catalogue_reports as texts
 from postmortem import incident
 from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Confidence, Finding, read_threads
+from postmortem.analyzer.fingerprint import make_fingerprint
 from postmortem.reports.report import finding_line
-from tests.unit.postmortem import story, test_rules_of_hangs
+from tests.unit.postmortem import story, test_rules_of_causes, test_rules_of_hangs
 from tests.unit.postmortem.story import frame, thread
 
 TRACEBACK = """Fatal Python error: Segmentation fault
@@ -63,7 +64,7 @@ def test_a_crash_without_a_traceback_still_names_its_signal() -> None:
     ("code", "rule"), [(65, "exited_65"), (75, "exited_75"), (3, "exited"), (0, "exited")]
 )
 def test_an_exit_says_what_its_code_means(code: int, rule: str) -> None:
-    assert list(found(case(diagnosis="EXITED", core=ended(code=code)))) == [rule]
+    assert list(found(case(diagnosis="EXITED", core=ended(code=code), in_flight=[]))) == [rule]
 
 
 def test_a_kill_from_outside_blames_no_command() -> None:
@@ -178,8 +179,10 @@ def test_every_finding_has_a_sentence_in_each_language() -> None:
         case(planned=True, core=ended()),
         case(drill="freeze"),
         *test_rules_of_hangs.every_rule(),
+        *test_rules_of_causes.every_rule(),
     ]
     seen = {finding.rule: finding for one in cases for finding in registry.examine(one)}
+    seen |= {finding.rule: finding for finding in test_rules_of_causes.cut_short()}
     assert set(seen) == set(texts.FINDINGS), "a rule without a sentence, or a sentence without a rule"
     for finding in seen.values():
         for language in texts.LANGUAGES:
@@ -187,11 +190,15 @@ def test_every_finding_has_a_sentence_in_each_language() -> None:
 
 
 def fingerprint(one: Case) -> str:
-    return registry.fingerprint(one, registry.examine(one))
+    return make_fingerprint(one, registry.examine(one)).digest
 
 
 def test_the_same_fault_has_the_same_fingerprint_whoever_it_hits() -> None:
-    other = thread(9, frame("sleep_on_it", 99, transaction_id='"tx-other"', account_id='"assets:x"'))
+    other = thread(
+        9,
+        frame("sleep_on_it", 99, transaction_id='"tx-other"', account_id='"assets:x"'),
+        frame("handle", 31),
+    )
     here = case([BUSY], {"pid": 7}, diagnosis="LOOP_BLOCKED", core=ended())
     there = case([other], {"pid": 9}, diagnosis="LOOP_BLOCKED", core={"pid": 9}, in_flight=[])
     assert fingerprint(here) == fingerprint(there)

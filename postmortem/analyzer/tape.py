@@ -1,0 +1,105 @@
+"""What the guard's flight recording tells of the machine: memory over time, late looks, the policy in force.
+
+The recording is the guard's own format and made to be played back, not to be read; three numbers of it are worth
+having in a report, so this looks for those and for nothing else, line by line, and passes over whatever it does not
+know. To play it back here was not chosen: the investigators know none of the guard's code, and a recording of another
+version still has its numbers.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from postmortem.incident import mapping, number, optional_text
+
+#: A longer line is passed over; a look under full load has some tens of KiB.
+LINE_CHARS_MAX = 512 << 10
+LINES_MAX = 20_000
+#: Looks come every 100 ms; one that comes this much later was late.
+LATE_NS = 200_000_000
+
+_SAMPLED, _SPAWNED = '{"fact":{"Sampled":', '{"fact":{"CoreSpawned":'
+#: What the guard allows a core, as the state at the beginning of the recording has it.
+_ALLOWED = re.compile(r'"memory_bytes":(\d{1,18})\b')
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One look at a core: monotonic ns, which life, and its resident memory in bytes."""
+
+    at_ns: int
+    life: int
+    rss_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tape:
+    """What was found. `late_ns`: how long each late look had been waited for; `lives`: which life had which pid."""
+
+    looks: tuple[Look, ...] = ()
+    late_ns: tuple[int, ...] = ()
+    policy_sha256: str | None = None
+    memory_limit_bytes: int | None = None
+    lives: Mapping[int, int] = field(default_factory=dict)
+
+
+def read_tape(recording: str) -> Tape:
+    """Return what a recording tells, of whatever it holds."""
+    lines = recording.splitlines()[:LINES_MAX]
+    head = _parsed(lines[0]) if lines else {}
+    looks = tuple(_looks(lines))
+    ages = pairwise(looks)
+    gaps = (after.at_ns - before.at_ns for before, after in ages if after.life == before.life)
+    return Tape(
+        looks=looks,
+        late_ns=tuple(gap for gap in gaps if gap > LATE_NS),
+        policy_sha256=optional_text(head.get("policy_sha256")),
+        memory_limit_bytes=_memory_limit(lines[0]) if lines else None,
+        lives=dict(_lives(lines)),
+    )
+
+
+def curve(tape: Tape, pid: int | None) -> tuple[tuple[float, int], ...]:
+    """Return the memory of the life with this pid: (seconds before its last look, bytes). Empty: nobody looked."""
+    life = tape.lives.get(pid) if pid is not None else None
+    alive = [
+        look for look in tape.looks if look.life == life and look.rss_bytes > 0
+    ]  # what has ended holds nothing
+    return tuple(((look.at_ns - alive[-1].at_ns) / 1e9, look.rss_bytes) for look in alive)
+
+
+def _looks(lines: list[str]) -> Iterator[Look]:
+    for line in lines:
+        if not line.startswith(_SAMPLED):
+            continue
+        sampled = mapping(mapping(_parsed(line).get("fact")).get("Sampled"))
+        process = mapping(mapping(sampled.get("process")).get("ProcessSample"))
+        at_ns, rss_bytes = number(sampled.get("at_ns")), number(process.get("rss_bytes"))
+        if at_ns is not None and rss_bytes is not None:
+            yield Look(at_ns, number(sampled.get("life")) or 0, rss_bytes)
+
+
+def _lives(lines: list[str]) -> Iterator[tuple[int, int]]:
+    for line in lines:
+        if line.startswith(_SPAWNED):
+            spawned = mapping(mapping(_parsed(line).get("fact")).get("CoreSpawned"))
+            pid, life = number(spawned.get("pid")), number(spawned.get("life"))
+            if pid is not None and life is not None:
+                yield pid, life
+
+
+def _memory_limit(head: str) -> int | None:
+    allowed = _ALLOWED.search(head[:LINE_CHARS_MAX])
+    return int(allowed[1]) or None if allowed else None
+
+
+def _parsed(line: str) -> Mapping[str, Any]:
+    if len(line) > LINE_CHARS_MAX:
+        return {}
+    try:
+        return mapping(json.loads(line))
+    except (ValueError, RecursionError):
+        return {}
