@@ -15,6 +15,7 @@ from core.guarded.orders import (
     DrillOrder,
     Order,
     PromoteOrder,
+    QuarantineOrder,
     Refused,
     SafeOrder,
     StatusOrder,
@@ -167,3 +168,11 @@ def test_no_line_can_raise(line: bytes) -> None:
 )
 def test_no_object_can_raise(said: dict[str, object]) -> None:
     assert isinstance(read_order(json.dumps(said).encode(), 0), Order)
+
+
+def test_an_order_to_read_the_rules_is_given_by_the_newest_generation_only() -> None:
+    line = b'{"verb": "quarantine", "generation": 4}'
+    assert read_order(line, 4) == QuarantineOrder(4)
+    assert generation_of(QuarantineOrder(4)) == 4
+    assert isinstance(read_order(line, 5), Refused)
+    assert isinstance(read_order(b'{"verb": "quarantine"}', 0), Refused)
