@@ -25,6 +25,7 @@ from core.guarded.poison import FILE_BYTES_MAX as DRILL_BYTES_MAX
 from core.guarded.quarantine import FILE_BYTES_MAX as RULES_BYTES_MAX
 from core.guarded.quarantine import VERSION as RULES_VERSION
 from core.guarded.quarantine import read_small
+from core.imports.reading.formats import builtin_formats
 from core.journal.store import StoreError, StoreFault
 from core.loading import NICE
 from core.rulings import RULES
@@ -32,13 +33,13 @@ from core.saying import say
 from core.settings import Settings
 from core.trying.copying import Copy, TooLarge, copy_into, has_ledger
 from core.trying.court import Court
-from core.trying.docket import DOCKET_BYTES_MAX, Docket, read_docket
+from core.trying.docket import DOCKET_BYTES_MAX, Docket, Request, read_docket
 from core.trying.place import Place, clear_up, take_place
 from core.trying.verdicts import Verdict, untried
 from core.web.rehearsal import load
 
+API: Final = "/api/"  # below it nobody is shown a page
 TERMINATED: Final = 128 + signal.SIGTERM
-_KIB: Final = 1024
 
 
 class _TermError(BaseException):
@@ -98,11 +99,19 @@ def _sit_in(place: Place, data: Path, docket: Docket, settings: Settings) -> int
 
 def _court(place: Place, data: Path, docket: Docket, copy: Copy, settings: Settings) -> Court:
     rulings = _bring_rulings(data / RULES, place.path / RULES)
-    load()
+    _load(docket)
     gc.freeze()  # what is loaded is every core's: none shall copy its pages to look for garbage
     os.chdir(place.path)  # a socket's path may have 107 bytes, and a data folder's more
     memory_bytes = docket.memory_bytes or psutil.virtual_memory().available // 2
     return Court(docket, data, place.path, rulings, copy, memory_bytes, settings, _tell)
+
+
+def _load(docket: Docket) -> None:
+    """Load what is otherwise loaded at its first use, in each core anew; pages only where one may have to be drawn."""
+    builtin_formats()
+    requests = (case.tried for case in docket.cases if isinstance(case.tried, Request))
+    if any(not request.path.startswith(API) for request in requests):
+        load()
 
 
 def _docket(path: Path) -> Docket | str:
