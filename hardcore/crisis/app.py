@@ -66,6 +66,7 @@ class Gateway:
         recoveries: Path | None = None,
         receipts: Path | None = None,
         state: Path | None = None,
+        investigator: Path | None = None,
     ) -> None:
         self._loop = loop
         self._demo = demo
@@ -81,7 +82,9 @@ class Gateway:
         self._link = FeedLink(loop, control, os.getpid(), limits)
         drills = DrillDoor(loop, control) if demo else None
         self._history = History(loop, recoveries)
-        self._desk = Desk(loop, limits, self._link, time.monotonic_ns, drills, self._history, receipts, state)
+        self._desk = Desk(
+            loop, limits, self._link, time.monotonic_ns, drills, self._history, receipts, state, investigator
+        )
 
     async def serve(self) -> None:
         """Serve until SIGTERM, then drain."""
@@ -102,6 +105,7 @@ class Gateway:
         await self._drain()
         upkeep.cancel()
         self._desk.live.close()
+        self._desk.admin.close()
         self._link.close()
         await self._desk.promises.finish()
         await self._desk.moves.dock.cases.finish()
@@ -121,6 +125,7 @@ class Gateway:
     async def _drain(self) -> None:
         _LOG.info("leaving: %d connections", len(self._census.connections))
         self._desk.moves.leave()
+        self._desk.admin.leave()
         self._desk.sockets.leaving = True
         for connection in list(self._census.connections):
             connection.depart()
@@ -218,6 +223,7 @@ def main(arguments: Sequence[str]) -> int:
             recoveries=options.recoveries,
             receipts=options.receipts,
             state=options.state,
+            investigator=options.investigator,
         )
         await gateway.serve()
 

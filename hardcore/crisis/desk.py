@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import assert_never
 
+from hardcore.crisis.admin import AdminDoor
 from hardcore.crisis.counter import Counter
 from hardcore.crisis.drills import DrillDoor
 from hardcore.crisis.exchange import Exchange
@@ -46,9 +47,11 @@ class Desk:
         history: History | None = None,
         receipts: Path | None = None,
         state: Path | None = None,
+        investigator: Path | None = None,
     ) -> None:
         self.limits = limits
         self.moves = Moves(loop, limits, teller, now_ns, receipts, state)
+        self.admin = AdminDoor(loop, investigator, limits, teller)
         self.promises = self.moves.promises
         outlook, demo = self.moves.outlook, drills is not None
         self.history = history or History(loop, None)
@@ -82,6 +85,9 @@ class Desk:
         match way:
             case Route.LIVE | Route.READY | Route.STATUS | Route.OWN | Route.DRILL:
                 self.counter.asked(exchange, way)
+            case Route.ADMIN:
+                self._is_ours(exchange)
+                self.admin.asked(exchange)
             case Route.RECEIPT:
                 self._is_ours(exchange)
                 self.promises.asked(exchange)
@@ -134,21 +140,25 @@ class Desk:
 
     def left(self, exchange: Exchange) -> None:
         """The client is gone."""
+        self.admin.left(exchange)
         if exchange.life not in OVER:
             self.moves.move(exchange, Trigger.CLIENT_LEFT)
 
     def half_left(self, exchange: Exchange) -> None:
         """The client says no more, but may still read: whoever waits is told at once, in case he does."""
+        self.admin.half_left(exchange)
         if exchange.life in WAITING:
             self.moves.move(exchange, Trigger.CLIENT_LEFT)
 
     def limit(self, exchange: Exchange) -> None:
         """The time of a request is over."""
+        self.admin.limit(exchange)
         if exchange.life not in OVER:
             self.moves.time_is_over(exchange)
 
     def slow_reader(self, exchange: Exchange, *, slow: bool) -> None:
         """The client cannot take the answer as fast as it comes, or can again."""
+        self.admin.slow_reader(exchange, slow=slow)
         if exchange.life is not Life.ANSWERING or exchange.upstream is None:
             return
         if slow:
@@ -186,6 +196,7 @@ class Desk:
         """What is due now and then."""
         self.moves.outlook.upkeep()
         self.moves.dock.upkeep()
+        self.admin.upkeep()
         self.live.upkeep()
         self.sockets.upkeep()
         self.promises.upkeep()

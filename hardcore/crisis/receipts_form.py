@@ -17,7 +17,7 @@ from urllib.parse import parse_qsl, urlencode
 
 from hardcore.crisis.heads import KEY_BYTES_MAX, Header, RequestDigest, RequestHead
 from hardcore.crisis.receipts import Wish
-from hardcore.crisis.routing import OWN_PAGES, OWN_PREFIX
+from hardcore.crisis.routing import OWN_PAGES, OWN_PREFIX, is_admin
 
 KEY_FIELD: Final = "_idempotency_key"
 #: The kind of form whose key can be read. One with a file in it is not kept: it is sent again by whoever has the file.
@@ -173,7 +173,7 @@ def _kind_of(head: RequestHead) -> str:
 
 def _checked(key: str | None, path: str, kind: str, body: bytes, back: str) -> KeptForm | None:
     own = path.split("?", 1)[0].encode("latin-1", "replace")
-    ours = own in OWN_PAGES or own.startswith(OWN_PREFIX)
+    ours = own in OWN_PAGES or own.startswith(OWN_PREFIX) or is_admin(own)
     if key is None or not is_key(key) or not is_own_path(path) or ours:
         return None
     return KeptForm(key, path, kind, body, back if is_own_path(back) else "/")

@@ -18,6 +18,7 @@ class Route(Enum):
     STATUS = "answer how things stand"
     OWN = "answer with a file or a page of our own"
     RECEIPT = "tell of a promise, take one up, or hear a person's word on it"
+    ADMIN = "pass it on to the investigators"
     DRILL = "ask the guard to break the core, in a demo"
     FORWARD = "send it to the serving core"
     HOLD = "keep it until a core serves"
@@ -31,6 +32,13 @@ OWN_PREFIX = b"/__hc/"
 DRILL_PREFIX = b"/__hc/drill/"
 RECEIPT_PREFIX = b"/__hc/receipts/"
 KEEP_PATH = b"/__hc/keep"
+#: The investigators' pages, and everything under them.
+ADMIN_PATH = b"/admin"
+
+
+def is_admin(path: bytes) -> bool:
+    """Whether a path is the investigators'."""
+    return path.startswith(ADMIN_PATH) and path[len(ADMIN_PATH) :][:1] in {b"", b"/"}
 
 
 def route(path: bytes, posture: Face, *, leaving: bool) -> Route:
@@ -41,6 +49,8 @@ def route(path: bytes, posture: Face, *, leaving: bool) -> Route:
         if path == KEEP_PATH or path.startswith(RECEIPT_PREFIX):
             return Route.RECEIPT
         return Route.DRILL if path.startswith(DRILL_PREFIX) else Route.OWN
+    if is_admin(path):
+        return Route.ADMIN
     if leaving:
         return Route.CLOSE
     match posture:

@@ -21,7 +21,7 @@ from hardcore.crisis.live import LIVE_PATH, Live
 from hardcore.crisis.mishap import contained
 from hardcore.crisis.outlook import Outlook
 from hardcore.crisis.problems import Outcome, Problem
-from hardcore.crisis.routing import OWN_PREFIX
+from hardcore.crisis.routing import OWN_PREFIX, is_admin
 from hardcore.crisis.tunnel import Tunnel
 from hardcore.model.phases import Face
 
@@ -80,7 +80,7 @@ class Sockets:
         if head.path == LIVE_PATH:
             self._live.join(socket)
             return
-        if head.path.startswith(OWN_PREFIX):
+        if head.path.startswith(OWN_PREFIX) or is_admin(head.path):
             socket.refuse(pages.problem(Problem.NOT_FOUND, head.accept_language))
             return
         tunnel = Tunnel(self._loop, socket, self, self._limits, self._now_ns)
