@@ -31,6 +31,7 @@ class Trigger(StrEnum):
     HOLD = "hold"
     DISCARD = "discard"
     UNDO = "undo"
+    RELEASED = "released"  # a row of a file: its rule is gone, and a person imports the file again
 
 
 _Q, _H, _G, _R, _D = (
@@ -52,6 +53,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_Q, _T.HOLD): _H,
     (_Q, _T.DISCARD): _D,
     (_Q, _T.UNDO): "letter_not_discarded",
+    (_Q, _T.RELEASED): _D,
     (_H, _T.RETRY): _G,
     (_H, _T.CONFIRMED): _R,
     (_H, _T.DECLINED): _H,
@@ -60,6 +62,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_H, _T.HOLD): "letter_held",
     (_H, _T.DISCARD): _D,
     (_H, _T.UNDO): "letter_not_discarded",
+    (_H, _T.RELEASED): _D,
     (_G, _T.RETRY): "letter_busy",
     (_G, _T.CONFIRMED): _R,
     (_G, _T.DECLINED): _Q,
@@ -68,6 +71,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_G, _T.HOLD): "letter_busy",
     (_G, _T.DISCARD): "letter_busy",
     (_G, _T.UNDO): "letter_busy",
+    (_G, _T.RELEASED): _D,
     (_R, _T.RETRY): "letter_resolved",
     (_R, _T.CONFIRMED): _R,
     (_R, _T.DECLINED): _R,
@@ -79,6 +83,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_R, _T.HOLD): "letter_resolved",
     (_R, _T.DISCARD): "letter_resolved",
     (_R, _T.UNDO): "letter_resolved",
+    (_R, _T.RELEASED): _R,
     (_D, _T.RETRY): "letter_discarded",
     (_D, _T.CONFIRMED): _R,
     (_D, _T.DECLINED): _D,
@@ -87,6 +92,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_D, _T.HOLD): "letter_discarded",
     (_D, _T.DISCARD): "letter_discarded",
     (_D, _T.UNDO): _Q,
+    (_D, _T.RELEASED): _D,
 }
 
 #: How long a discard can be taken back.

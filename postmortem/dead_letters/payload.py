@@ -9,6 +9,7 @@ import base64
 import json
 from collections.abc import Iterator, Mapping
 from decimal import Decimal, InvalidOperation
+from math import isfinite
 from typing import Any, Final
 from urllib.parse import parse_qsl
 
@@ -67,9 +68,15 @@ def decoded(case: Mapping[str, Any]) -> Any:
         except ValueError:
             return text
     try:
-        return json.loads(text)
+        return json.loads(text, parse_float=_number, parse_constant=str)
     except (ValueError, RecursionError):
         return text
+
+
+def _number(text: str) -> float | str:
+    """A number, or its text where it is too large to be one: JSON has no infinity to write it back with."""
+    value = float(text)
+    return value if isfinite(value) else text
 
 
 def _is_form(case: Mapping[str, Any]) -> bool:

@@ -68,7 +68,7 @@ def write(spool: Path, kind: str, fields: Mapping[str, Any]) -> Path | SpoolFail
         spool.mkdir(mode=0o700, parents=True, exist_ok=True)
         if len(_names(spool)) >= MESSAGES_MAX:
             return SpoolFailed(f"{MESSAGES_MAX} messages wait for the investigators already")
-        path = spool / f"{_id()}.json"
+        path = spool / f"{new_id()}.json"
         placing.replace(spool, path.name, data)
         placing.sync_folder(spool)
     except OSError as error:
@@ -121,7 +121,8 @@ def _names(spool: Path) -> list[str]:
         return [item.name for item in items if _NAME.fullmatch(item.name)]
 
 
-def _id() -> str:
+def new_id() -> str:
+    """A new UUIDv7; of two that one process makes, the later one sorts later."""
     # Version 7 with the clock's next twelve bits after its milliseconds (RFC 9562, 6.2): messages of one
     # millisecond keep their order too, and a letter's second attempt is not read before its first.
     ms, rest_ns = divmod(time.time_ns(), 1_000_000)

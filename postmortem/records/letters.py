@@ -128,7 +128,7 @@ def put(connection: Connection, letter_id: str, **columns: Any) -> None:
 
 def put_dry_run(connection: Connection, letter_id: str, found: DryRun) -> None:
     """Note what a throw-away core said, as the letter's newest word and as one more attempt."""
-    put(connection, letter_id, dry_run=json.dumps(asdict(found), ensure_ascii=False))
+    put(connection, letter_id, dry_run=json.dumps(asdict(found)))
     detail = found.why or (f"status {found.status}" if found.status is not None else "")
     add_attempt(connection, letter_id, Attempt(found.at, "dry-run", found.ordeal, None, detail))
 

@@ -13,7 +13,7 @@ from sqlalchemy import Connection, RowMapping, delete, func, insert, or_, select
 
 from postmortem.dead_letters.slip import DrillSlip
 from postmortem.records import stories
-from postmortem.records.tables import AUDIT, BULK_ITEMS, BULKS, DRILLS, INCIDENTS, LETTERS, PROPOSALS
+from postmortem.records.tables import AUDIT, BULK_ITEMS, BULKS, DRILLS, INCIDENTS, LETTERS, PROPOSALS, WORDS
 from postmortem.views import Act, LetterState, ProposalState, Refusal
 
 INCIDENTS_MAX: Final = 10_000
@@ -37,6 +37,14 @@ _DECISIONS: Final[dict[tuple[ProposalState, str], ProposalState]] = {
     (ProposalState.ACCEPTED, "revoke"): ProposalState.REVOKED,
     (ProposalState.DONE, "revoke"): ProposalState.OPEN,
 }
+
+
+def secret(connection: Connection, made: str) -> str:
+    """The word that every form of ours carries; `made` becomes it where there is none yet."""
+    found = connection.execute(select(WORDS.c.value).where(WORDS.c.name == "secret")).scalar()
+    if found is None:
+        connection.execute(insert(WORDS).values(name="secret", value=made))
+    return made if found is None else found
 
 
 def add_act(connection: Connection, act: Act) -> None:

@@ -107,7 +107,7 @@ class Archive:
         hits = self._read_hits()
         with self._records.reading() as connection:
             found = connection.execute(asked).mappings().all()
-        return [rows.proposal(row, *hits.get(row["rule_id"] or row["id"], (0, None))) for row in found]
+        return [rows.proposal(row, *hits.get(row["rule_id"], (0, None))) for row in found]
 
     def letters(self, wanted: Filter, limit: int, cursor: str = "") -> Page:
         """Letters, newest first."""
@@ -208,6 +208,11 @@ def letter_row(connection: Connection, letter_id: str) -> RowMapping | None:
     """The row of a letter by any of its numbers, or None."""
     named = select(ALIASES.c.letter).where(ALIASES.c.id == letter_id).scalar_subquery()
     return connection.execute(select(LETTERS).where(LETTERS.c.id == named)).mappings().first()
+
+
+def proposal_row(connection: Connection, proposal_id: str) -> RowMapping | None:
+    """The row of a proposal, or None."""
+    return connection.execute(select(PROPOSALS).where(PROPOSALS.c.id == proposal_id)).mappings().first()
 
 
 def letters_where(wanted: Filter) -> list[ColumnElement[bool]]:

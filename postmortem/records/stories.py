@@ -44,20 +44,26 @@ class Story:
     proposals: tuple[Proposed, ...]
 
 
-def put(connection: Connection, story: Story) -> bool:
-    """Write an incident; False: it stands there just so."""
+def marks(connection: Connection) -> dict[str, str]:
+    """What each incident's folder looked like when it was read last, by the incident's id."""
+    return {row.id: row.mark for row in connection.execute(select(INCIDENTS.c.id, INCIDENTS.c.mark))}
+
+
+def put(connection: Connection, story: Story, mark: str) -> bool:
+    """Write an incident, read from a folder that looked like `mark`; False: it stands there just so."""
     digest = placing.digest(repr(story).encode())
     columns = INCIDENTS.c
     before = connection.execute(
         select(columns.digest, columns.fingerprint).where(columns.id == story.line.id)
     ).first()
     if before is not None and before.digest == digest:
+        connection.execute(update(INCIDENTS).where(columns.id == story.line.id).values(mark=mark))
         return False
     if before is None:
-        connection.execute(insert(INCIDENTS).values(**_row(story.line), back=False, digest=digest))
+        connection.execute(insert(INCIDENTS).values(**_row(story.line), back=False, digest=digest, mark=mark))
     else:
         changed = update(INCIDENTS).where(columns.id == story.line.id)
-        connection.execute(changed.values(**_row(story.line), digest=digest))
+        connection.execute(changed.values(**_row(story.line), digest=digest, mark=mark))
     _put_accounts(connection, story.line)
     _put_proposals(connection, story)
     moved = before is None or before.fingerprint != story.line.fingerprint
@@ -205,4 +211,4 @@ def _standing_after(
 
 
 def _json(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False, sort_keys=True)
+    return json.dumps(value, sort_keys=True)

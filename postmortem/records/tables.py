@@ -50,6 +50,7 @@ INCIDENTS: Final = Table(
     Column("drill", String),
     Column("back", Boolean, nullable=False),  # its group had been called fixed before it
     Column("digest", String, nullable=False),  # of all the above: equal ones are not written again
+    Column("mark", String, nullable=False),  # of its folder, when it was read last
     Index("incidents_in_order", "opened_at", "id"),
     Index("incidents_of_group", "fingerprint", "opened_at"),
     Index("incidents_by_diagnosis", "diagnosis", "opened_at"),

@@ -1,0 +1,90 @@
+"""The archive's values as the JSON that programs rely on: the API of `/admin/api/` and `hardcore dlq --json`."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from frontend import catalogue_letters as texts
+from postmortem.views import Group, Letter, Page, Proposal, Refusal
+
+#: Refusals that are about what is not there, what must be said better, and who is away; all others are conflicts.
+_STATUSES: Mapping[str, int] = {
+    "reason_needed": 422,
+    "verb_unknown": 422,
+    "nothing_matches": 422,
+    "too_many": 422,
+    "not_readable": 400,
+    "not_found": 404,
+    "ledger_away": 503,
+    "guard_away": 503,
+    "outcome_unknown": 503,
+}
+
+
+def letter(one: Letter, lang: str) -> dict[str, Any]:
+    """A letter in a list. `attempts`: how many deaths and tries are known of it."""
+    return {
+        "id": one.id,
+        "command_id": one.command_id,
+        "idempotency_key": one.idempotency_key,
+        "kind": one.kind,
+        "source": one.source,
+        "reason": one.reason,
+        "sentence": texts.told("reason", one.reason, lang),
+        "next_step": texts.told("next", one.reason, lang),
+        "accounts": list(one.account_ids),
+        "attempts": len(one.attempts),
+        "deaths": one.deaths,
+        "incident_ids": list(one.incident_ids),
+        "state": str(one.state),
+        "quarantined_at": one.quarantined_at,
+        "transaction_id": one.transaction_id,
+        "method": one.method,
+        "path": one.path,
+        "sums": list(one.sums),
+        "note": one.note,
+        "discarded_because": one.discarded_because,
+        "dry_run": asdict(one.dry_run) if one.dry_run is not None else None,
+    }
+
+
+def whole_letter(one: Letter, lang: str) -> dict[str, Any]:
+    """A letter with all that is known of it."""
+    return {
+        **letter(one, lang),
+        "name": one.name,
+        "fingerprint": one.fingerprint,
+        "payload": one.payload,
+        "row": dict(one.row) if one.row is not None else None,
+        "seq": one.seq,
+        "history": [asdict(attempt) for attempt in one.attempts],
+    }
+
+
+def proposal(one: Proposal) -> dict[str, Any]:
+    """A proposal."""
+    return {**asdict(one), "state": str(one.state)}
+
+
+def group(one: Group) -> dict[str, Any]:
+    """A group of equal deaths."""
+    return {**asdict(one), "standing": str(one.standing)}
+
+
+def page(found: Page, told: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+    """A piece of a list."""
+    return {"items": [told(one) for one in found.items], "total": found.total, "next_cursor": found.more}
+
+
+def refusal(one: Refusal, lang: str) -> tuple[int, dict[str, Any]]:
+    """A refusal as the status and the body of an answer."""
+    status = _STATUSES.get(one.code, 404 if one.code.endswith("_unknown") else 409)
+    sentence = texts.refusal(one.code, lang, one.values)
+    return status, {
+        "type": f"/problems/{one.code.replace('_', '-')}",
+        "title": sentence,
+        "status": status,
+        "detail": sentence,
+        "outcome": "unknown" if one.code == "outcome_unknown" else "not_done",
+        **({"values": dict(one.values)} if one.values else {}),
+    }

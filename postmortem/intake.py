@@ -1,0 +1,222 @@
+"""Takes in what the guard leaves: messages of the spool, and incidents' folders that are new or have changed.
+
+Each message is committed together with its own number and removed afterwards, so it counts once, whoever dies
+between. A folder is read when it looks different than when it was read last, and written when it says something else.
+Being told of news was not chosen: the guard must not wait for us, and a glance at two folders costs nothing.
+What can't be read is told and set aside; it never stops what comes after it.
+"""
+
+import logging
+import os
+import uuid
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+from postmortem import bundle, placing, reading
+from postmortem.bundle import Found
+from postmortem.dead_letters import slip as slips
+from postmortem.dead_letters import spool
+from postmortem.dead_letters.spool import Message, Unreadable
+from postmortem.records import letters, log, stories
+from postmortem.records.opening import Records
+from postmortem.records.stories import Proposed, Story
+from postmortem.reports.as_json import as_story
+from postmortem.views import Act, IncidentLine
+
+#: Files that nobody can read, kept for a person; the oldest go.
+UNREADABLE_MAX: Final = 100
+#: Folders read in one look, so that letters never wait for long behind old stories.
+READ_AT_ONCE_MAX: Final = 16
+SUMMARY_MAX: Final = 2_000
+#: The lists of one incident: accounts, and facts that its group is made of.
+LIST_MAX: Final = 64
+
+_LOG: Final = logging.getLogger("postmortem.intake")
+
+
+@dataclass(frozen=True, slots=True)
+class Intake:
+    """The two places that are looked at, and the archive that it goes into."""
+
+    records: Records
+    spool: Path
+    incidents: Path
+
+    def look(self) -> int:
+        """Take in what is new; return how much of it there was. Raises what the archive raises."""
+        return self.take_spool() + self.take_incidents()
+
+    def take_spool(self) -> int:
+        """Take in every message that waits, the oldest first; return how many."""
+        taken = 0
+        for found in spool.read_all(self.spool):
+            told = _told(found) if isinstance(found, Message) else found
+            if isinstance(told, Unreadable):
+                self._set_aside(told)
+            else:
+                self._commit(found.path.stem, told)
+                with suppress(OSError):  # it stays and is known: removed some other time
+                    found.path.unlink(missing_ok=True)
+            taken += 1
+        return taken
+
+    def take_incidents(self) -> int:
+        """Take in incidents that are new or have changed, the newest first, a bounded number; return how many."""
+        with self.records.reading() as connection:
+            known = stories.marks(connection)
+        changed = ((found, mark) for found, mark in self._folders() if known.get(found.id) != mark)
+        taken = 0
+        for (found, mark), _ in zip(changed, range(READ_AT_ONCE_MAX), strict=False):
+            story = read_story(found)
+            with self.records.writing() as connection:
+                stories.put(connection, story, mark)
+            taken += 1
+        return taken
+
+    def _folders(self) -> Iterator[tuple[Found, str]]:
+        seen: set[str] = set()
+        for found in bundle.find_bundles(self.incidents):
+            if found.id in seen:
+                continue  # the half one beside a whole one
+            seen.add(found.id)
+            with suppress(OSError):
+                about = found.path.lstat()
+                yield found, f"{about.st_ino}:{about.st_mtime_ns}:{found.partial:d}"
+
+    def _commit(self, message: str, told: "_Told") -> None:
+        with self.records.writing() as connection:
+            if letters.is_taken(connection, message):
+                return
+            match told:
+                case slips.LetterSlip():
+                    letters.take(connection, told)
+                case slips.DrillSlip():
+                    log.add_drill(connection, message, told)
+                case slips.ActSlip():
+                    act = Act(told.at, told.who or "?", told.verb, told.what, told.reason, "")
+                    log.add_act(connection, act)
+
+    def _set_aside(self, found: Unreadable) -> None:
+        """Keep what can't be read for a person, and say so in the audit log."""
+        _LOG.warning("%s of the spool could not be read: %s", found.path.name, found.reason)
+        corner = self.spool / "unreadable"
+        with self.records.writing() as connection:
+            told = Act(
+                placing.now(), "investigator", "unreadable", found.path.name, found.reason, "set aside"
+            )
+            log.add_act(connection, told)
+        try:
+            corner.mkdir(mode=0o700, exist_ok=True)
+            found.path.rename(corner / found.path.name)
+            with os.scandir(corner) as items:
+                names = sorted(item.name for item in items)
+            for name in names[:-UNREADABLE_MAX]:
+                (corner / name).unlink(missing_ok=True)
+        except OSError as error:
+            # It must not be looked at for ever: what can be neither read nor moved is removed.
+            _LOG.warning("%s could not be set aside: %s", found.path.name, placing.words(error))
+            with suppress(OSError):
+                found.path.unlink(missing_ok=True)
+
+
+_Told = slips.LetterSlip | slips.DrillSlip | slips.ActSlip
+
+
+def _told(message: Message) -> _Told | Unreadable:
+    match message.kind:
+        case "letter":
+            return slips.letter(message.fields) or Unreadable(
+                message.path, "a letter without an id or a name"
+            )
+        case "drill":
+            return slips.drill(message.fields)
+        case "act":
+            return slips.act(message.fields)
+        case _:
+            return Unreadable(message.path, "of no kind that is known here")
+
+
+def read_story(found: Found) -> Story:
+    """Return an incident as its folder says it now; one that defeats its reader is an incident all the same."""
+    try:
+        return story_of(found, as_story(reading.read_report(found), "en"))
+    except Exception:  # noqa: BLE001  # the reason stands below
+        # Whatever a rule of ours does not survive came out of a folder that anybody may have filled: the incident
+        # has to be on the list, and the fault in our log.
+        _LOG.exception("incident %s could not be understood", found.id)
+        return story_of(found, {})
+
+
+def story_of(found: Found, told: Mapping[str, Any]) -> Story:
+    """Return what the archive keeps of an incident; `told`: its report, in which anything may be missing."""
+    unread = {"ko": "이 사고의 기록을 읽지 못했어요.", "en": "The record of this incident could not be read."}
+    summary = _texts(told.get("summaries")) or unread
+    line = IncidentLine(
+        id=found.id,
+        opened_at=_text(told.get("opened_at")) or _begun(found),
+        closed_at=_text(told.get("closed_at")) or None,
+        diagnosis=_text(told.get("diagnosis")) or "UNKNOWN",
+        grade=_text(told.get("grade")) or "unknown",
+        summary=summary,
+        outcome=_text(told.get("outcome")) or "open",
+        outage_ms=_number(told.get("outage_ms")),
+        detected_ms=_number(told.get("detected_ms")),
+        fingerprint=_text(told.get("fingerprint")) or f"unread-{found.id}",
+        account_ids=_list(told.get("account_ids")),
+        planned=told.get("planned") is True,
+        drill=_text(told.get("drill")) or None,
+    )
+    title = _texts(told.get("title")) or summary
+    proposals = told.get("proposals")
+    made = map(_proposed, proposals[:LIST_MAX] if isinstance(proposals, list) else [])
+    return Story(line, title, _list(told.get("why")), tuple(one for one in made if one is not None))
+
+
+def _proposed(told: object) -> Proposed | None:
+    if not isinstance(told, dict) or not (text := _texts(told.get("text"))):
+        return None
+    rule = told.get("rule")
+    return Proposed(
+        kind=_text(told.get("kind")) or "person",
+        text=text,
+        rule=rule if isinstance(rule, dict) else None,
+        tested=_text(told.get("tested")) or None,
+    )
+
+
+def _begun(found: Found) -> str:
+    """When an incident that does not say it began: its id's own time, else its folder's."""
+    try:
+        at_s = (uuid.UUID(found.id).int >> 80) / 1000
+        told = datetime.fromtimestamp(at_s, UTC)
+    except (ValueError, OverflowError, OSError):
+        try:
+            told = datetime.fromtimestamp(found.path.lstat().st_mtime, UTC)
+        except (OSError, OverflowError, ValueError):
+            told = datetime.fromtimestamp(0, UTC)
+    return told.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _text(given: object) -> str:
+    if not isinstance(given, str):
+        return ""
+    return given[:SUMMARY_MAX].encode("utf-8", "backslashreplace").decode()
+
+
+def _texts(given: object) -> dict[str, str]:
+    told = given if isinstance(given, Mapping) else {}
+    return {lang: text for lang in ("ko", "en") if (text := _text(told.get(lang)))}
+
+
+def _list(given: object) -> tuple[str, ...]:
+    told = given[:LIST_MAX] if isinstance(given, list | tuple) else []
+    return tuple(text for one in told if (text := _text(one)))
+
+
+def _number(given: object) -> float | None:
+    fits = isinstance(given, int | float) and not isinstance(given, bool) and abs(given) < 1e15
+    return float(given) if fits and isinstance(given, int | float) else None
