@@ -1,8 +1,8 @@
 """The court: who is on trial, and what comes of it, as one pure value.
 
 A death convicts nobody. It makes suspects; each is tried once in a throw-away core, and only doing it again there
-makes it a poison. Everything unclear (a trial that could not be held, one that somebody ended from outside, slowness
-where the death was none) is tried once more and then left to a person, never called poison. Not chosen: strikes,
+makes it a poison. Everything unclear (a trial that could not be held, one that somebody ended from outside, a first slowness)
+is tried once more and then left to a person, never called poison. Not chosen: strikes,
 counted by command (they convicted 79 innocents in 150 deaths), and trials in the core that serves (a poison would cost
 it two deaths).
 
@@ -33,7 +33,7 @@ from hardcore.model.trials import (
     TryLog,
 )
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
-from hardcore.recovery.letters import HANGS, is_its_own, letter
+from hardcore.recovery.letters import is_its_own, letter
 from hardcore.recovery.register import Death, Register
 
 #: Cases of one death come within milliseconds of each other: they are waited for, so that they share one court.
@@ -111,10 +111,10 @@ class Court:
                     given += self._acquit(calm, Ordeal.UNTRIED, "a core died without it", now_ns)
         return given
 
-    def suspect_log(self, death: Death, after_seq: int) -> Orders:
-        """Have the events after `after_seq` tried for this death, before anybody else."""
+    def suspect_log(self, death: Death, after_seq: int, now_ns: int) -> Orders:
+        """Have the events after `after_seq` tried for this death, before anybody else and at once."""
         self.log, self.log_after = death, after_seq
-        return self._end(death.at_ns) if self.docket is not None and not self.docket.log else []
+        return self._end(now_ns) if self.docket is not None and not self.docket.log else []
 
     def filed(self, name: str, source: str, digest: str, now_ns: int) -> Orders:
         """The request of `name` is on the disk, and whoever sent it waits."""
@@ -155,6 +155,8 @@ class Court:
         docket, self.docket = self.docket, None
         if docket is None:
             return []
+        if docket.log and (fault or docket.ending):
+            self.log = None  # it was not tried: the next such death may have it tried
         given: Orders = []
         for one in self._open(docket.names):
             if one.name in docket.doubted:
@@ -173,7 +175,8 @@ class Court:
                 given += self.over("it did not end", now_ns, new_id)
             else:
                 given += self._time_is_over(now_ns, new_id)
-        given += self._dismiss_company(now_ns) + self._doubt_log()
+        given += self._dismiss_company(now_ns)
+        self._doubt_log()
         if self.docket is None and self.log_after is not None:
             after, self.log_after = self.log_after, None
             self.docket = Docket((), self._due_ns(now_ns), log=True)
@@ -217,8 +220,8 @@ class Court:
             return self._survived(one, fact.at_ns, new_id)
         if not is_its_own(fact):
             return self._unclear(one, fact.why or "its trial was ended from outside", fact.at_ns, new_id)
-        if fact.ordeal is Ordeal.HUNG and one.blame not in HANGS and not one.hung:
-            # Slow is not guilty: once more. It stays on the docket, so that the court's end counts the try.
+        if fact.ordeal is Ordeal.HUNG and not one.hung:
+            # Slow is not guilty: once more, in another core. It stays on the docket, so that the court's end counts the try.
             self.register.put(dataclasses.replace(one, hung=True, why="its trial took too long"))
             return []
         return self._convict(one, fact.ordeal, fact.at_ns, new_id)
@@ -268,6 +271,8 @@ class Court:
 
     def _tried_log(self, fact: Tried, new_id: Callable[[], str]) -> Orders:
         death = self.log
+        if fact.ordeal is Ordeal.UNTRIED or (fact.ordeal is Ordeal.DIED and not is_its_own(fact)):
+            self.log = None  # it was not tried, as in `over`
         if death is None or fact.seq is None or fact.seq in self.register.parked or not is_its_own(fact):
             return []
         found = Suspect(
@@ -317,15 +322,15 @@ class Court:
             (one.incident, one.company) == place and (not one.open or one.tries > 0) for one in self.register
         )
 
-    def _doubt_log(self) -> Orders:
-        """Try the log for a death that no trial has explained."""
+    def _doubt_log(self) -> None:
+        """Have the log tried for a death that no trial has explained, once the court is free."""
         death = self.doubt
         if death is None or any(one.open and one.waits and one.at_ns == death.at_ns for one in self.register):
-            return []
+            return
         self.doubt = None
         known = self.log is not None and self.log.incident == death.incident
-        explained = known or self.register.explains(death.at_ns)
-        return [] if explained else self.suspect_log(death, self.register.settled_seq)
+        if not (known or self.register.explains(death.at_ns)):
+            self.log, self.log_after = death, self.register.settled_seq
 
     def _time_is_over(self, now_ns: int, new_id: Callable[[], str]) -> Orders:
         """The court has been silent for longer than a case may take: what it had not tried counts as not tried."""

@@ -51,7 +51,7 @@ def fell(c: Course, trouble: Trouble, now_ns: int, *, planned: bool) -> None:
     ended = c.there and c.reader is None and blame in _OF_THE_LOG
     if fall.booting and ended and not _tried_in(c, c.story.id):
         death = Death(now_ns, c.story.id, c.blame)
-        give(c, c.court.suspect_log(death, 0), now_ns)
+        give(c, c.court.suspect_log(death, 0, now_ns), now_ns)
 
 
 def read(
@@ -84,7 +84,7 @@ def read(
         if fall.early:
             given = c.court.clear(now_ns)
             if not _tried_in(c, c.story.id):
-                given += c.court.suspect_log(death, c.court.register.settled_seq)
+                given += c.court.suspect_log(death, c.court.register.settled_seq, now_ns)
             give(c, given, now_ns)
     _keep(c)
 

@@ -10,17 +10,6 @@ from hardcore.model.trials import REPRODUCED, Letter, Ordeal, Reason, Suspect, T
 from hardcore.model.verdicts import Diagnosis
 from hardcore.sentinel.deaths import own_fault
 
-#: Deaths of a core that hung: slowness on trial is the same thing done again.
-HANGS = frozenset(
-    {
-        Diagnosis.LOOP_BLOCKED,
-        Diagnosis.SPINNING,
-        Diagnosis.GIL_HELD,
-        Diagnosis.DEADLOCK,
-        Diagnosis.TRANSACTION_TIMEOUT,
-    }
-)
-
 
 def is_its_own(fact: Tried) -> bool:
     """Whether what was seen on trial was the case's own doing."""

@@ -55,8 +55,10 @@ class Register:
             self.put(dataclasses.replace(one, at_ns=min(one.at_ns, now_ns), waits=True))
         self.settled_seq, self.parked, self.changed = memory.settled_seq, memory.parked, True
         for name in names:
-            if name not in self.by_key:
-                self.put(Suspect(name, "", deaths=0, at_ns=now_ns))
+            old = self.by_key.get(name, Suspect(name, "", deaths=0, ordeal=Ordeal.UNTRIED))
+            if not (old.open or old.letter):  # it may have been cleared, and have been run again since
+                again = dataclasses.replace(old, ordeal=None, filed=False, waits=True, company=False)
+                self.put(dataclasses.replace(again, at_ns=now_ns, tries=0, hung=False))
         self._bound(now_ns)
 
     def accuse(self, death: Death, touched: Iterable[CommandNote], company: Iterable[CommandNote]) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING, Phase, Wanted
+from hardcore.model.trials import SetAside
 from hardcore.model.verdicts import Colour, Diagnosis
 from hardcore.recovery import transitions, trial
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
@@ -18,6 +19,7 @@ from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.transitions import Step, Trigger
 from tests.simulation import laws
 from tests.simulation.conditions import WELL
+from tests.simulation.judges import Judges
 from tests.simulation.laws import Broken, hold
 from tests.simulation.looks import BEAT_NS, seen_of
 from tests.simulation.machine import COMMIT_FAILED, CORRUPT, LOCKED, NO_ROOM, Life, Stage
@@ -64,6 +66,7 @@ class Checkers:
         self.given_up: set[str] = set()
         self._deaths_ns: list[int] = []
         self._drill_ns = -DRILL_NS
+        self.judges = Judges(world)
         self._forget_guard()
 
     def _forget_guard(self) -> None:
@@ -93,6 +96,7 @@ class Checkers:
     def began(self, guard: "Guard") -> None:
         """A sentinel begins: nothing of its predecessor's is held against it but what is on disk."""
         del guard
+        self.judges.began()
         self._forget_guard()
 
     def guard_died(self) -> None:
@@ -127,7 +131,7 @@ class Checkers:
                 if self._phase in SERVING or self._phase not in {Phase.FATAL, Phase.STOPPED}:
                     self._passed_on_seq = max(self._passed_on_seq, fact.witness.seq)
             case _:
-                pass
+                self.judges.heard(fact)
 
     def _heard_exit(self, guard: "Guard", fact: seen.CoreExited) -> None:
         hold(fact.life not in self._exited, "a core ends once")
@@ -270,9 +274,12 @@ class Checkers:
 
     def ordered(self, guard: "Guard", action: orders.Action) -> None:
         """Each order is right at the moment it is given."""
+        self.judges.ordered(action)
         match action:
             case orders.Spawn():
                 self._spawn(guard, action)
+            case SetAside() if not action.letter.held and self._deaths_ns:
+                self._deaths_ns.pop()  # what it explains is not held against anybody
             case orders.SpawnSpare():
                 self._spawn_spare(guard, action)
             case orders.Promote():
@@ -450,8 +457,13 @@ class Checkers:
         """The gateway runs a lost request again."""
         hold(not request.suspect or request.excused, f"suspect {request.command_id} is run again")
 
+    def forwarded(self, request: "Request") -> None:
+        """The gateway sends a request to a core."""
+        self.judges.forwarded(request)
+
     def at_end(self) -> None:
         """In the quiet at the end everything is as wanted, told and true."""
+        self.judges.at_end()
         world, guard = self.world, self.world.guard
         living = self._living()
         if world.disk_wanted is Wanted.DOWN:
@@ -475,7 +487,7 @@ class Checkers:
 
     def _incidents_at_end(self) -> None:
         for guard in self.world.guards:
-            for name in guard.ids:
+            for name in [one for one in guard.ids if one not in self.judges.letters]:
                 done = name in self.closed or name in self.given_up
                 here = guard is self.world.guard
                 damaged = guard.phase in SERVING and Diagnosis.STORE_CORRUPT in self.world.truths

@@ -12,7 +12,8 @@ from hardcore.model.recorder import CommandNote, SlotStage
 from tests.simulation import conditions
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import Condition
-from tests.simulation.machine import BootPlan, Harm, Stage
+from tests.simulation.machine import BootPlan, Stage
+from tests.simulation.poison import POISON
 from tests.simulation.senses_faults import SENSES_CRISIS, SENSES_LOAD
 from tests.simulation.spare_faults import SPARE_CRISIS, SPARE_LOAD, operator_asks
 from tests.simulation.store import Disk, Rot
@@ -297,15 +298,6 @@ def _drill(world: World) -> None:
         world.clock.after(2 * MS, lambda: _ends(signal=6)(world))
 
 
-def _poison(harm: Harm) -> Fault:
-    def fault(world: World) -> None:
-        for n in range(world.rng.randrange(1, 4)):
-            world.gateway.submit(f"beside-{world.clock.now_ns}-{n}")
-        world.gateway.submit(f"poison-{world.clock.now_ns}", harm=harm)
-
-    return fault
-
-
 def _asks(verb: seen.Verb) -> Fault:
     return lambda world: operator_asks(world, verb)
 
@@ -409,9 +401,6 @@ CRISIS: Mapping[str, Fault] = {
     "guard dies": _guard_dies,
     "guard dies at an order": _guard_dies_at_an_order,
     "drill": _drill,
-    "poison crashes": _poison(Harm.CRASH),
-    "poison exits": _poison(Harm.EXIT),
-    "poison blocks": _poison(Harm.BLOCK),
     "operator stops": _asks(seen.Verb.STOP),
     "operator restarts": _asks(seen.Verb.RESTART),
     "operator restarts hard": _asks(seen.Verb.RESTART_HARD),
@@ -419,6 +408,7 @@ CRISIS: Mapping[str, Fault] = {
     "operator changes his mind": _changes_his_mind,
     **SENSES_CRISIS,
     **SPARE_CRISIS,
+    **POISON,
 }
 
 FAULTS: Mapping[str, Fault] = {**LOAD, **CRISIS}

@@ -19,6 +19,7 @@ from hardcore.recovery.policy import Policy
 from hardcore.recovery.spare import Lack
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import FROZEN, WELL
+from tests.simulation.court import Courtroom
 from tests.simulation.looks import THREADS, beats, notes, page, process
 from tests.simulation.machine import Life, Stage
 from tests.simulation.store import Disk
@@ -70,6 +71,7 @@ class Guard:
         self._found: list[Life] = []
         self._waits_for_leftovers = False
         self._surveyor = Surveyor(self)
+        self.courtroom = Courtroom(self)
         self._one_is_slow = False
         self._ringing_ns: int | None = None
         self._ticking = False
@@ -83,6 +85,12 @@ class Guard:
     def _jitter(self) -> float:
         self.jitters.append(self.world.rng.random())
         return self.jitters[-1]
+
+    @property
+    def last_incident(self) -> str:
+        """The incident that was opened last; a letter's number is none."""
+        letters = self.world.checkers.judges.letters
+        return next((name for name in reversed(self.ids) if name not in letters), "")
 
     @property
     def works(self) -> bool:
@@ -243,7 +251,7 @@ class Guard:
         A damaged ledger is read until a person comes: no tick changes that.
         """
         world, store = self.world, self.world.store
-        open_ = bool(self.ids) and self.ids[-1] not in world.checkers.closed
+        open_ = self.last_incident not in {"", *world.checkers.closed}
         damaged = self._damaged
         return bool(
             life.condition is not WELL
@@ -334,6 +342,8 @@ class Guard:
                 self._with(number, lambda life: self._set_safe(life, action))
             case orders.CloseIncident() | orders.AddAudit() | orders.Alert():
                 pass  # the checkers have looked at it
+            case _:
+                self.courtroom.carry_out(action)
 
     def _end(self) -> None:
         """End as asked, but not before the hands have finished."""

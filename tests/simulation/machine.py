@@ -18,6 +18,7 @@ from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
 from tests.simulation.clock import NS_PER_MS, Clock
 from tests.simulation.conditions import FROZEN, WELL, Condition
+from tests.simulation.harms import Harm
 from tests.simulation.store import REFUSALS, Disk, Rot, Store
 
 if TYPE_CHECKING:  # the workload knows the machine; the machine only hands its requests around
@@ -34,15 +35,6 @@ RSS_BYTES = 61 << 20
 STATUS_LOST = 0.02
 #: What a death from inside makes suspect.
 TOUCHED = frozenset({SlotStage.DECIDING, SlotStage.WRITING})
-
-
-class Harm(Enum):
-    """What a poisonous command does to the core that decides it."""
-
-    NONE = "none"
-    CRASH = "crash"
-    EXIT = "exit"
-    BLOCK = "block"
 
 
 class Stage(Enum):
@@ -296,6 +288,9 @@ class Life:
         if self.plan.fails_at is Stage.FENCED and not self.unfenced:
             self._fail()
             return
+        if self.world.store.kills and not self.unfenced:
+            self.die(seen.Exit(signal=11))
+            return
         if self.world.store.rot is Rot.HEAD and not self.unfenced:
             self.die(seen.Exit(code=CORRUPT), "STORE_CORRUPT")
             return
@@ -364,6 +359,9 @@ class Life:
 
     def _write(self, request: "Request") -> None:
         self._reach(request, SlotStage.WRITING)
+        request.written(self)
+        if not self.alive:
+            return
         if self.condition.lies:
             request.lied_to = True
             self.claimed_seq = max(self.claimed_seq, len(self.world.store.commits)) + 1
@@ -456,6 +454,7 @@ class Life:
 
     def _answer(self, request: "Request") -> None:
         del self.slots[request.command_id]
+        request.finished(self)
         self.completed += 1
         self.completed_ns = self.world.clock.now_ns
         if not request.lied_to:

@@ -46,7 +46,14 @@ class Store:
     stalled_ns: int = 0
     holder: seen.LockHolder | None = None
     rot: Rot = Rot.NONE
+    lethal: set[int] = field(default_factory=set)  # whoever starts from these events crashes
+    parked: set[int] = field(default_factory=set)  # they are left out
     waiting: list[Callable[[], None]] = field(default_factory=list)
+
+    @property
+    def kills(self) -> bool:
+        """Whether a core that starts from it crashes."""
+        return bool(self.lethal - self.parked)
 
     @property
     def blocked(self) -> bool:

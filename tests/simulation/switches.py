@@ -48,6 +48,17 @@ class Order(Enum):
     LATE = "late"
 
 
+class Trying(Enum):
+    """How the next court goes."""
+
+    HELD = "held"
+    HANGS = "it never says anything"
+    DIES = "it ends in the middle"
+    UNTRIED = "nobody can be tried"
+    KILLED = "each core in it is killed from outside"
+    SLOW = "each case is slow, once"
+
+
 @dataclass(slots=True)
 class Switches:
     """See the module. `tick_late_ns`: the guard's ticks come up to so much late for a while.
@@ -67,6 +78,8 @@ class Switches:
     safe_orders: deque[Order] = field(default_factory=deque)
     spare_plans: deque[BootPlan] = field(default_factory=deque)
     drains: deque[Draining] = field(default_factory=deque)
+    trials: deque[Trying] = field(default_factory=deque)
+    trials_failed: bool = False  # some court went badly
     looking: Looking = Looking.WORKS
     #: What a small write of the guard's own takes.
     own_write_ns: int = NS_PER_MS
@@ -79,6 +92,7 @@ class Switches:
             prepared.clear()
         self.spare_plans.clear()
         self.drains.clear()
+        self.trials.clear()
         self.failing_spawns, self.tick_late_ns, self.orders_until_death = 0, 0, None
         self.own_write_ns, self.unseen_until_ns = NS_PER_MS, 0
 
@@ -121,6 +135,12 @@ class Switches:
     def taking(self) -> Taking:
         """How taking the next evidence goes."""
         return self.evidence.popleft() if self.evidence else Taking.IN_TIME
+
+    def trying(self) -> Trying:
+        """How the next court goes."""
+        trying = self.trials.popleft() if self.trials else Trying.HELD
+        self.trials_failed = self.trials_failed or trying not in {Trying.HELD, Trying.SLOW}
+        return trying
 
     def safe_order(self) -> Order:
         """How the next order to read only goes."""

@@ -14,9 +14,11 @@ from hardcore.model import observations as seen
 from hardcore.model.actions import Release
 from hardcore.model.phases import Face
 from hardcore.model.recorder import Witness
+from hardcore.model.trials import CaseFiled, SuspectsSettled
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import BLOCKED_TIMER
-from tests.simulation.machine import TOUCHED, Harm, Life
+from tests.simulation.harms import Harm
+from tests.simulation.machine import TOUCHED, Life
 
 if TYPE_CHECKING:  # the world owns the gateway
     from tests.simulation.world import World
@@ -24,6 +26,7 @@ if TYPE_CHECKING:  # the world owns the gateway
 HOLD_NS = 10 * NS_PER_S
 UPSTREAM_NS = 30 * NS_PER_S
 REQUESTS_MAX = 64
+LATER_NS = 150 * NS_PER_MS
 
 
 class At(Enum):
@@ -32,6 +35,7 @@ class At(Enum):
     HELD = "held"
     FORWARDED = "forwarded"
     LOST = "lost"
+    ON_TRIAL = "on trial"
     SETTLED = "settled"
 
 
@@ -60,8 +64,8 @@ class Request:
 
     @property
     def key_hash(self) -> str:
-        """What the recorder shows of the key."""
-        return f"hash of {self.key}" if self.keyed else ""
+        """What the recorder shows of the key, or the name that the gateway made for it."""
+        return f"hash of {self.key}" if self.keyed else f"name of {self.number}"
 
     @property
     def kind(self) -> str:
@@ -79,8 +83,20 @@ class Request:
             case Harm.BLOCK:
                 life.befall(BLOCKED_TIMER)
                 life.world.worry()
-            case Harm.NONE:
+            case Harm.NONE | Harm.WRITE | Harm.LATER | Harm.LOG:
                 pass
+
+    def written(self, life: Life) -> None:
+        """A core writes it."""
+        if self.harm is Harm.WRITE:
+            life.die(seen.Exit(signal=11))
+
+    def finished(self, life: Life) -> None:
+        """A core answers it."""
+        if self.harm is Harm.LATER:
+            life.world.clock.after(LATER_NS, lambda: life.die(seen.Exit(signal=11)))
+        elif self.harm is Harm.LOG and not self.lied_to:
+            life.world.store.lethal.add(life.world.store.keys[self.key])
 
 
 class Gateway:
@@ -93,6 +109,8 @@ class Gateway:
         self.released = False  # any face but FORWARD takes it back
         self.requests: list[Request] = []
         self.open: list[Request] = []
+        self.suspects: frozenset[str] = frozenset()
+        self.nameless: list[Request] = []
 
     # ---- clients ----
 
@@ -108,6 +126,10 @@ class Gateway:
     def _route(self, request: Request) -> None:
         if self.face in {Face.REFUSE, Face.CLOSED}:
             self.settle(request, "not_done")
+        elif request.key_hash in self.world.set_aside:
+            self.settle(request, "set_aside")
+        elif self.released and request.key_hash in self.suspects:
+            self._bring_to_court(request)  # it came again
         elif self.released and self.serving is not None and self.serving.alive:
             self._forward(request)
         else:
@@ -117,6 +139,7 @@ class Gateway:
     def _forward(self, request: Request) -> None:
         assert self.serving is not None, "nothing is forwarded to nobody"
         life = self.serving
+        self.world.checkers.forwarded(request)
         request.tries += 1
         request.at, request.life = At.FORWARDED, life
         life.on_loop(lambda: self._arrives(request, life))
@@ -131,6 +154,8 @@ class Gateway:
             self.settle(request, "not_done")
         elif request.at is At.LOST:
             self.settle(request, "unknown")
+        elif request.at is At.ON_TRIAL:
+            self.settle(request, "not_done")  # it was looked up, and is not run any more
 
     def _upstream_is_over(self, request: Request, life: Life) -> None:
         if request.at is At.FORWARDED and request.life is life:
@@ -184,7 +209,7 @@ class Gateway:
         """A core's connections broke."""
         inside = life.inside
         for slot in life.slots.values():
-            if inside and slot.stage in TOUCHED and slot.request.keyed:
+            if inside and slot.stage in TOUCHED:
                 slot.request.suspect = True
                 slot.request.excused = life.page_lost or life.status_lost
         for request in [r for r in self.open if r.at is At.FORWARDED and r.life is life]:
@@ -193,6 +218,7 @@ class Gateway:
                 self.world.clock.after(HOLD_NS, partial(self._hold_is_over, request))
             else:
                 self.settle(request, "unknown")
+                self.nameless.append(request)  # tried, and never run again
 
     # ---- the feed ----
 
@@ -215,8 +241,14 @@ class Gateway:
         for request in list(self.open):
             if request.at is At.LOST:
                 self._after_death(request, order)
+            elif request.at is At.ON_TRIAL:
+                self._bring_to_court(request)  # who began the court may be gone
             elif request.at is At.HELD:
                 self._route(request)
+        for request in self.nameless:
+            if request.key_hash in order.suspects:
+                self._file(request)
+        self.nameless.clear()
         at_ns = self.world.clock.now_ns + 3 * NS_PER_MS
         if life.alive:
             self.world.to_guard(seen.FirstServed(at_ns, order.epoch))
@@ -226,11 +258,44 @@ class Gateway:
 
     def _after_death(self, request: Request, order: Release) -> None:
         if request.key_hash in order.suspects:
-            request.suspect = True  # looked up after the fence: the answer is true for ever
-            self.settle(request, "done" if request.key in self.world.store.keys else "not_done")
+            self._bring_to_court(request)
             return
         self.world.checkers.replayed(request)
         self._route(request)
+
+    # ---- suspects ----
+
+    def _bring_to_court(self, request: Request) -> None:
+        """Look a suspect up; if the ledger lacks it, its case is filed, and it waits."""
+        request.suspect = True  # looked up after the fence: the answer is true for ever
+        now_ns = self.world.clock.now_ns
+        if request.key in self.world.store.keys:
+            self.settle(request, "done")
+            self.world.to_guard(SuspectsSettled(now_ns, (request.key_hash,)))
+            return
+        if request.at is not At.ON_TRIAL:
+            request.at = At.ON_TRIAL
+            self.world.clock.after(HOLD_NS, partial(self._hold_is_over, request))
+        self._file(request)
+
+    def _file(self, request: Request) -> None:
+        self.world.cases[request.key_hash] = request
+        self.world.to_guard(CaseFiled(self.world.clock.now_ns, request.key_hash, f"peer:{request.key}"))
+
+    def acquitted(self, name: str, *, run: bool) -> None:
+        """The guard says what becomes of a suspect."""
+        for request in [r for r in self.open if r.key_hash == name and r.at is At.ON_TRIAL]:
+            if run:
+                request.at, request.suspect = At.HELD, False
+                self._route(request)
+            else:
+                self.settle(request, "not_done")
+
+    def set_aside(self, name: str) -> None:
+        """The guard says that this is refused from now on."""
+        for request in [r for r in self.open if r.key_hash == name]:
+            if request.at in {At.ON_TRIAL, At.HELD}:
+                self.settle(request, "set_aside")
 
     def renewed(self) -> None:
         """A new guard has ended this gateway and started another: its clients lost their connections."""

@@ -9,6 +9,7 @@ from random import Random
 
 from hardcore.model import observations as seen
 from hardcore.model.phases import Wanted
+from hardcore.model.trials import CourtMemory, Letter
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
 from tests.simulation.checkers import Checkers
@@ -47,6 +48,10 @@ class World:
         self.held_into_the_quiet = False
         self.disk_wanted = Wanted.UP
         self.disk_deaths_ns: tuple[int, ...] = ()
+        self.disk_court: CourtMemory | None = None
+        self.cases: dict[str, Request] = {}  # on the disk
+        self.set_aside: dict[str, Letter] = {}
+        self.slowed: set[str] = set()  # whom a trial found slow for no fault of theirs
         self.slept_ns = self.wall_shift_ns = 0
         self.truths: dict[Diagnosis, int] = {}
         self.spoilt = Spoilt()
@@ -91,7 +96,8 @@ class World:
         own = page(found) if found is not None else None
         suspects = self._suspected(before) if before is not None and self.warm else ()
         since_ns = found.served_ns if found is not None else None
-        guard.hear(seen.SentinelBegan(self.clock.now_ns, others, last, own, suspects, since_ns))
+        began = seen.SentinelBegan(self.clock.now_ns, others, last, own, suspects, since_ns, self.disk_court)
+        guard.hear(began)
 
     def _adoptable(self, before: Guard) -> Life | None:
         """The core that serves under the highest epoch of all pages, and that nobody had begun to end."""
