@@ -71,6 +71,9 @@ class Cases:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="cases") if folder is not None else None
         self._sizes: dict[str, int] = {}  # of what lies there, by name
         self._coming: dict[str, int] = {}  # of what is being written
+        self._early: set[str] | None = (
+            None if folder is None else set()
+        )  # suspects named before the folder was read
         self._tasks: set[asyncio.Task[None]] = set()
 
     def start(self) -> None:
@@ -81,9 +84,13 @@ class Cases:
     async def _begin(self, folder: Path) -> None:
         found = await self._loop.run_in_executor(self._thread, _swept, folder, time.time() - KEPT_S)
         self._sizes = found | self._sizes
+        early, self._early = self._early or set(), None
+        self.tell(early)
 
     def tell(self, names: Collection[str]) -> None:
         """These are suspects: say which of them have their case, to a guard that may not have heard it."""
+        if self._early is not None:
+            self._early.update(names)
         for name in names:
             if name in self._sizes:
                 self._filed(name)

@@ -1,0 +1,312 @@
+"""Suspects in the gateway: looked up, tried, run once or never; and what the quarantine refuses at the door."""
+
+import base64
+import contextlib
+import json
+import socket
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.contract.gateway_world import Call, Client, Core, World, key_hash, silent, world
+from tests.contract.receipts_world import FORM, LOOK_UP, TAB, Ledger, kill, name_of, sent
+from tests.waiting import until
+
+BODY = b'{"account":"assets:cash"}'
+PATH = "/api/ledger/t"
+KEY = "Idempotency-Key: "
+LETTER = "01939f00-0000-7000-8000-00000000abcd"
+
+
+@contextlib.contextmanager
+def trying(folder: Path, **limits: int) -> Iterator[World]:
+    """A world whose gateway keeps cases and goes by rules."""
+    (folder / "state").mkdir(exist_ok=True)
+    options = ("--state", str(folder / "state"), "--receipts", str(folder / "receipts.db"))
+    with world(
+        folder, *options, **{"hold_ms": 20_000, "probe_ms": 20, "receipt_pause_ms": 20, **limits}
+    ) as w:
+        yield w
+
+
+@pytest.fixture
+def w(tmp_path: Path) -> Iterator[World]:
+    with trying(tmp_path) as made:
+        yield made
+
+
+def rules(w: World, serial: int, *, told: bool = True, **fields: Any) -> None:
+    """The guard writes its file, and says so."""
+    made = {"version": 1, "serial": serial, "rules": [], "suspects": [], "sources": [], **fields}
+    (w.folder / "state" / "quarantine.json").write_text(json.dumps(made))
+    if told:
+        w.feed.say("quarantine", serial=serial)
+
+
+def a_letter(**fields: Any) -> dict[str, Any]:
+    return {"id": LETTER, "type": "letter", "name": "0" * 32, "digest": None, "fingerprint": None, **fields}
+
+
+def case_of(w: World, name: str) -> Any:
+    """The case that the gateway has told of."""
+    w.feed.wait("case", lambda line: line["name"] == name)
+    return json.loads((w.folder / "state" / "cases" / f"{name}.json").read_text())
+
+
+def verdict(w: World, name: str, outcome: str, letter: str | None = None) -> None:
+    w.feed.say("verdict", name=name, outcome=outcome, letter=letter, reason=None)
+
+
+def on_trial(
+    w: World, *headers: str, ledger: Ledger | None = None, body: bytes = BODY
+) -> tuple[Client, Core, Ledger]:
+    """A request under the key `a` that a core died of, and that the next core does not have."""
+    core = w.serving(silent)
+    client = w.client().ask("POST", PATH, KEY + "a", *headers, body=body)
+    core.wait(PATH)
+    w.die(core)
+    ledger = ledger or Ledger()
+    second = w.core(2, ledger)
+    w.feed.serve(second, incident="i1", suspects=(key_hash("a"),))
+    case_of(w, key_hash("a"))
+    return client, second, ledger
+
+
+def test_a_suspect_runs_once_when_its_trial_has_cleared_it(w: World) -> None:
+    client, core, ledger = on_trial(w, "Cookie: __hc=me; sid=secret", "Authorization: Basic secret")
+    case = case_of(w, key_hash("a"))
+    assert "secret" not in json.dumps(case)
+    assert case["source"].startswith("browser:")
+    assert (case["key"], case["digest"]) == ("a", name_of("POST", PATH, BODY))
+    assert case["case"]["name"] == case["name"] == key_hash("a")
+    request = case["case"]["request"]
+    assert (request["method"], request["path"]) == ("POST", PATH)
+    assert base64.b64decode(request["body"]) == BODY
+    assert sent(core, "a") == []
+    verdict(w, key_hash("a"), "cleared")
+    assert client.read().status == 201
+    assert ledger.booked == ["a"]
+    until(lambda: not list((w.folder / "state" / "cases").glob("*.json")), "its case to go")
+
+
+@pytest.mark.parametrize("outcome", ["convicted", "held"])
+def test_a_suspect_that_is_set_aside_is_told_its_number_and_never_runs(w: World, outcome: str) -> None:
+    client, core, _ = on_trial(w)
+    verdict(w, key_hash("a"), outcome, LETTER)
+    answer = client.read()
+    assert (answer.status, answer.json()["type"]) == (422, "/problems/set-aside")
+    assert (answer.json()["outcome"], answer.json()["letter"]) == ("not_done", LETTER)
+    again = w.ask("POST", PATH, KEY + "a", body=BODY)  # the rule is not written yet: the verdict counts
+    assert (again.status, again.json()["letter"]) == (422, LETTER)
+    assert sent(core, "a") == []
+
+
+def test_a_suspect_of_which_nothing_more_is_expected_was_not_done(w: World) -> None:
+    client, core, _ = on_trial(w)
+    verdict(w, key_hash("a"), "dropped")
+    answer = client.read()
+    assert (answer.status, answer.json()["outcome"]) == (503, "not_done")
+    assert sent(core, "a") == []
+
+
+def test_a_suspect_whose_time_is_over_never_runs_by_us_whatever_its_verdict(tmp_path: Path) -> None:
+    with trying(tmp_path, hold_ms=1_500) as w:
+        client, core, _ = on_trial(w)
+        answer = client.read()
+        assert (answer.status, answer.json()["outcome"]) == (503, "not_done")
+        verdict(w, key_hash("a"), "cleared")
+        assert w.ask("GET", "/x").status == 200
+        assert sent(core, "a") == []
+        assert w.ask("POST", PATH, KEY + "a", body=BODY).status == 201  # it is the client's to ask again
+
+
+def test_a_suspect_that_the_ledger_has_is_answered_and_settled(w: World) -> None:
+    core = w.serving(silent)
+    client = w.client().ask("POST", PATH, KEY + "a", body=BODY)
+    core.wait(PATH)
+    w.die(core)
+    kept = {"a": (name_of("POST", PATH, BODY), 201, {"id": "t-a"})}
+    w.feed.serve(w.core(2, Ledger(kept=kept)), incident="i1", suspects=(key_hash("a"),))
+    assert client.read().status == 201
+    assert w.feed.wait("settled")[0]["names"] == [key_hash("a")]
+
+
+def test_the_death_of_another_core_means_nothing_to_whoever_is_on_trial(w: World) -> None:
+    client, second, ledger = on_trial(w)
+    w.die(second)
+    w.feed.wait("holding", count=2)
+    third = w.core(3, ledger)
+    w.feed.serve(third, incident="i2")
+    assert w.ask("GET", "/x").status == 200
+    assert third.targets() == ["/x"]  # nobody asks about it once more
+    verdict(w, key_hash("a"), "cleared")
+    assert client.read().status == 201
+    assert ledger.booked == ["a"]
+
+
+def test_a_verdict_while_no_core_serves_is_kept_for_the_next_one(w: World) -> None:
+    client, second, ledger = on_trial(w)
+    w.die(second)
+    w.feed.wait("holding", count=2)
+    verdict(w, key_hash("a"), "cleared")
+    w.feed.serve(w.core(3, ledger), incident="i2")
+    assert client.read().status == 201
+    assert ledger.booked == ["a"]
+
+
+def test_a_suspect_that_is_sent_again_is_looked_up_and_waits_for_the_same_trial(w: World) -> None:
+    first, core, ledger = on_trial(w)
+    second = w.client().ask("POST", PATH, KEY + "a", body=BODY)
+    core.wait(LOOK_UP + "a", 2)
+    w.wait_held(2)
+    assert sent(core, "a") == []
+    verdict(w, key_hash("a"), "cleared")
+    assert (first.read().status, second.read().status) == (201, 201)
+    assert ledger.booked == ["a"]
+
+
+def test_a_gateway_that_dies_in_the_middle_of_a_trial_loses_no_suspect(w: World) -> None:
+    _, core, ledger = on_trial(w)
+    kill(w)
+    w.start()
+    w.feed.wait_subscribed(2)
+    w.feed.serve(core, incident="i1", suspects=(key_hash("a"),))
+    w.feed.wait("case", count=2)  # what lies there is told to whoever may not have heard it
+    client = w.client().ask("POST", PATH, KEY + "a", body=BODY)
+    core.wait(LOOK_UP + "a", 2)
+    w.wait_held(1)
+    assert sent(core, "a") == []
+    verdict(w, key_hash("a"), "convicted", LETTER)
+    assert client.read().json()["letter"] == LETTER
+    assert sent(core, "a") == []
+    assert ledger.booked == []
+
+
+def test_a_request_without_a_key_has_a_name_is_filed_and_never_runs_again(w: World) -> None:
+    core = w.serving(silent)
+    client = w.client().ask("POST", PATH, "X-Request-Name: " + "f" * 32, body=BODY)
+    (call,) = core.wait(PATH)
+    names = [value for name, value in call.request.headers if name == "X-Request-Name"]
+    assert len(names) == 1
+    assert names[0] != "f" * 32
+    w.die(core)
+    assert client.read().json()["outcome"] == "unknown"
+    second = w.core(2, Ledger())
+    w.feed.serve(second, incident="i1", suspects=(names[0],))
+    case = case_of(w, names[0])
+    assert (case["key"], case["source"]) == (None, "peer:127.0.0.1")
+    verdict(w, names[0], "cleared")
+    assert w.ask("GET", "/x").status == 200
+    assert second.targets() == ["/x"]
+
+
+def test_a_suspect_whose_client_has_left_is_tried_all_the_same(w: World) -> None:
+    core = w.serving(silent)
+    client = w.client().ask("POST", PATH, KEY + "a", body=BODY)
+    core.wait(PATH)
+    client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    client.close()
+    core.calls.all()[0].wait_closed()
+    w.die(core)
+    second = w.core(2, Ledger())
+    w.feed.serve(second, incident="i1", suspects=(key_hash("a"),))
+    assert case_of(w, key_hash("a"))["key"] == "a"
+    verdict(w, key_hash("a"), "cleared")
+    assert w.ask("GET", "/x").status == 200
+    assert sent(second, "a") == []
+
+
+def test_a_form_waits_for_its_verdict_on_the_page_that_sent_it(w: World) -> None:
+    body = b"_idempotency_key=a&amount=1"
+    client, core, _ = on_trial(w, FORM, TAB, "Accept-Language: ko", body=body)
+    verdict(w, key_hash("a"), "convicted", LETTER)
+    page = client.read()
+    assert page.status == 422
+    assert "이 요청은 따로 보관했어요" in page.body.decode()
+    assert "번호: 0000abcd" in page.body.decode()
+    assert [call.request.method for call in core.calls.all()] == ["GET"]
+
+
+def test_what_touches_a_suspects_account_waits_for_its_verdict_in_its_order(w: World) -> None:
+    client, _, ledger = on_trial(w)
+    w.feed.say("suspects", keys=[key_hash("a")], account_ids=["assets:cash"])
+    w.feed.wait("case", count=2)
+    mine = [w.client().ask("POST", PATH, KEY + key, body=BODY) for key in ("b",)]
+    w.wait_held(2)
+    mine.append(w.client().ask("PUT", "/api/ledger/accounts/assets%3Acash", KEY + "c", body=b"{}"))
+    w.wait_held(3)
+    assert w.ask("POST", PATH, KEY + "d", body=b'{"account":"assets:bank"}').status == 201
+    assert w.ask("GET", "/api/ledger/accounts/assets:cash").status == 200
+    assert ledger.booked == ["d"]
+    verdict(w, key_hash("a"), "cleared")
+    assert client.read().status == 201
+    assert [one.read().status for one in mine] == [201, 201]
+    assert sorted(ledger.booked) == ["a", "b", "c", "d"]
+
+
+def test_what_touches_a_suspects_account_does_not_wait_for_ever(tmp_path: Path) -> None:
+    with trying(tmp_path, account_hold_ms=200) as w:
+        _, core, ledger = on_trial(w)
+        w.feed.say("suspects", keys=[key_hash("a")], account_ids=["assets:cash"])
+        w.feed.wait("case", count=2)
+        assert w.ask("POST", PATH, KEY + "b", body=BODY).status == 201
+        assert ledger.booked == ["b"]
+        assert sent(core, "a") == []
+
+
+def test_the_quarantine_refuses_by_name_and_by_digest_before_a_core_sees_it(w: World) -> None:
+    rules(w, 1, told=False, rules=[a_letter(name=key_hash("a"), digest=name_of("POST", PATH, BODY))])
+    core = w.serving(Ledger())
+    by_name = w.ask("POST", PATH, KEY + "a", body=b"{}")
+    by_digest = w.ask("POST", PATH, KEY + "b", body=BODY)
+    by_form = w.ask("POST", PATH, FORM, TAB, body=b"_idempotency_key=a")
+    assert [one.status for one in (by_name, by_digest, by_form)] == [422, 422, 422]
+    assert (by_name.json()["letter"], by_digest.json()["outcome"]) == (LETTER, "not_done")
+    assert core.targets() == []
+    assert w.ask("POST", PATH, KEY + "b", body=b"{}").status == 201
+    hits = w.folder / "state" / "rule_hits.json"
+    until(lambda: hits.exists() and json.loads(hits.read_text())["hits"][LETTER]["count"] >= 1, "the count")
+    rules(w, 2)
+    until(lambda: w.ask("POST", PATH, KEY + "a", body=BODY).status == 201, "the rule to go")
+
+
+def test_hostile_files_leave_the_rules_before_them_in_force(w: World) -> None:
+    rules(w, 1, told=False, rules=[a_letter(name=key_hash("a"))])
+    core = w.serving(Ledger())
+    path = w.folder / "state" / "quarantine.json"
+    for data in (b"", b"{", b"[" * 100_000, b'{"version": 2}', b"\xff\xfe", b'{"version":1,"serial":"9"}'):
+        path.write_bytes(data)
+        w.feed.say("quarantine", serial=2)
+        assert w.ask("POST", PATH, KEY + "a", body=b"{}").status == 422
+    odd = [None, 7, {"id": 5}, {"id": "../x", "type": "letter", "name": key_hash("b")}, {"type": "letter"}]
+    rules(
+        w, 3, rules=[*odd, a_letter(name=key_hash("c"))], suspects=[{"name": 1}], sources=["x", {"source": 1}]
+    )
+    until(lambda: w.ask("POST", PATH, KEY + "c", body=b"{}").status == 422, "the rule that makes sense")
+    assert w.ask("POST", PATH, KEY + "b", body=b"{}").status == 201
+    assert sent(core, "a") == []
+
+
+def test_a_source_that_is_stopped_may_read_and_change_nothing(w: World) -> None:
+    stopped = [{"source": "peer:127.0.0.1", "until": "2099-01-01T00:00:00Z"}]
+    rules(w, 1, told=False, sources=[*stopped, {"source": "peer:::1", "until": "soon"}])
+    core = w.serving(Ledger())
+    refused = w.ask("POST", PATH, KEY + "a", body=BODY)
+    assert (refused.status, refused.json()["type"]) == (429, "/problems/source-stopped")
+    assert int(refused.header("Retry-After") or 0) > 60
+    assert w.ask("GET", "/x").status == 200
+    assert w.ask("POST", PATH, KEY + "a", "Cookie: __hc=other", body=BODY).status == 201
+    assert sent(core, "a") == [PATH]
+
+
+def test_which_rule_a_core_has_refused_by_is_counted_and_not_passed_on(w: World) -> None:
+    def limited(call: Call) -> None:
+        call.answer(429, b"{}", headers=("X-Core-Rule: limit-1",))
+
+    w.serving(limited)
+    assert w.ask("POST", PATH, KEY + "a", body=BODY).header("X-Core-Rule") is None
+    hits = w.folder / "state" / "rule_hits.json"
+    until(lambda: hits.exists() and "limit-1" in json.loads(hits.read_text())["hits"], "the count")
