@@ -120,7 +120,62 @@ TOLD: Final[Mapping[str, Told]] = {
             "Another spare comes. The ledger's server does not notice, and there is no incident.",
         ),
     ),
+    "poison": Told(
+        (
+            "한 요청에 장부 서버를 죽이는 독을 넣어요.",
+            "One request is made to kill whichever server carries it out.",
+        ),
+        (
+            "장부 서버는 한 번만 죽고, 다시 살아나요. 요청은 사본에서 시험해 본 뒤에 따로 보관해요.",
+            "The server dies once and comes back; the request is tried on a copy of the ledger and set aside.",
+        ),
+    ),
+    "restore": Told(
+        (
+            "장부의 새 사본과 가장 새로운 백업을 버릴 폴더에 복원해 봐요.",
+            "A fresh copy of the ledger and the newest backup are restored into a folder that is thrown away.",
+        ),
+        (
+            "둘 다 온전하다고 증명돼요. 장부 서버는 모르고 지나가요.",
+            "Both are proven whole; the server does not notice.",
+        ),
+    ),
 }
+
+#: What is said after a drill that has an end of its own, each (ko, en).
+ENDS: Final[Mapping[str, tuple[str, str]]] = {
+    "poison_kept": (
+        (
+            "약속대로예요. 장부 서버는 한 번만 죽었고, 독이 든 요청은 따로 보관했어요.\n"
+            "보관 번호: {letter}\n사건 번호: {incident}\n{summary}"
+        ),
+        (
+            "As promised: the server died once, and the request is set aside.\n"
+            "Letter: {letter}\nIncident: {incident}\n{summary}"
+        ),
+    ),
+    "poison_other": (
+        "약속과 달라요. 죽은 횟수: {deaths}. 보관 번호: {letter}. 요청의 답: {status}.\n사건 번호: {incident}\n{summary}",
+        (
+            "Not as promised. Deaths: {deaths}. Letter: {letter}. The request was answered {status}.\n"
+            "Incident: {incident}\n{summary}"
+        ),
+    ),
+    "none": ("없음", "none"),
+    "restore_kept": (
+        "약속대로예요. 복원한 장부가 온전해요.",
+        "As promised: what was restored is whole.",
+    ),
+    "restore_other": (
+        "약속과 달라요. 복원하지 못했어요. 이유: {why}",
+        "Not as promised: it could not be restored. {why}",
+    ),
+}
+
+
+def end_words(key: str, lang: str, **values: object) -> str:
+    """Return what is said at the end of such a drill."""
+    return ENDS[key][LANGUAGES.index(lang)].format(**values)
 
 
 def done_words(fault: str, lang: str) -> str:

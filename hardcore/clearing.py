@@ -11,8 +11,8 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 from hardcore.host import clock
-from hardcore.host.lives import Life
-from hardcore.host.processes import Handle
+from hardcore.host.lives import KILL_S, Life
+from hardcore.host.processes import Handle, gone
 from hardcore.model import observations as seen
 
 
@@ -27,6 +27,14 @@ class Clearing:
         self._in_hand = in_hand
         self._waits = False
         self._living = 0
+
+    async def see_off(self, handle: Handle) -> None:
+        """End a process of the earlier guard that nobody hears any more, a court."""
+        try:
+            await self._in_hand(handle.kill_tree)
+            await gone(handle, KILL_S)
+        finally:
+            handle.close()
 
     async def kill(self) -> None:
         """Kill all of them; it is asked again while one does not die, and then only kills again."""

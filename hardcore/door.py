@@ -6,93 +6,38 @@ What the operator wants is on disk before the first signal is sent. The room kno
 """
 
 import asyncio
-import json
 import os
 import re
 import resource
 import time
-from collections.abc import Callable, Coroutine, Mapping
-from pathlib import Path
-from typing import Any, Protocol, assert_never
+from collections.abc import Mapping
+from typing import assert_never
 
 import psutil
 
 from hardcore import standing, status
-from hardcore.control.protocol import PEACE_S, PEACEFUL, Ask, Request, write_line
-from hardcore.court_room import CourtRoom
+from hardcore.breaking import Breaking, ask_core
+from hardcore.control.protocol import Ask, Request
 from hardcore.host import build, clock, leftovers, processes
 from hardcore.host.docket import is_name
-from hardcore.host.folders import Folders
-from hardcore.host.lives import Life
-from hardcore.host.processes import Handle, Identity
+from hardcore.host.processes import Identity
+from hardcore.house import Answer, House, refuse
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.recorder import Witness
 from hardcore.recovery.budget import NS_PER_S
-from hardcore.recovery.drill import DRILL_GRACE_NS
-from hardcore.recovery.policy import Policy, in_full
-from hardcore.recovery.reading import Reading
+from hardcore.recovery.policy import in_full
+from hardcore.rule_desk import RuleDesk
 
-CORE_ANSWER_S = 2.0
 #: A core that does not say at once which code it runs is taken for one of other code.
 BUILD_ASKED_S = 0.5
-#: How long the drill `dblock` keeps the ledger's lock: long enough to be told from a busy moment.
-LOCK_HELD_S = 4
-LINE_BYTES_MAX = 4096
 REQUESTS_MAX = 2048
 #: What code lies on the disk is looked at again for a status after so long: it takes some milliseconds.
 ON_DISK_HOLDS_NS = 5 * NS_PER_S
 LOOKED_FOR_S = 0.2
+#: What an operator does, as opposed to what one asks.
+ACTS = frozenset({Ask.DRILL, Ask.DOWN, Ask.RESTART, Ask.RESUME, Ask.RULE_ADD, Ask.RULE_REMOVE})
 _HASH = re.compile(r"[0-9a-f]{64}")
-Answer = tuple[Mapping[str, object], list[int]]
-
-
-class House(Protocol):
-    """What the door needs of the sentinel around it."""
-
-    folders: Folders
-    policy: Policy
-    listen_fd: int
-    url: str
-    generation: int
-    adopted: bool
-    court: CourtRoom
-
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Start a piece of work that nobody waits for."""
-
-    def feed(self, fact: seen.Observation) -> None:
-        """Give the manager a fact and do what it orders."""
-
-    def reading(self) -> Reading:
-        """Return what the present moment means."""
-
-    def life(self) -> Life | None:
-        """Return the present life of the core."""
-
-    def numbered(self, number: int) -> Life | None:
-        """Return a life by its number, if its process has been made."""
-
-    def gateway(self) -> Handle | None:
-        """Return the present gateway's process."""
-
-    async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
-        """Run blocking work on a hand's thread."""
-
-    async def confine(self, life: Life) -> str | None:
-        """Put the core into a memory cgroup of its own; return why that can't be done here."""
-
-    async def hold_lock(self, seconds: int) -> str | None:
-        """Have another process take the ledger's lock for so long; return why it could not."""
-
-
-def _refuse(code: str, error: str, **values: object) -> Answer:
-    """Say no. The code and its values are for whoever says it in another language."""
-    return {"ok": False, "code": code, "error": error, "values": values}, []
-
-
-def _drill_is_on() -> Answer:
-    return _refuse("drill-under-way", "Another drill is under way. Wait until it is over.")
 
 
 class Door:
@@ -105,8 +50,8 @@ class Door:
         self._verified_ns: int | None = None
         self._launcher = _identity(os.getppid())
         self._stats: dict[str, int] = {}
-        self._preparing = False
-        self._peace_until_ns = 0
+        self._breaking = Breaking(house, lambda: self._stats.get("connections", 0))
+        self._rules = RuleDesk(house)
         self._looking: asyncio.Future[str] | None = None
         self._on_disk = ""
         self._on_disk_ns = -ON_DISK_HOLDS_NS
@@ -114,7 +59,15 @@ class Door:
         self._core_cpu = _CpuMeter()
 
     async def answer(self, request: Request) -> Answer:
-        """Return the answer to one request, and descriptors to send along."""
+        """Return the answer to one request, and descriptors to send along. What was done is told to the investigators."""
+        answer = await self._answer(request)
+        if request.ask in ACTS and answer[0].get("ok") is True and not request.audited:
+            what = request.fault or request.id or str(answer[0].get("id", ""))
+            told = {"who": "cli", "verb": str(request.ask), "what": what, "reason": request.reason}
+            self._house.court.spool("act", told)
+        return answer
+
+    async def _answer(self, request: Request) -> Answer:
         match request.ask:
             case Ask.STATUS:
                 return await self._status(), []
@@ -122,7 +75,7 @@ class Door:
                 self._launcher = _identity(request.pid)  # who asks becomes it
                 return {"ok": True, "url": self._house.url}, [self._house.listen_fd]
             case Ask.DRILL:
-                return await self._drill(request)
+                return await self._breaking.drill(request)
             case Ask.POLICY:
                 return {"ok": True, "policy": in_full(self._house.policy)}, []
             case Ask.DOWN:
@@ -131,6 +84,14 @@ class Door:
                 return await self._restart(request)
             case Ask.RESUME:
                 return await self._resume(request)
+            case Ask.QUARANTINE:
+                return self._rules.shown()
+            case Ask.RULE_ADD:
+                return await self._rules.add(request)
+            case Ask.RULE_REMOVE:
+                return await self._rules.remove(request)
+            case Ask.INVESTIGATE:
+                return await self._rules.investigate()
             case Ask.SUBSCRIBE:
                 raise AssertionError("a subscription is no question")
             case _:
@@ -159,7 +120,7 @@ class Door:
             await self._house.in_hand(standing.store_wanted, self._house.folders, Wanted.DOWN)
         except OSError as error:
             # Stopped without that on disk, the next start of the machine would bring it up again.
-            return _refuse(
+            return refuse(
                 "not-stored",
                 f"That it should stay off can't be written ({error.strerror}). Make room in the data folder "
                 "and try again, or end `hardcore up` with Ctrl-C or SIGTERM.",
@@ -170,7 +131,7 @@ class Door:
         reading = self._house.reading()
         if request.accept_ledger:
             if not reading.in_question:
-                return _refuse(
+                return refuse(
                     "not-in-question",
                     "No ledger is in question: what was last seen of it stays what it has to match.",
                 )
@@ -180,15 +141,13 @@ class Door:
     async def _restart(self, request: Request) -> Answer:
         reading = self._house.reading()
         if request.image and self._house.policy.memory_image == "never":
-            return _refuse(
+            return refuse(
                 "no-image",
                 "The policy in force keeps no memory (`memory_image` is never). Set it to on_request; a changed "
                 "policy is read at the next start.",
             )
         if reading.phase is Phase.UNKILLABLE:
-            return _refuse(
-                "unkillable", "The old core does not die; a second one beside it could lose money."
-            )
+            return refuse("unkillable", "The old core does not die; a second one beside it could lose money.")
         if request.hard:
             return self._order(seen.Verb.RESTART_HARD, request)
         serves, on_disk = await asyncio.gather(self._code_that_serves(), self._code_on_disk())
@@ -201,7 +160,7 @@ class Door:
             return ""
         path = self._house.folders.core_control(life.nonce)
         try:
-            told = await asyncio.wait_for(_ask_core(path, {"verb": "status"}), BUILD_ASKED_S)
+            told = await asyncio.wait_for(ask_core(path, {"verb": "status"}), BUILD_ASKED_S)
         except (OSError, ValueError, TimeoutError):
             return ""
         return str(told.get("build", ""))
@@ -219,104 +178,6 @@ class Door:
         if self._looking is None or self._looking.done():
             self._looking = asyncio.ensure_future(self._code_on_disk())
         await asyncio.wait({self._looking}, timeout=LOOKED_FOR_S)
-
-    async def _drill(self, request: Request) -> Answer:
-        if self._preparing:
-            return _drill_is_on()
-        life = self._fit(request)
-        if not isinstance(life, Life):
-            return life
-        self._preparing = True  # until the manager knows of it: two drills would be told as one
-        try:
-            if request.fault == "spare":
-                return await self._end_spare()
-            return await self._break(request, life)
-        finally:
-            self._preparing = False
-
-    def _fit(self, request: Request) -> Life | Answer:
-        """Return the core to break, or why none can be: what is broken already teaches nothing when broken."""
-        reading, life = self._house.reading(), self._house.life()
-        if not self._house.policy.drills:
-            return _refuse("drills-off", "The policy forbids drills (`drills` is false).")
-        if reading.phase not in {Phase.RUNNING, Phase.SUSPECT} or life is None:
-            return _refuse(
-                "not-running",
-                f"A drill needs a core that runs; it is {reading.phase} now.",
-                phase=reading.phase,
-            )
-        now_ns = clock.now_ns()
-        waits = reading.drill_ns is not None and now_ns - reading.drill_ns <= DRILL_GRACE_NS
-        if waits or now_ns < self._peace_until_ns:
-            return _drill_is_on()
-        if reading.safe is not None:
-            return _refuse("reads-only", "The ledger only reads at present: there is trouble enough.")
-        if reading.incident is not None:
-            return _refuse(
-                "incident-open",
-                f"Incident {reading.incident} is still open. Wait until it is closed.",
-                incident=reading.incident,
-            )
-        others = self._stats.get("connections", 0)
-        if others and not request.yes and request.fault not in PEACEFUL:
-            return _refuse(
-                "others",
-                f"Others are connected ({others}). Add --yes to break the core under them.",
-                count=others,
-            )
-        return life
-
-    async def _break(self, request: Request, life: Life) -> Answer:
-        unable = await self._prepare(request.fault, life)
-        if unable is not None:
-            return _refuse("not-here", unable)
-        fit = self._fit(request)  # again: preparing may take seconds
-        if not isinstance(fit, Life):
-            return fit
-        if fit is not life:
-            return _refuse("core-refused", "The core has changed while its drill was prepared. Ask again.")
-        if request.fault not in PEACEFUL:
-            self._house.feed(seen.DrillStarted(clock.now_ns(), request.fault, life.number))
-        refused = await self._tell_core(life, request.fault)
-        if refused:
-            self._house.feed(seen.DrillStarted(0, "", life.number))
-            return _refuse("core-refused", refused)
-        if request.fault in PEACEFUL:
-            self._peace_until_ns = clock.now_ns() + int(PEACE_S * NS_PER_S)
-        return {"ok": True, "fault": request.fault, "since": clock.wall(clock.now_ns())}, []
-
-    async def _end_spare(self) -> Answer:
-        """Kill the core that waits: nobody but the guard may notice."""
-        reading = self._house.reading()
-        life = self._house.numbered(reading.spare)
-        if not reading.spare_ready or life is None or life.handle is None:
-            why = reading.spare_fault or "it is being started"
-            return _refuse("no-spare", f"There is no spare core that waits ({why}).", why=why)
-        self._house.feed(seen.DrillStarted(clock.now_ns(), "spare", life.number))
-        await self._house.in_hand(life.handle.kill_tree)
-        return {"ok": True, "fault": "spare", "since": clock.wall(clock.now_ns())}, []
-
-    async def _prepare(self, fault: str, life: Life) -> str | None:
-        """Do what a drill needs around the core; return why it can't be done on this machine."""
-        if fault == "oom":
-            return await self._house.confine(life)
-        if fault == "dblock":
-            return await self._house.hold_lock(LOCK_HELD_S)
-        return None
-
-    async def _tell_core(self, life: Life, fault: str) -> str:
-        """Have the core break itself; return why it would not, or an empty text."""
-        path = self._house.folders.core_control(life.nonce)
-        order = {"verb": "drill", "fault": fault, "generation": self._house.generation}
-        if fault == "oom":
-            order["armed"] = True
-        try:
-            told = await asyncio.wait_for(_ask_core(path, order), CORE_ANSWER_S)
-        except (OSError, ValueError, TimeoutError) as error:
-            return f"The core's control socket does not answer ({type(error).__name__})."
-        if not told or told.get("ok") is True:
-            return ""  # without an answer it is gone already: the drill has begun
-        return str(told.get("error", "it gave no reason"))
 
     # ---- what the gateway reports ----
 
@@ -457,17 +318,3 @@ def _living(who: Identity | None) -> int | None:
 
 def _whole(value: object) -> int:
     return value if isinstance(value, int) else 0
-
-
-async def _ask_core(path: Path, order: Mapping[str, object]) -> Mapping[str, object]:
-    """Return what the core answers to an order; nothing if it went without an answer."""
-    reader, writer = await asyncio.open_unix_connection(str(path), limit=LINE_BYTES_MAX)
-    try:
-        writer.write(write_line(order))
-        await writer.drain()
-        answer = json.loads(await reader.readline() or b"{}")
-        return answer if isinstance(answer, dict) else {}
-    except ConnectionError:
-        return {}
-    finally:
-        writer.close()

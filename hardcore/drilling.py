@@ -6,24 +6,34 @@ healthy core look ill, and passes if nobody does anything about it. `spare` kill
 to come, and the one that serves must not notice.
 """
 
+import hashlib
+import json
+import subprocess
 import sys
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
 from frontend.catalogue import spare_lack
-from frontend.catalogue_drills import done_words, promised_words
-from hardcore.asked import LOOK_EVERY_S, Asked, come_back, next_words, operator, status_of
-from hardcore.control.protocol import DRILLS, PEACE_S
+from frontend.catalogue_drills import done_words, end_words, promised_words
+from hardcore.asked import LOOK_EVERY_S, Asked, come_back, next_words, operator, status_of, until
+from hardcore.control.protocol import DRILLS, NAME_DIGITS, PEACE_S
+from hardcore.lines import wrapped
 from hardcore.looking_back import told_incident
+from postmortem.dead_letters import spool
 
 #: The longest way back: a transaction's whole time, a full disk's first tries, a restart and its probation.
 BACK_S = 120.0
 #: A spare starts at low priority and may take as long as any start.
 SPARE_S = 90.0
+#: As long as a gateway holds a request at most, and some more.
+SENT_S = 60.0
+SET_ASIDE = 422
 #: Noticed sooner than this is noticed by no watch: the core has said so itself.
 AT_ONCE_MS = 0.05
 
@@ -49,14 +59,16 @@ PROMISES: Mapping[str, Promise] = {
     "oom": Promise("OUT_OF_MEMORY"),
     "dblock": Promise("DB_LOCKED"),
     "diskfull": Promise("DISK_FULL", "safe_mode"),
+    "poison": Promise("CRASHED"),
 }
 
 
 @click.command()
-@click.argument("fault", metavar="FAULT", type=click.Choice(list(DRILLS)))
+@click.argument("fault", metavar="FAULT", type=click.Choice([*DRILLS, "restore"]))
 @click.option("--yes", is_flag=True, help="Even while others are connected.")
+@click.option("--scheduled", is_flag=True, hidden=True)
 @operator
-def drill(asked: Asked, fault: str, *, yes: bool) -> None:
+def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
     """Break the core on purpose, wait for it to come back, and tell how it went.
 
     \b
@@ -69,33 +81,163 @@ def drill(asked: Asked, fault: str, *, yes: bool) -> None:
     diskfull            the disk takes no write: reads go on, writes wait for room
     gc                  a long garbage collection: nothing may happen
     spare               the core that waits is killed: another comes, nobody notices
+    poison              a request that kills whoever carries it out: one death, then it is set aside
+    restore             a copy and the newest backup are restored and proven; works with everything stopped
     """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
-    first = status_of(asked)
-    before = first.get("last_incident")
-    asked.ask(verb="drill", fault=fault, yes=yes)
+    result = Result(asked, fault, scheduled=scheduled)
     promised = promised_words(fault, asked.lang)
+    if fault == "restore":
+        asked.say("drill_begins", fault=fault, done=done_words(fault, asked.lang), promised=promised)
+        _restores(result)
+        return
+    first = status_of(asked)
+    begun = asked.ask(verb="drill", fault=fault, yes=yes)
     asked.say("drill_begins", fault=fault, done=done_words(fault, asked.lang), promised=promised)
-    if fault == "spare":
-        _another_waits(asked, first)
-        return
-    if fault not in PROMISES:
-        _stays_calm(asked, before)
-        return
-    told = come_back(asked, lambda told: told["last_incident"] != before and told["incident"] is None, BACK_S)
-    if told["last_incident"] == before:
-        asked.fail(asked.words("drill_untold", next=next_words(told, asked.lang)))
-    story = told_incident(asked, str(told["last_incident"]))
-    kept = (story["diagnosis"], story["outcome"]) == (PROMISES[fault].diagnosis, PROMISES[fault].outcome)
-    asked.say(
+    match fault:
+        case "spare":
+            _another_waits(result, first)
+        case "poison":
+            _is_set_aside(result, first, str(begun["key"]))
+        case _ if fault in PROMISES:
+            _comes_back(result, first)
+        case _:
+            _stays_calm(result, first.get("last_incident"))
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What a drill has shown: said to whoever ran it, and kept for the dashboard. `end` and `fail` do not return."""
+
+    asked: Asked
+    fault: str
+    scheduled: bool
+
+    def end(self, told: Mapping[str, Any], sentence: str, *, ok: bool) -> NoReturn:
+        """Tell how it went."""
+        story = told.get("story") or {}
+        self._keep(sentence, story, ok=ok)
+        if not self.asked.json:
+            click.echo(wrapped(sentence))
+        self.asked.tell({"ok": ok, **told})
+        sys.exit(0 if ok else 1)
+
+    def fail(self, sentence: str) -> NoReturn:
+        """Tell that nothing could be shown."""
+        self._keep(sentence, {}, ok=False)
+        self.asked.fail(sentence)
+
+    def _keep(self, sentence: str, story: Mapping[str, Any], *, ok: bool) -> None:
+        kept = spool.write(
+            self.asked.folders.spool,
+            "drill",
+            {
+                "fault": self.fault,
+                "ok": ok,
+                "incident": story.get("id"),
+                "outage_ms": story.get("outage_ms"),
+                "detected_ms": story.get("detected_ms"),
+                "scheduled": self.scheduled,
+                "sentence": sentence,
+            },
+        )
+        if isinstance(kept, spool.SpoolFailed):
+            click.echo(kept.reason, err=True)  # the drill has shown what it shows all the same
+
+
+def _comes_back(result: Result, first: Mapping[str, Any]) -> None:
+    """Wait for the incident of the drill, and hold it against what was promised."""
+    asked, promise = result.asked, PROMISES[result.fault]
+    story = _story_after(result, first)
+    kept = (story["diagnosis"], story["outcome"]) == (promise.diagnosis, promise.outcome)
+    sentence = asked.words(
         "drill_kept" if kept else "drill_other",
-        promised=promised,
+        promised=promised_words(result.fault, asked.lang),
         summary=story["summary"],
         by=asked.words(way_back(story)),
         detected=noticed(asked, story["detected_ms"]),
         incident=story["id"],
     )
-    asked.tell({"ok": kept, "incident": story["id"], "promised": asdict(PROMISES[fault]), "story": story})
-    sys.exit(0 if kept else 1)
+    result.end({"incident": story["id"], "promised": asdict(promise), "story": story}, sentence, ok=kept)
+
+
+def _story_after(result: Result, first: Mapping[str, Any]) -> Mapping[str, Any]:
+    asked, before = result.asked, first.get("last_incident")
+    told = come_back(asked, lambda told: told["last_incident"] != before and told["incident"] is None, BACK_S)
+    if told["last_incident"] == before:
+        result.fail(asked.words("drill_untold", next=next_words(told, asked.lang)))
+    return told_incident(asked, str(told["last_incident"]))
+
+
+def _is_set_aside(result: Result, first: Mapping[str, Any], key: str) -> None:
+    """Send the request that is armed, wait for its verdict, and send it once more: it must be refused by its letter."""
+    asked, promise = result.asked, PROMISES[result.fault]
+    _send(str(first["url"]), key)
+    story = _story_after(result, first)
+    name = hashlib.sha256(key.encode()).hexdigest()[:NAME_DIGITS]
+    letter = ""
+
+    def ruled() -> bool:
+        nonlocal letter
+        rules = asked.ask(verb="quarantine")["quarantine"]["rules"]
+        letter = next((str(rule["id"]) for rule in rules if rule.get("name") == name), "")
+        return bool(letter)
+
+    until(ruled, BACK_S)
+    status = _send(str(first["url"]), key)
+    story = told_incident(asked, str(story["id"]))  # what came of its trial has been added to it
+    deaths = len(story["deaths"])
+    as_promised = (story["diagnosis"], story["outcome"]) == (promise.diagnosis, promise.outcome)
+    kept = as_promised and deaths == 1 and bool(letter) and status == SET_ASIDE
+    sentence = end_words(
+        "poison_kept" if kept else "poison_other",
+        asked.lang,
+        letter=letter or end_words("none", asked.lang),
+        incident=story["id"],
+        summary=story["summary"],
+        deaths=deaths,
+        status=status or end_words("none", asked.lang),
+    )
+    told = {"incident": story["id"], "letter": letter or None, "promised": asdict(promise), "story": story}
+    result.end({**told, "status": status}, sentence, ok=kept)
+
+
+def _send(url: str, key: str) -> int | None:
+    """Send the request of the drill; return what it was answered, None if nobody did."""
+    request = urllib.request.Request(  # noqa: S310  # our own loopback URL
+        f"{url.rstrip('/')}/api/ledger/drill", data=b"", method="POST", headers={"Idempotency-Key": key}
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=SENT_S) as answer:  # noqa: S310  # as above
+            return int(answer.status)
+    except urllib.error.HTTPError as refused:
+        with refused:
+            return refused.code
+    except OSError:
+        return None
+
+
+def _restores(result: Result) -> None:
+    """Have the ledger restored into a folder that is thrown away, by a process of its own."""
+    asked = result.asked
+    argv = [
+        sys.executable,
+        "-I",
+        "-m",
+        "core",
+        "rehearse-restore",
+        "--data",
+        str(asked.folders.data),
+        "--json",
+    ]
+    done = subprocess.run(argv, capture_output=True, text=True, check=False)
+    try:
+        found = json.loads(done.stdout)
+    except ValueError:
+        found = {}
+    ok = done.returncode == 0
+    why = str(found.get("reason") or (done.stderr.strip().splitlines() or [""])[-1])
+    sentence = end_words("restore_kept" if ok else "restore_other", asked.lang, why=why)
+    result.end({"incident": None, "story": None, "restore": found}, sentence, ok=ok)
 
 
 def way_back(story: Mapping[str, Any]) -> str:
@@ -115,35 +257,32 @@ def noticed(asked: Asked, detected_ms: float | None) -> str:
     return asked.words("noticed_after", ms=f"{detected_ms:.1f}")
 
 
-def _stays_calm(asked: Asked, before: object) -> None:
+def _stays_calm(result: Result, before: object) -> None:
     """Watch for a while; the drill has failed if anything was done to the core."""
+    asked = result.asked
     core = status_of(asked)["core"]["pid"]
     give_up_at = time.monotonic() + PEACE_S
     while time.monotonic() < give_up_at:
         told = status_of(asked)
         if told["core"]["pid"] != core or told["last_incident"] != before:
-            asked.fail(asked.words("drill_disturbed"))
+            result.fail(asked.words("drill_disturbed"))
         time.sleep(LOOK_EVERY_S)
-    asked.say("drill_calm")
-    asked.tell({"ok": True, "incident": None, "story": None})
+    result.end({"incident": None, "story": None}, asked.words("drill_calm"), ok=True)
 
 
-def _another_waits(asked: Asked, first: Mapping[str, Any]) -> None:
+def _another_waits(result: Result, first: Mapping[str, Any]) -> None:
     """Watch until another spare is ready; the drill has failed if none comes, or anything was done to the core."""
-    began = time.monotonic()
+    asked, began = result.asked, time.monotonic()
 
     def waits(told: Mapping[str, Any]) -> bool:
         if told["core"]["pid"] != first["core"]["pid"] or told["last_incident"] != first["last_incident"]:
-            asked.fail(asked.words("drill_disturbed"))
+            result.fail(asked.words("drill_disturbed"))
         if told["spare_lack"] is not None:
-            asked.fail(
-                asked.words(
-                    "drill_spareless", why=spare_lack(told["spare_lack"], asked.lang, told["spare_off"])
-                )
-            )
+            why = spare_lack(told["spare_lack"], asked.lang, told["spare_off"])
+            result.fail(asked.words("drill_spareless", why=why))
         spare = told["spare"]
         return bool(spare and spare["ready"] and spare["pid"] != first["spare"]["pid"])
 
     told = come_back(asked, waits, SPARE_S)
-    asked.say("drill_spared", seconds=f"{time.monotonic() - began:.1f}")
-    asked.tell({"ok": True, "incident": None, "story": None, "spare": told["spare"]["pid"]})
+    sentence = asked.words("drill_spared", seconds=f"{time.monotonic() - began:.1f}")
+    result.end({"incident": None, "story": None, "spare": told["spare"]["pid"]}, sentence, ok=True)

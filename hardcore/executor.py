@@ -21,8 +21,8 @@ from hardcore.handover import Handover
 from hardcore.host import clock, deaths, lives, logs, memory, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import CoreLimits, Life, Terms
-from hardcore.host.processes import Handle
 from hardcore.host.steps import Steps
+from hardcore.investigating import Investigators
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.reporting import have_report
@@ -79,7 +79,7 @@ class Executor:
         self.halted = asyncio.Event()
         self.steps = Steps(folders, generation, still_ours, self._unwritten)
         self._keeping = asyncio.Lock()
-        self._clearing = Clearing(tell, self.in_hand)
+        self.clearing = Clearing(tell, self.in_hand)
         self.pool = ThreadPoolExecutor(THREADS_MAX, thread_name_prefix="hand")
         self._folders = folders
         self._tell = tell
@@ -93,8 +93,8 @@ class Executor:
         self._making: set[str] = set()
         self._adopted_in = ""
         self._tasks: set[asyncio.Task[None]] = set()
-        report = functools.partial(have_report, self, folders)
-        self.filing = Filing(folders.incidents, self, report, shelter=folders.shelter)
+        self.investigators = Investigators(folders, self)
+        self.filing = Filing(folders.incidents, self, self._report, shelter=folders.shelter)
         self.serving: tuple[dict[str, object], ...] = ()
         self._taking = Taking(self, folders, tell, self._handover.calm, bounds.image if bounds else None)
         doors = Doors(tell, publish, self._controls, self._handover.calm, self.filing.add_trials)
@@ -152,7 +152,7 @@ class Executor:
         """Wait for what is under way, but not for ever; a hand that hangs in the kernel ends with the process."""
         loop = asyncio.get_running_loop()
         give_up_at = loop.time() + FINISH_S
-        await self.court.stop()
+        await asyncio.gather(self.court.stop(), self.investigators.stop())
         while self._tasks and loop.time() < give_up_at:
             await asyncio.wait(self._tasks, timeout=give_up_at - loop.time())
         for task in self._tasks:
@@ -309,14 +309,6 @@ class Executor:
         self._tell(seen.SpawnFailed(clock.now_ns(), life.number, why))
         self.begin(self._kill(orders.Kill(life.number)))
 
-    async def see_off(self, handle: Handle) -> None:
-        """End a process that an earlier guard left and nobody waits for."""
-        try:
-            await self.in_hand(handle.kill_tree)
-            await processes.gone(handle, lives.KILL_S)
-        finally:
-            handle.close()
-
     async def _halt(self) -> None:
         """End whoever still lives (a spare, who was left behind), and only then let the guard end."""
         left = [life for life in self.lives.values() if not life.ended and life.handle is not None]
@@ -387,11 +379,11 @@ class Executor:
 
     async def _kill_leftovers(self) -> None:
         await self.in_hand(self.mark, "adopt")
-        await self._clearing.kill()
+        await self.clearing.kill()
 
     def inherit(self, leftovers: tuple[Life, ...], adoptable: Life | None) -> None:
         """Take what an earlier guard left: what is to be ended, and a core that may be gone on with."""
-        self._clearing.leftovers = leftovers
+        self.clearing.leftovers = leftovers
         self.adoptable = adoptable
         self.steps.condemn(*(life.nonce for life in leftovers))
 
@@ -436,6 +428,11 @@ class Executor:
         evidence = self._taking.close(incident.id)
         await self.filing.close(incident, *self._whose(incident), evidence)
         self.steps.forget(incident.id)
+
+    async def _report(self, folder: Path) -> None:
+        """Have the report of an incident made, and then whoever shows it woken."""
+        await have_report(self, self._folders, folder)
+        self.begin(self.investigators.wake())
 
     def _whose(self, incident: orders.Incident) -> tuple[int | None, str]:
         life = self.lives.get(incident.life)

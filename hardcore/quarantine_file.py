@@ -33,6 +33,7 @@ _ACCOUNTS_MAX = 16
 _A_MINUTE_MAX = 1_000_000
 _BODY_BYTES_MAX = 1 << 30
 _DEADLINE_MS_MAX = 86_400_000
+_SEQ_MAX = 2**63 - 1
 
 Rule = Mapping[str, Any]
 
@@ -182,10 +183,10 @@ def judge(wish: object, new_id: str) -> Rule | str:
             if not _within(wish.get("limit_ms"), 1, _DEADLINE_MS_MAX):
                 return f"limit_ms is a whole number from 1 to {_DEADLINE_MS_MAX}."
             return {"id": new_id, "type": "deadline", "kind": wish["kind"], "limit_ms": wish["limit_ms"]}
-        case "letter":
-            return _letter(wish)
+        case "letter" | "parked":
+            return _put_back(wish)
         case _:
-            return "The type of a rule is fingerprint, limit, deadline or letter."
+            return "The type of a rule is fingerprint, limit, deadline, letter or parked."
 
 
 def _limit(wish: Mapping[str, Any], new_id: str) -> Rule | str:
@@ -207,19 +208,23 @@ def _limit(wish: Mapping[str, Any], new_id: str) -> Rule | str:
     }
 
 
-def _letter(wish: Mapping[str, Any]) -> Rule | str:
+def _put_back(wish: Mapping[str, Any]) -> Rule | str:
     """Judge a letter's rule that is put back: a retry had taken it away."""
-    accounts = wish.get("account_ids")
+    parked, accounts = wish["type"] == "parked", wish.get("account_ids")
     if not _is_id(wish.get("id")):
         return "The rule of a letter bears the letter's number as its id."
+    if not isinstance(accounts, list) or len(accounts) > _ACCOUNTS_MAX or not all(map(_is_account, accounts)):
+        return f"account_ids is a list of at most {_ACCOUNTS_MAX} accounts."
+    if parked:
+        if not _within(wish.get("seq"), 1, _SEQ_MAX):
+            return "seq is the number of the event."
+        return {"id": wish["id"], "type": "parked", "seq": wish["seq"], "account_ids": accounts}
     if not _hex(wish.get("name"), "name"):
         return "The name of a letter has 32 hexadecimal digits."
     if any(wish.get(one) is not None and not _hex(wish[one], "digest") for one in ("digest", "fingerprint")):
         return "The digest and the fingerprint have 64 hexadecimal digits each, or are null."
     if wish.get("reason") not in set(Reason):
         return "The reason is none that a letter can have."
-    if not isinstance(accounts, list) or len(accounts) > _ACCOUNTS_MAX or not all(map(_is_account, accounts)):
-        return f"account_ids is a list of at most {_ACCOUNTS_MAX} accounts."
     kept = {one: wish.get(one) for one in ("id", "name", "digest", "fingerprint", "reason")}
     return {"type": "letter", **kept, "account_ids": accounts}
 

@@ -81,7 +81,7 @@ class Runtime:
             standing.bounds(self.policy),
         )
         self.senses = self.executor.senses
-        self.court = self.executor.court
+        self.court, self.investigators = self.executor.court, self.executor.investigators
         self.begin = self.executor.begin
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
         self.door = Door(self)
@@ -135,8 +135,9 @@ class Runtime:
         self.executor.filing.left_open = str(setup.noted["id"]) if stops(setup.noted) else ""
         self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned, setup.noted))
         for handle in found.courts:
-            self.executor.begin(self.executor.see_off(handle))
-        court = self.executor.court.take_up(setup.aside, setup.court, setup.court_since)
+            self.executor.begin(self.executor.clearing.see_off(handle))
+        self.investigators.inherit(found.investigators)
+        court = self.court.take_up(setup.aside, setup.court, setup.court_since)
         self.feed(
             seen.SentinelBegan(
                 clock.now_ns(),
@@ -314,7 +315,7 @@ class Runtime:
         if notice.fence_blocked:
             self.feed(seen.FenceBlocked(at_ns, life))
         if notice.case is not None:
-            self.executor.begin(self.executor.court.case_filed(notice.case))
+            self.begin(self.court.case_filed(notice.case))
         if notice.store is not None:
             self.senses.look_at_disk()  # the core's word is one kind of evidence, ours the other
             self.feed(seen.StoreTold(at_ns, life, notice.store))
@@ -383,7 +384,7 @@ class Runtime:
     def _greet(self) -> list[Mapping[str, object]]:
         reading = self.manager.reading()
         lines: list[Mapping[str, object]] = [self.phase_line(reading)]
-        greeting = self.executor.court.greeting()
+        greeting = self.court.greeting()
         lines += [{**line, "generation": self.setup.generation} for line in greeting]
         if reading.epoch is not None:
             told = (*self.executor.serving, *_audit_lines(reading))

@@ -11,6 +11,9 @@ from enum import StrEnum
 
 LINE_BYTES_MAX = 1 << 20
 REASON_CHARACTERS_MAX = 500
+ID_CHARACTERS_MAX = 64
+#: A command's name is this much of the hash of its key, in hexadecimal digits (docs/wires.md section 3).
+NAME_DIGITS = 32
 
 
 class Ask(StrEnum):
@@ -23,13 +26,17 @@ class Ask(StrEnum):
     DRILL = "drill"
     POLICY = "policy"
     ATTACH = "attach"
+    QUARANTINE = "quarantine"
+    RULE_ADD = "rule-add"
+    RULE_REMOVE = "rule-remove"
+    INVESTIGATE = "investigate"
     SUBSCRIBE = "subscribe"
 
 
 #: Faults that this version can break the core with.
 DRILLS = (
     *("crash", "segv", "exit", "freeze", "block", "spin", "gil", "deadlock", "slow-tx"),
-    *("oom", "dblock", "diskfull", "gc", "spare"),
+    *("oom", "dblock", "diskfull", "gc", "spare", "poison"),
 )
 
 #: Drills of which nothing may come to the core that serves: it is made to look ill, or another is hit.
@@ -40,7 +47,7 @@ PEACE_S = 12.0
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One line from a client."""
+    """One line from a client. `rule`: as it came, and `id` a rule's; `audited`: whoever asks keeps a record of it itself."""
 
     ask: Ask
     reason: str = ""
@@ -50,6 +57,9 @@ class Request:
     accept_ledger: bool = False
     image: bool = False
     pid: int = 0
+    rule: object = None
+    id: str = ""
+    audited: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,19 +88,24 @@ def read_request(line: bytes) -> Request | BadRequest:
     if not isinstance(verb, str) or verb not in set(Ask):
         return BadRequest("unknown-verb", f"{str(verb)[:40]!r} is not something the guard can be asked")
     reason, fault, pid = value.get("reason", ""), value.get("fault", ""), value.get("pid", 0)
-    if not isinstance(reason, str) or not isinstance(fault, str) or not isinstance(pid, int):
-        return BadRequest("bad-field", "reason and fault are text, pid is a number")
+    rule_id = value.get("id", "")
+    texts = all(isinstance(one, str) for one in (reason, fault, rule_id))
+    if not texts or not isinstance(pid, int):
+        return BadRequest("bad-field", "reason, fault and id are text, pid is a number")
     if verb == Ask.DRILL and fault not in DRILLS:
         return BadRequest("unknown-drill", f"the drills are: {', '.join(DRILLS)}")
     return Request(
         Ask(verb),
-        reason=reason[:REASON_CHARACTERS_MAX],
+        reason=str(reason)[:REASON_CHARACTERS_MAX],
         hard=value.get("hard") is True,
-        fault=fault,
+        fault=str(fault),
         yes=value.get("yes") is True,
         accept_ledger=value.get("accept_ledger") is True,
         image=value.get("image") is True,
         pid=pid,
+        rule=value.get("rule"),
+        id=str(rule_id)[:ID_CHARACTERS_MAX],
+        audited=value.get("audited") is True,
     )
 
 

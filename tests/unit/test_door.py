@@ -6,7 +6,7 @@ import json
 import signal
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,17 +14,30 @@ from typing import Any
 import pytest
 
 from hardcore.control.protocol import Ask, Request
+from hardcore.court_room import CourtRoom
 from hardcore.door import Door
 from hardcore.host import build, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
+from hardcore.investigating import Investigators
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase
+from hardcore.model.trials import AddTrials
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
+from hardcore.rule_book import Doors
 from tests.unit.recovery.play import Play
+
+
+async def calm() -> None:
+    """No switch is under way."""
+
+
+async def nothing_more(order: AddTrials) -> None:
+    """No incident is written here."""
+    del order
 
 
 @dataclass
@@ -42,6 +55,20 @@ class House:
     adopted: bool = False
     told: list[seen.Observation] = field(default_factory=list)
     others: dict[int, Life] = field(default_factory=dict)
+    published: list[dict[str, object]] = field(default_factory=list)
+    halted: asyncio.Event = field(default_factory=asyncio.Event)
+    under_way: list["asyncio.Task[None]"] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        doors = Doors(self.feed, lambda line: self.published.append(dict(line)), list, calm, nothing_more)
+        self.court = CourtRoom(self.folders, self.generation, self, doors)
+        self.investigators = Investigators(self.folders, self)
+
+    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+        self.under_way.append(asyncio.get_running_loop().create_task(work))
+
+    def note(self, kind: str, **particulars: object) -> None:
+        del kind, particulars
 
     def feed(self, fact: seen.Observation) -> None:
         self.told.append(fact)
@@ -80,7 +107,12 @@ def house(tmp_path: Path) -> House:
 
 
 def ask(house: House, request: Request) -> dict[str, Any]:
-    return dict(asyncio.run(Door(house).answer(request))[0])
+    async def answered() -> dict[str, Any]:
+        answer = await Door(house).answer(request)
+        await asyncio.gather(*house.under_way)
+        return dict(answer[0])
+
+    return asyncio.run(answered())
 
 
 def another_core_serves(house: House) -> None:

@@ -1,0 +1,165 @@
+"""Breaks the core on an operator's word: whether it may be broken now, what has to be ready, what it is told.
+
+What is broken already teaches nothing when broken, so a drill asks for a core that runs, for nobody who would notice, and
+for no other drill. It is noted with the manager before the core hears of it: its next death is a drill, whoever finds it.
+The poison is told to no core in words: a request is armed, and whoever executes it dies of it, a trial as well.
+"""
+
+import asyncio
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from hardcore.control.protocol import NAME_DIGITS, PEACE_S, PEACEFUL, Request, write_line
+from hardcore.host import clock
+from hardcore.host.ids import new_id
+from hardcore.host.lives import Life
+from hardcore.house import Answer, House, refuse
+from hardcore.model import observations as seen
+from hardcore.model.phases import Phase
+from hardcore.recovery.budget import NS_PER_S
+from hardcore.recovery.drill import DRILL_GRACE_NS
+
+CORE_ANSWER_S = 2.0
+#: How long the drill `dblock` keeps the ledger's lock: long enough to be told from a busy moment.
+LOCK_HELD_S = 4
+CORE_LINE_BYTES_MAX = 4096
+
+
+def _drill_is_on() -> Answer:
+    return refuse("drill-under-way", "Another drill is under way. Wait until it is over.")
+
+
+class Breaking:
+    """Breaks the core of a house. `others`: how many are connected, as the gateway says."""
+
+    def __init__(self, house: House, others: Callable[[], int]) -> None:
+        self._house = house
+        self._others = others
+        self._preparing = False
+        self._peace_until_ns = 0
+
+    async def drill(self, request: Request) -> Answer:
+        """Break it, or say why it is not broken."""
+        if self._preparing:
+            return _drill_is_on()
+        life = self._fit(request)
+        if not isinstance(life, Life):
+            return life
+        self._preparing = True  # until the manager knows of it: two drills would be told as one
+        try:
+            if request.fault == "spare":
+                return await self._end_spare()
+            if request.fault == "poison":
+                return await self._poison(life)
+            return await self._break(request, life)
+        finally:
+            self._preparing = False
+
+    def _fit(self, request: Request) -> Life | Answer:
+        """Return the core to break, or why none can be: what is broken already teaches nothing when broken."""
+        reading, life = self._house.reading(), self._house.life()
+        if not self._house.policy.drills:
+            return refuse("drills-off", "The policy forbids drills (`drills` is false).")
+        if reading.phase not in {Phase.RUNNING, Phase.SUSPECT} or life is None:
+            return refuse(
+                "not-running",
+                f"A drill needs a core that runs; it is {reading.phase} now.",
+                phase=reading.phase,
+            )
+        now_ns = clock.now_ns()
+        waits = reading.drill_ns is not None and now_ns - reading.drill_ns <= DRILL_GRACE_NS
+        if waits or now_ns < self._peace_until_ns:
+            return _drill_is_on()
+        if reading.safe is not None:
+            return refuse("reads-only", "The ledger only reads at present: there is trouble enough.")
+        if reading.incident is not None:
+            return refuse(
+                "incident-open",
+                f"Incident {reading.incident} is still open. Wait until it is closed.",
+                incident=reading.incident,
+            )
+        others = self._others()
+        if others and not request.yes and request.fault not in PEACEFUL:
+            return refuse(
+                "others",
+                f"Others are connected ({others}). Add --yes to break the core under them.",
+                count=others,
+            )
+        return life
+
+    async def _break(self, request: Request, life: Life) -> Answer:
+        unable = await self._prepare(request.fault, life)
+        if unable is not None:
+            return refuse("not-here", unable)
+        fit = self._fit(request)  # again: preparing may take seconds
+        if not isinstance(fit, Life):
+            return fit
+        if fit is not life:
+            return refuse("core-refused", "The core has changed while its drill was prepared. Ask again.")
+        if request.fault not in PEACEFUL:
+            self._house.feed(seen.DrillStarted(clock.now_ns(), request.fault, life.number))
+        refused = await self._tell_core(life, request.fault)
+        if refused:
+            self._house.feed(seen.DrillStarted(0, "", life.number))
+            return refuse("core-refused", refused)
+        if request.fault in PEACEFUL:
+            self._peace_until_ns = clock.now_ns() + int(PEACE_S * NS_PER_S)
+        return {"ok": True, "fault": request.fault, "since": clock.wall(clock.now_ns())}, []
+
+    async def _end_spare(self) -> Answer:
+        """Kill the core that waits: nobody but the guard may notice."""
+        reading = self._house.reading()
+        life = self._house.numbered(reading.spare)
+        if not reading.spare_ready or life is None or life.handle is None:
+            why = reading.spare_fault or "it is being started"
+            return refuse("no-spare", f"There is no spare core that waits ({why}).", why=why)
+        self._house.feed(seen.DrillStarted(clock.now_ns(), "spare", life.number))
+        await self._house.in_hand(life.handle.kill_tree)
+        return {"ok": True, "fault": "spare", "since": clock.wall(clock.now_ns())}, []
+
+    async def _poison(self, life: Life) -> Answer:
+        """Arm a request that nobody has sent yet, and say under which key it has to come."""
+        key = f"drill:{new_id()}"
+        failed = await self._house.court.rules.arm(hashlib.sha256(key.encode()).hexdigest()[:NAME_DIGITS])
+        if failed:
+            return refuse("core-refused", failed)
+        self._house.feed(seen.DrillStarted(clock.now_ns(), "poison", life.number))
+        return {"ok": True, "fault": "poison", "key": key, "since": clock.wall(clock.now_ns())}, []
+
+    async def _prepare(self, fault: str, life: Life) -> str | None:
+        """Do what a drill needs around the core; return why it can't be done on this machine."""
+        if fault == "oom":
+            return await self._house.confine(life)
+        if fault == "dblock":
+            return await self._house.hold_lock(LOCK_HELD_S)
+        return None
+
+    async def _tell_core(self, life: Life, fault: str) -> str:
+        """Have the core break itself; return why it would not, or an empty text."""
+        path = self._house.folders.core_control(life.nonce)
+        order = {"verb": "drill", "fault": fault, "generation": self._house.generation}
+        if fault == "oom":
+            order["armed"] = True
+        try:
+            told = await asyncio.wait_for(ask_core(path, order), CORE_ANSWER_S)
+        except (OSError, ValueError, TimeoutError) as error:
+            return f"The core's control socket does not answer ({type(error).__name__})."
+        if not told or told.get("ok") is True:
+            return ""  # without an answer it is gone already: the drill has begun
+        return str(told.get("error", "it gave no reason"))
+
+
+async def ask_core(path: Path, order: Mapping[str, object]) -> Mapping[str, object]:
+    """Return what the core answers to an order; nothing if it went without an answer."""
+    reader, writer = await asyncio.open_unix_connection(str(path), limit=CORE_LINE_BYTES_MAX)
+    try:
+        writer.write(write_line(order))
+        await writer.drain()
+        answer = json.loads(await reader.readline() or b"{}")
+        return answer if isinstance(answer, dict) else {}
+    except ConnectionError:
+        return {}
+    finally:
+        writer.close()
