@@ -1,0 +1,88 @@
+"""The list of incidents, as groups of equal deaths or one by one, and the mark that a group is mended."""
+
+from datetime import UTC, datetime
+from typing import Any, Final
+from urllib.parse import urlencode
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from frontend import catalogue_reports
+from postmortem.views import Filter, Refusal
+from postmortem.web.lobby import Lobby, field, lead_to, reader_of, refusal_code
+
+PAGE_LINES_MAX: Final = 50
+FILTER_CHARACTERS_MAX: Final = 200
+HERE: Final = "/admin/incidents"
+_NAMES: Final = ("state", "reason", "diagnosis", "outcome", "account", "fingerprint", "since", "until")
+
+
+async def incidents(lobby: Lobby, request: Request) -> Response:
+    """GET /admin/incidents."""
+    every = request.query_params.get("view") == "all"
+    wanted = filter_of(request.query_params)
+    cursor = request.query_params.get("cursor", "")[:FILTER_CHARACTERS_MAX]
+    seek = lobby.reads.incidents if every else lobby.reads.groups
+    page = await lobby.read(lambda: seek(wanted, PAGE_LINES_MAX, cursor))
+    lang = reader_of(request).lang
+    words = {code: texts[lang] for code, texts in catalogue_reports.OUTCOME_WORDS.items()}
+    return lobby.show(
+        request,
+        "incidents.html.j2",
+        HERE,
+        every=every,
+        wanted=wanted,
+        narrowed=wanted != Filter(drills=wanted.drills),
+        since=day_of(wanted.since),
+        until=day_of(wanted.until),
+        page=page,
+        more=address(HERE, wanted, view="all" if every else "", cursor=page.more) if page.more else "",
+        causes=sorted(catalogue_reports.CAUSES),
+        outcomes=sorted(words.items()),
+        outcome_words=words,
+    )
+
+
+async def mark_fixed(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/groups/{fingerprint}/fixed."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    version = field(form, "version")[:64]
+    if not version:
+        return lead_to(HERE, "refused")
+    told = await lobby.acts.mark_fixed(request.path_params["fingerprint"], version)
+    return lead_to(HERE, refusal_code(told) if isinstance(told, Refusal) else "done")
+
+
+def filter_of(asked: Any) -> Filter:
+    """Return what a list is narrowed to, from an address or a form; what is no day is not narrowed by."""
+    values = {name: field(asked, name)[:FILTER_CHARACTERS_MAX] for name in _NAMES}
+    for name, clock in (("since", "T00:00:00"), ("until", "T23:59:59.999")):
+        values[name] = _day_edge(values[name], clock)
+    # A form without a tick says nothing of it; a first visit says nothing at all.
+    drills = field(asked, "drills") != "" if any(name in asked for name in _NAMES) else True
+    return Filter(**values, drills=drills)
+
+
+def address(path: str, wanted: Filter, **more: str | None) -> str:
+    """Return the address of a list that is narrowed so."""
+    asked = {name: value for name in _NAMES if (value := getattr(wanted, name))}
+    asked |= {"since": day_of(wanted.since)} if wanted.since else {}
+    asked |= {"until": day_of(wanted.until)} if wanted.until else {}
+    asked |= {"drills": "1"} if wanted.drills and asked else {}
+    return f"{path}?{urlencode(asked | {name: value for name, value in more.items() if value})}"
+
+
+def day_of(at: str) -> str:
+    """Return the day of a filter's edge as this machine's calendar has it: what its field shows."""
+    return datetime.fromisoformat(at).astimezone().date().isoformat() if at else ""
+
+
+def _day_edge(day: str, clock: str) -> str:
+    """Return a day's begin or end on this machine's own clock, in UTC as the archive has its times."""
+    try:
+        at = datetime.fromisoformat(f"{day[:10]}{clock}").astimezone(UTC)
+    except (ValueError, OverflowError):
+        return ""
+    return at.isoformat(timespec="milliseconds").replace("+00:00", "Z")

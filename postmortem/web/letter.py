@@ -1,0 +1,165 @@
+"""The page of one dead letter, and everything a person may do with it.
+
+The dry run is the button that stands first, because it changes nothing. A retry says before whether a dry run went
+well lately, and without one it has to be said twice. Discarding needs a reason, and is a mark that stays visible.
+"""
+
+import json
+from collections.abc import Awaitable, Mapping
+from datetime import UTC, datetime, timedelta
+from typing import Any, Final
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from frontend.admin_paper import knows, shortened
+from postmortem.views import DryRun, Letter, LetterState, Refusal
+from postmortem.web.letters import HERE, REASON_CHARACTERS_MAX, reason_words
+from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, refusal_code, words_of
+
+NOTE_CHARACTERS_MAX: Final = 2_000
+PAYLOAD_SHOWN_CHARACTERS_MAX: Final = 4_000
+PAYLOAD_FIELDS_MAX: Final = 40
+FRESH: Final = timedelta(minutes=10)
+#: What may be done in which state; the table of a letter's life decides, these are only the buttons.
+_OFFERED: Final[Mapping[LetterState, tuple[str, ...]]] = {
+    LetterState.QUARANTINED: ("dry-run", "retry", "requeue", "hold", "discard"),
+    LetterState.HELD: ("dry-run", "retry", "discard"),
+    LetterState.RETRYING: (),
+    LetterState.RESOLVED: (),
+    LetterState.DISCARDED: (),
+}
+_ASKED_FIRST: Final = frozenset({"retry", "requeue", "discard"})
+_VERBS: Final = ("dry-run", "retry", "requeue", "hold", "discard", "undo", "note")
+
+
+async def letter(lobby: Lobby, request: Request) -> Response:
+    """GET /admin/dlq/{id}."""
+    found = await lobby.read(lambda: lobby.reads.letter(request.path_params["id"]))
+    if found is None:
+        return lobby.lost(request, HERE, HERE)
+    words = words_of(request)
+    whole = payload_text(found)
+    step = f"next_{found.reason}"
+    return lobby.show(
+        request,
+        "letter.html.j2",
+        HERE,
+        letter=found,
+        reason=reason_words(words, found.reason),
+        next=words(step if knows(step) else "next_other"),
+        fields=_fields(found.payload),
+        payload=shortened(whole, PAYLOAD_SHOWN_CHARACTERS_MAX),
+        is_cut=len(whole) > PAYLOAD_SHOWN_CHARACTERS_MAX,
+        row=shortened(json.dumps(found.row, ensure_ascii=False, indent=1, default=str)) if found.row else "",
+        verbs=_OFFERED[found.state],
+        asked_first=_ASKED_FIRST,
+        may_undo=found.state is LetterState.DISCARDED and request.query_params.get("said") == "discard",
+    )
+
+
+async def payload(lobby: Lobby, request: Request) -> Response:
+    """GET /admin/dlq/{id}/payload: all of it, as a file and never as a page."""
+    found = await lobby.read(lambda: lobby.reads.letter(request.path_params["id"]))
+    if found is None or found.payload is None:
+        return lobby.lost(request, HERE, HERE)
+    headers = {
+        "Content-Disposition": 'attachment; filename="letter.txt"',
+        "Content-Security-Policy": "default-src 'none'; sandbox",
+        "X-Content-Type-Options": "nosniff",
+        "Cache-Control": "no-store",
+    }
+    return Response(payload_text(found).encode("utf-8", "replace"), media_type="text/plain", headers=headers)
+
+
+async def act(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/dlq/{id}/{verb}."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    verb, letter_id = request.path_params["verb"], request.path_params["id"]
+    found = await lobby.read(lambda: lobby.reads.letter(letter_id))
+    if found is None or verb not in _VERBS:
+        return lobby.lost(request, HERE, HERE)
+    text = field(form, "text")[: NOTE_CHARACTERS_MAX if verb == "note" else REASON_CHARACTERS_MAX]
+    anyway = field(form, "anyway") == "1"
+    if verb in _ASKED_FIRST and (not is_sure(form) or (verb == "discard" and not text)):
+        return lobby.ask(request, HERE, _question(words_of(request), found, verb, was_asked=is_sure(form)))
+    told = await _doing(lobby, verb, found.id, text, anyway=anyway)
+    code = refusal_code(told) if isinstance(told, Refusal) else verb
+    return lead_to(f"{HERE}/{found.id}", code)
+
+
+def payload_text(letter: Letter) -> str:
+    """Return a letter's contents as text: JSON over many lines, or what it was."""
+    if isinstance(letter.payload, str) or letter.payload is None:
+        return letter.payload or ""
+    return json.dumps(letter.payload, ensure_ascii=False, indent=1, default=str)
+
+
+def is_fresh(dry_run: DryRun | None, at: datetime) -> bool:
+    """Tell whether a dry run went well within the last ten minutes."""
+    if dry_run is None or dry_run.ordeal not in {"survived", "committed"}:
+        return False
+    try:
+        return timedelta(0) <= at - datetime.fromisoformat(dry_run.at) < FRESH
+    except (ValueError, TypeError):
+        return False
+
+
+def _doing(
+    lobby: Lobby, verb: str, letter_id: str, text: str, *, anyway: bool
+) -> Awaitable[Letter | Refusal]:
+    acts = lobby.acts
+    match verb:
+        case "dry-run":
+            return acts.dry_run(letter_id)
+        case "retry":
+            return acts.retry(letter_id, anyway=anyway)
+        case "requeue":
+            return acts.requeue(letter_id)
+        case "hold":
+            return acts.hold(letter_id)
+        case "discard":
+            return acts.discard(letter_id, text)
+        case "undo":
+            return acts.undo_discard(letter_id)
+        case _:
+            assert verb == "note", verb
+            return acts.note(letter_id, text)
+
+
+def _question(words: Any, letter: Letter, verb: str, *, was_asked: bool) -> Question:
+    fresh = is_fresh(letter.dry_run, datetime.now(UTC))
+    discards = verb == "discard"
+    risky = not discards and not fresh
+    lines = [words("letter_number", id=letter.id), words("discard_told" if discards else "retry_told")]
+    if not discards:
+        lines.append(words("retry_fresh" if fresh else "retry_stale"))
+    return Question(
+        title=words(f"{verb}_title"),
+        action=f"{HERE}/{letter.id}/{verb}",
+        sure=words("retry_anyway" if risky and verb == "retry" else f"do_{verb}"),
+        back=f"{HERE}/{letter.id}",
+        keep=words("keep"),
+        lines=lines,
+        fields=(("anyway", "1"),) if risky else (),
+        typed=("text", words("discard_reason"), REASON_CHARACTERS_MAX) if discards else None,
+        fault=words("discard_needs") if was_asked else "",
+        harms=discards or risky,
+    )
+
+
+def _fields(payload: Any) -> list[tuple[str, str]]:
+    """Return the contents as a form would show them: the first fields, each cut."""
+    if not isinstance(payload, Mapping):
+        return []
+    return [
+        (
+            shortened(name, 64),
+            shortened(
+                value if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=str)
+            ),
+        )
+        for name, value in list(payload.items())[:PAYLOAD_FIELDS_MAX]
+    ]

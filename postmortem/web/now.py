@@ -1,0 +1,204 @@
+"""The first page: how the ledger is at this moment, and the two things a person may do to it.
+
+What is shown comes from the guard where it answers, else from the archive alone, and then says so. The page is drawn
+here each time it is asked for; its script asks for the same page again and takes over the parts that changed.
+"""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from frontend.admin_paper import moment, took
+from frontend.render import Language
+from postmortem.incident import duration, mapping, number, optional_text, text, texts
+from postmortem.reports.drawings import DAY_S, Drawing, Span, draw_day
+from postmortem.views import Drill, Filter, IncidentLine
+from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reader_of, words_of
+
+STATES: Final = (
+    "OPERATIONAL", "STARTING", "DEGRADED", "RECOVERY", "SAFE_MODE", "MANUAL_INTERVENTION", "SHUTDOWN", "UNKNOWN",
+)  # fmt: skip
+TONES: Final[Mapping[str, str]] = {
+    "OPERATIONAL": "good",
+    "STARTING": "warn",
+    "DEGRADED": "warn",
+    "SAFE_MODE": "warn",
+    "RECOVERY": "bad",
+    "MANUAL_INTERVENTION": "bad",
+    "SHUTDOWN": "quiet",
+    "UNKNOWN": "quiet",
+}
+#: The drills that a page offers; the command line has them all.
+FAULTS: Final = ("crash", "segv", "exit", "freeze", "block", "deadlock", "spare", "poison")
+DAY_INCIDENTS_MAX: Final = 200
+RESTART_WORD: Final = "restart"
+_HERE: Final = "/admin/"
+
+Fact = tuple[str, str, str]
+
+
+async def now(lobby: Lobby, request: Request) -> Response:
+    """GET /admin/."""
+    status = mapping(await lobby.places.ask_guard({"verb": "status"}))
+    at = datetime.now(UTC)
+    lang = reader_of(request).lang
+    known = await lobby.read(lambda: lobby.reads.incidents(Filter(drills=False), DAY_INCIDENTS_MAX))
+    drills = await lobby.read(lambda: lobby.reads.drills(1))
+    counts = await lobby.read(lobby.reads.counts)
+    lines: Sequence[IncidentLine] = known.items
+    state = text(status.get("state"))
+    state = state if state in STATES else "UNKNOWN"
+    return lobby.show(
+        request,
+        "now.html.j2",
+        _HERE,
+        state=state,
+        tone=TONES[state],
+        since=optional_text(status.get("since")),
+        open=optional_text(status.get("incident")),
+        worries=texts(status.get("worries"))[:10],
+        calm=_calm(words_of(request), lines, at),
+        proof=_proof(words_of(request), drills[0] if drills else None, lang),
+        day=_day(lines, at, lang, is_known=bool(status)),
+        last=lines[0] if lines else None,
+        facts=_facts(words_of(request), status, sum(counts.values()), lang),
+        faults=FAULTS,
+    )
+
+
+async def restart(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/restart: asked about with a word that has to be typed."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    words = words_of(request)
+    if is_sure(form) and field(form, "word").lower() == RESTART_WORD:
+        return await _order(lobby, {"verb": "restart", "reason": "dashboard"}, "restart", "core", "restarted")
+    status = mapping(await lobby.places.ask_guard({"verb": "status"}))
+    held = number(mapping(status.get("gateway")).get("held_requests")) or 0
+    question = Question(
+        title=words("restart_title"),
+        action="/admin/restart",
+        sure=words("act_restart"),
+        back=_HERE,
+        keep=words("cancel"),
+        lines=(words("restart_held", n=held), words("act_restart_more")),
+        typed=("word", words("restart_type"), 20),
+        fault=words("restart_wrong") if is_sure(form) else "",
+    )
+    return lobby.ask(request, _HERE, question)
+
+
+async def drill(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/drill."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    fault = field(form, "fault")
+    if fault not in FAULTS:
+        return lobby.lost(request, _HERE, _HERE)
+    if is_sure(form):
+        return await _order(lobby, {"verb": "drill", "fault": fault, "yes": True}, "drill", fault, "drilled")
+    words = words_of(request)
+    question = Question(
+        title=words("drill_title"),
+        action="/admin/drill",
+        sure=words("drill_sure"),
+        back=_HERE,
+        keep=words("cancel"),
+        lines=(words(f"drill_{fault}"), words("act_drill_more")),
+        fields=(("fault", fault),),
+    )
+    return lobby.ask(request, _HERE, question)
+
+
+async def _order(lobby: Lobby, order: Mapping[str, Any], verb: str, what: str, done: str) -> Response:
+    told = await lobby.places.ask_guard(order)
+    if told is None:
+        outcome, code = "guard away", "guard_away"
+    elif told.get("ok") is True:
+        outcome, code = "asked for", done
+    else:
+        outcome, code = text(told.get("code")) or "refused", "guard_refused"
+    await lobby.places.write_down(verb, what, "", outcome)
+    return lead_to(_HERE, code)
+
+
+def _facts(words: Any, status: Mapping[str, Any], letters: int, lang: Language) -> list[Fact]:
+    """Return what is known at this moment: name, value, where it leads. What nobody knows is left out."""
+    gateway, core = mapping(status.get("gateway")), mapping(status.get("core"))
+    budget, spare = mapping(status.get("budget")), status.get("spare")
+    facts: list[Fact] = [(words("now_letters"), words("now_letters_n", n=letters), "/admin/dlq")]
+    if (beat := duration(core.get("heartbeat_age_ms"))) is not None:
+        facts.append((words("now_beat"), words("now_beat_ms", n=round(beat)), ""))
+    if (rss := number(core.get("rss_bytes"))) is not None:
+        facts.append((words("now_memory"), f"{rss / (1 << 20):.0f} MiB", ""))
+    if (pid := number(core.get("pid"))) is not None:
+        epoch = number(core.get("epoch"))
+        told = words("now_core_of", pid=str(pid), epoch="?" if epoch is None else str(epoch))
+        facts.append((words("now_core"), told, ""))
+    for name, key in (("now_held", "held_requests"), ("now_tabs", "websockets")):
+        if (count := number(gateway.get(key))) is not None:
+            facts.append((words(name), str(count), ""))
+    if isinstance(spare, dict):
+        ready = "now_spare_ready" if spare.get("ready") is True else "now_spare_not"
+        facts.append((words("now_spare"), words(ready), ""))
+    if (limit := number(budget.get("limit"))) is not None:
+        told = words(
+            "now_budget_of",
+            used=number(budget.get("used")) or 0,
+            limit=limit,
+            window=number(budget.get("window_s")) or 0,
+        )
+        facts.append((words("now_budget"), told, ""))
+    if (checked := optional_text(status.get("ledger_verified_at"))) is not None:
+        facts.append((words("now_checked"), moment(checked, lang=lang), ""))
+    return facts
+
+
+def _calm(words: Any, lines: Sequence[IncidentLine], at: datetime) -> str:
+    if not lines:
+        return str(words("now_never"))
+    began = _instant(lines[0].opened_at)
+    days = 0 if began is None else (at - began).days
+    return str(words("now_calm", n=days) if days >= 1 else words("now_calm_hours"))
+
+
+def _proof(words: Any, last: Drill | None, lang: Language) -> str:
+    if last is None:
+        return str(words("now_unproven"))
+    at = moment(last.at, lang=lang)
+    if not last.ok:
+        return str(words("now_proof_failed", at=at))
+    if last.outage_ms is None:
+        return str(words("now_proof_untimed", at=at))
+    return str(words("now_proof", at=at, took=took(last.outage_ms, lang=lang)))
+
+
+def _day(lines: Sequence[IncidentLine], at: datetime, lang: Language, *, is_known: bool) -> Drawing | None:
+    """Return the strip of the last day: what no incident covers was served, as far as a guard that answers knows."""
+    spans = [Span(0.0, float(DAY_S), "up")] if is_known else []
+    for line in lines:
+        began, ended = _instant(line.opened_at), _instant(line.closed_at)
+        if began is None:
+            continue
+        from_s = DAY_S - (at - began).total_seconds()
+        kind = "down" if line.outage_ms is not None or line.closed_at is None else "reads"
+        if line.outage_ms is not None:
+            to_s = from_s + line.outage_ms / 1_000
+        else:
+            to_s = float(DAY_S) if ended is None else DAY_S - (at - ended).total_seconds()
+        if to_s > 0:
+            spans.append(Span(from_s, to_s, kind, line.summary.get(lang, line.diagnosis)))
+    return draw_day(spans, lang)
+
+
+def _instant(at: str | None) -> datetime | None:
+    try:
+        instant = datetime.fromisoformat(at or "")
+    except ValueError:
+        return None
+    return instant if instant.tzinfo else instant.replace(tzinfo=UTC)
