@@ -23,6 +23,7 @@ from bench import (
     faults,
     losses,
     peace,
+    poisons,
     rates,
     restarts,
     switches,
@@ -116,6 +117,16 @@ LONG: dict[str, Part] = {
         "load of every kind for 30 minutes, and not one kill",
         lambda folder: peace.measure(folder, seconds=1800, say=note),
         lambda folder: peace.measure(folder, seconds=30, say=note),
+    ),
+    "poison": Part(
+        "one poison among ten innocents under load: one death, nobody else refused (3 minutes)",
+        lambda folder: poisons.measure_poison(folder, rounds=20, say=note),
+        lambda folder: poisons.measure_poison(folder, rounds=1, say=note),
+    ),
+    "outside": Part(
+        "150 kills from outside under load: nobody is convicted (4 minutes)",
+        lambda folder: poisons.measure_outside(folder, kills=150, say=note),
+        lambda folder: poisons.measure_outside(folder, kills=2, say=note),
     ),
     "restarts": Part(
         "what a thousand restarts leave in the guard (10 minutes)",

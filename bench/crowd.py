@@ -25,7 +25,6 @@ CLIENTS = 4
 PACE_S = 0.02
 BETWEEN_S_MAX = 0.3
 SEED = 7
-COMEBACK_S = 60.0
 NONE = Target(0)
 
 
@@ -115,9 +114,4 @@ def _under_kills(instance: Watched, crowd: Crowd, kills: int) -> None:
             time.sleep(chance.uniform(0, BETWEEN_S_MAX))
             core.hit(signal.SIGKILL)
             core.let_go()
-            _wait_for_later(instance, core.epoch)
-
-
-def _wait_for_later(instance: Watched, epoch: int) -> None:
-    """Wait until a core of a later epoch serves."""
-    instance.until(lambda told: (told["core"]["epoch"] or 0) > epoch, "the next core", COMEBACK_S)
+            instance.until_later(core.epoch)

@@ -20,6 +20,7 @@ from hardcore.status import from_files
 #: More deaths than a guard would put up with are the point here; and a short probation saves time.
 POLICY = {"max_restart_count": 1000, "probation_ms": 200}
 REPORT_S = 20.0
+COMEBACK_S = 60.0
 ACCOUNTS = ("assets:bank", "expenses:food")
 ONE_ACCOUNT = f"/api/ledger/accounts/{ACCOUNTS[0]}"
 TRANSACTIONS = "/api/ledger/transactions"
@@ -52,6 +53,10 @@ class Watched(Guarded):
             if time.monotonic() > give_up_at:
                 raise GuardError(f"The report of {last} is not written after {REPORT_S:g} s.")
             time.sleep(LOOK_EVERY_S)
+
+    def until_later(self, epoch: int) -> None:
+        """Wait until a core of a later epoch serves."""
+        self.until(lambda told: (told["core"]["epoch"] or 0) > epoch, "the next core", COMEBACK_S)
 
     def core_socket(self) -> Path:
         """Return the socket of the serving core: the youngest."""

@@ -19,7 +19,6 @@ from examples.reading import read_ledger
 
 BETWEEN_S_MAX = 1.5
 FREEZE_EVERY = 3
-COMEBACK_S = 60.0
 
 
 def measure(folder: Path, *, blows: int, say: Callable[[str], None]) -> list[Figure]:
@@ -36,7 +35,7 @@ def measure(folder: Path, *, blows: int, say: Callable[[str], None]) -> list[Fig
                 core = instance.core()
                 core.hit(signal.SIGSTOP if number % FREEZE_EVERY == 0 else signal.SIGKILL)
                 core.let_go()
-                _wait_for_later(instance, core.epoch)
+                instance.until_later(core.epoch)
         instance.running()
         with Line(instance.address) as line:
             booked = Counter(str(event["key"]) for event in read_ledger(line).events)
@@ -52,8 +51,3 @@ def measure(folder: Path, *, blows: int, say: Callable[[str], None]) -> list[Fig
         Figure("doubled, by key", "", (len(doubled),), target=NONE),
         Figure("faults found by `hardcore verify`", "", (0 if verdict.get("ok") else 1,), target=NONE),
     ]
-
-
-def _wait_for_later(instance: Watched, epoch: int) -> None:
-    """Wait until a core of a later epoch serves."""
-    instance.until(lambda told: (told["core"]["epoch"] or 0) > epoch, "the next core", COMEBACK_S)
