@@ -72,7 +72,9 @@ def draw(template: str, reader: Reader, **values: Any) -> str:
 def load_templates() -> None:
     """Compile every page now, and not while somebody waits for it."""
     environment = _environment()
-    for name in environment.list_templates(filter_func=lambda name: name.endswith(".html.j2") and not name.startswith("admin/")):
+    for name in environment.list_templates(
+        filter_func=lambda name: name.endswith(".html.j2") and not name.startswith("admin/")
+    ):
         environment.get_template(name)
 
 
