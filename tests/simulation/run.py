@@ -63,6 +63,7 @@ POLICIES = (
             Diagnosis.NO_PROGRESS: frozenset({Word.SEND_ALERT}),
         },
     ),
+    Policy(max_restart_count=1000, probation_ms=0),  # no world is of this kind by chance
 )
 
 
@@ -90,6 +91,10 @@ class Result:
     rows: set[tuple[Phase, Trigger]] = field(default_factory=set)
     named: Counter[tuple[str, Diagnosis]] = field(default_factory=Counter)
     story: list[str] = field(default_factory=list)
+    deaths: int = 0  # from inside, of cores that had served
+    unseen: int = 0  # of them, those of which nobody could read how
+    convicted: Counter[str] = field(default_factory=Counter)
+    letters: int = 0
 
     def __str__(self) -> str:
         return f"seed {self.seed} ({self.script.kind}): {self.broken}. Again: make simulate SEED={self.seed}"
@@ -135,6 +140,9 @@ def run(seed: int, script: Script | None = None, *, tell: bool = False) -> Resul
     except AssertionError as broken:
         result.broken = f"{type(broken).__name__}: {broken}"
     result.rows, result.named = world.checkers.rows, world.checkers.named
+    inside = [life for life in world.lives if life.inside and life.completed_boot]
+    result.deaths, result.unseen = len(inside), sum(life.status_lost for life in inside)
+    result.convicted, result.letters = world.checkers.judges.convicted, len(world.checkers.judges.letters)
     if tell:
         result.story.extend(_story(world))
     return result

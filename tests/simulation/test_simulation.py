@@ -10,10 +10,12 @@ import pytest
 from hardcore.model.observations import Sampled
 from hardcore.model.phases import Phase
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Verdict
-from hardcore.recovery import failover, moves, plan, transitions, trial
+from hardcore.recovery import court, failover, moves, plan, transitions, trial
 from hardcore.recovery.budget import Budget
 from hardcore.recovery.course import Course
+from hardcore.recovery.court import Court
 from hardcore.recovery.policy import Policy
+from hardcore.recovery.register import Register
 from hardcore.recovery.safety import Safety
 from hardcore.recovery.spare import Spare, SpareState
 from hardcore.recovery.store import StoreKnowledge
@@ -195,7 +197,10 @@ MUTANTS: dict[str, Mutation] = {
     "no evidence": _no_evidence,
     "budget forgotten": _instead(Budget, "after_death", Budget.at),
     "never gives up": _instead(plan, "hopeless", _always(None)),
-    "suspects replayed": _instead(trial, "suspects", _always(())),
+    "suspects replayed": _instead(trial, "touched", _always(())),
+    "whoever is killed on trial is a poison": _instead(court, "is_its_own", _always(value=True)),
+    "nobody is ever tried": _instead(Court, "_try", lambda *_: []),
+    "a new guard forgets who is suspect": _instead(Register, "inherit", lambda *_: None),
     "own stall held against the core": _instead(OwnStall, "look", _always(value=False)),
     "no patience": _instead(plan, "patience", _always(Patience(100, 100, 110, 120))),
     "lateness alone is a verdict": _kill_what_is_only_late,
@@ -236,6 +241,9 @@ WHERE_IT_SHOWS = {
     "HALT without a stop": ("crash loop", "operator resumes"),
     "STOP forgotten in RUNNING": ("operator stops",),
     "suspects replayed": ("poison crashes", "poison exits", "poison blocks"),
+    "whoever is killed on trial is a poison": ("cores on trial are killed",),
+    "nobody is ever tried": ("poison crashes",),
+    "a new guard forgets who is suspect": ("guard dies in court",),
     "own stall held against the core": tuple(LOAD),
     "no patience": tuple(LOAD),
     "lateness alone is a verdict": tuple(LOAD),
