@@ -28,6 +28,7 @@ from hardcore.examination import doctor
 from hardcore.host import leftovers
 from hardcore.host.files import read_json, take_lock
 from hardcore.host.folders import Folders
+from hardcore.letter_words import dlq
 from hardcore.looking_back import incidents, replay
 from hardcore.model.phases import Wanted
 from hardcore.policy_words import policy
@@ -51,6 +52,7 @@ def main(context: click.Context, /, **given: object) -> None:
     hardcore up                  start everything; Ctrl-C stops it
     hardcore status              how it is
     hardcore incidents           what has happened
+    hardcore dlq                 requests that were set aside
     hardcore drill crash         break it on purpose and watch it come back
     hardcore doctor              what this machine lets the guard see and do
     hardcore restart             a new core with the code on the disk, without losing a request
@@ -224,7 +226,7 @@ def _verify_alone(asked: Asked) -> dict[str, Any]:
     return found
 
 
-for command in (incidents, replay, drill, doctor, policy, restart):
+for command in (incidents, dlq, replay, drill, doctor, policy, restart):
     main.add_command(command)
 
 
