@@ -53,7 +53,8 @@ class Lost:
 def sent_of(request: Request) -> bytes:
     """Return the bytes of a request, as they go through the socket."""
     kept = [(name, value) for name, value in request.headers if name.lower() not in _DROPPED]
-    own = [("host", "core"), ("connection", "close"), ("content-length", str(len(request.body)))]
+    host = next((value for name, value in request.headers if name.lower() == "host"), "core")
+    own = [("host", host), ("connection", "close"), ("content-length", str(len(request.body)))]
     head = [f"{request.method} {request.path} HTTP/1.1", *_lines(own), *_lines(kept), "", ""]
     return "\r\n".join(head).encode("latin-1") + request.body
 

@@ -21,7 +21,7 @@ from core.settings import Settings
 from core.trying.asking import Lost, Reply, asking_for, sent_of
 from core.trying.copying import Copy
 from core.trying.docket import KEY_HEADER, Case, Docket, Events, Request, Row
-from core.trying.forking import WRITTEN_BYTES_MAX, Bounds, fork
+from core.trying.forking import WRITTEN_BYTES_MAX, Bounds, fork, term_held_back
 from core.trying.life import GONE, Birth, live
 from core.trying.log import SLICE_EVENTS, Span, killer_in, named, rebuild
 from core.trying.verdicts import CONVICTS, WHY_CHARACTERS_MAX, Ordeal, Verdict, ended, untried, whose_of
@@ -168,9 +168,8 @@ class Court:
             ward = self._begin(self._live)
             word = ward.word(START_MS_MAX)
             if not isinstance(word, Ending) and "ready" in word:
-                self._ward = ward
                 return ward
-            ward.end()
+            self.end()
             why = _unstarted(word)
         return why
 
@@ -183,7 +182,9 @@ class Court:
         stacks = self.folder / f"{self._born}.stacks"
         cpu_s = (self.docket.limit_ms // 1000 + 10) * (len(self.docket.cases) + 1)
         bounds = Bounds(self.memory_bytes, cpu_s, self.copy.size_bytes + WRITTEN_BYTES_MAX)
-        return Ward(fork(work, stacks, bounds), stacks, self.memory_bytes)
+        with term_held_back():  # a core that nobody knows of could not be ended
+            self._ward = Ward(fork(work, stacks, bounds), stacks, self.memory_bytes)
+        return self._ward
 
     def _try_log(self, name: str, span: Span) -> Verdict:
         self.end()
@@ -234,7 +235,7 @@ class Court:
                     return None
                 reached = int(word.get("rebuilt", reached))
         finally:
-            ward.end()
+            self.end()
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,7 @@ TICK_MS: Final = 20
 TICK_COUNTED_MS_MAX: Final = 5 * TICK_MS  # of a tick in which we ourselves were not let run
 WORD_BYTES_MAX: Final = 256 << 10
 WORDS_MAX: Final = 256  # kept of what was not asked for yet
+GROWN_BYTES_MIN: Final = 32 << 20  # less than that is no growth: the bound was too near
 STACKS_MS_MAX: Final = 500
 DEATH_MS_MAX: Final = 2_000  # between a connection that broke and the death that may have broken it
 _CPU_ENOUGH_NS: Final = 500_000_000  # of a processor: fifty times what a command takes
@@ -44,7 +45,7 @@ class How(Enum):
     DIED = "its process ended"
     HUNG = "it did not answer"
     GREW = "its memory passed the bound"
-    SLOW = "it could not have answered in time"
+    SLOW = "it could not have answered, in its time or within its memory"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +117,7 @@ class Ward:
         self, limit_ms: int, done: Callable[[], T | None], exchange: Exchange | None = None
     ) -> T | Ending:
         """Wait until `done` gives something; or return how the core came to its end, at which it then is."""
-        before = work_of(self._forked.pid)
+        before, began_bytes = work_of(self._forked.pid), resident_bytes(self._forked.pid)
         spent_ns, seen_ns = 0, time.monotonic_ns()
         while True:
             dead = self._is_dead(0)  # asked first: what it said before that is heard below
@@ -125,8 +126,8 @@ class Ward:
                 return found
             if dead:
                 return self._death()
-            if resident_bytes(self._forked.pid) > self._memory_bytes:
-                return self._stopped(Ending(How.GREW))
+            if (has_bytes := resident_bytes(self._forked.pid)) > self._memory_bytes:
+                return self._stopped(self._too_much(has_bytes - began_bytes))
             if spent_ns >= limit_ms * _NS_PER_MS:
                 why = slowed(spent_ns, before, work_of(self._forked.pid))
                 return self._stopped(Ending(How.SLOW, why=why) if why else Ending(How.HUNG))
@@ -134,6 +135,11 @@ class Ward:
             now_ns = time.monotonic_ns()
             spent_ns += min(now_ns - seen_ns, TICK_COUNTED_MS_MAX * _NS_PER_MS)
             seen_ns = now_ns
+
+    def _too_much(self, grown_bytes: int) -> Ending:
+        if grown_bytes >= GROWN_BYTES_MIN:
+            return Ending(How.GREW)
+        return Ending(How.SLOW, why=f"{self._memory_bytes} bytes of memory are what any core takes")
 
     def _rest(self, exchange: Exchange | None) -> None:
         poll = select.poll()
