@@ -23,6 +23,7 @@ from bench import (
     faults,
     losses,
     peace,
+    poison_row,
     poisons,
     rates,
     restarts,
@@ -122,6 +123,11 @@ LONG: dict[str, Part] = {
         "one poison among ten innocents under load: one death, nobody else refused (3 minutes)",
         lambda folder: poisons.measure_poison(folder, rounds=20, say=note),
         lambda folder: poisons.measure_poison(folder, rounds=1, say=note),
+    ),
+    "row": Part(
+        "one poison among the 10,000 rows of a bank's file: that row, and nothing of the rest (2 minutes)",
+        lambda folder: poison_row.measure(folder, rows=10_000, say=note),
+        lambda folder: poison_row.measure(folder, rows=200, say=note),
     ),
     "outside": Part(
         "150 kills from outside under load: nobody is convicted (4 minutes)",
