@@ -178,14 +178,14 @@ class Executor:
 
     # ---- orders ----
 
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+    def begin(self, work: Coroutine[Any, Any, object]) -> None:
         """Start a piece of work that nobody waits for; its faults are told in the log."""
         name = getattr(work, "__qualname__", "?")
         task = asyncio.get_running_loop().create_task(self._guarded(work), name=name)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _guarded(self, work: Coroutine[Any, Any, None]) -> None:
+    async def _guarded(self, work: Coroutine[Any, Any, object]) -> None:
         try:
             await work
         except Exception as error:  # noqa: BLE001  # a fault of a hand must not end the watch; it is told
@@ -323,9 +323,10 @@ class Executor:
         self.halted.set()
 
     def _controls(self) -> list[Path]:
-        """Return the control sockets of the cores that live."""
+        """Return the control sockets of the cores that live; one that is only beginning has none, and reads later."""
         living = (life for life in self.lives.values() if life.handle is not None and not life.ended)
-        return [self._folders.core_control(life.nonce) for life in living]
+        paths = (self._folders.core_control(life.nonce) for life in living)
+        return [path for path in paths if path.exists()]
 
     def _living(self, number: int) -> Life | None:
         life = self.lives.get(number)

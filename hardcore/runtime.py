@@ -308,6 +308,8 @@ class Runtime:
             self.executor.reject(life, why)
             return
         self.feed(seen.SpareReady(at_ns, life.number, told.build, told.schema, told.migrates))
+        if self.court.rules.aside.serial:  # it may have read the rules before the last change was made
+            self.begin(self.court.rules.tell_cores())
 
     def _heard(self, notice: Notice, life: int, at_ns: int) -> None:
         if notice.term_pid is not None and notice.term_pid != os.getpid():

@@ -58,7 +58,7 @@ BREACHES: Final = (
 # Imports over the named bridges, which the same little house makes lawfully.
 BRIDGES: Final = (
     ("hardcore.snapshot.writer", "postmortem.bundle"),
-    ("hardcore.executor", "postmortem.dead_letters"),
+    ("hardcore.court_room", "postmortem.dead_letters"),
     ("hardcore.looking_back", "postmortem.cli"),
     ("postmortem.cli", "sqlalchemy"),
     ("hardcore.crisis.pages", "frontend.render"),
