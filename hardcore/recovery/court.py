@@ -70,7 +70,9 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Docket:
-    """What is on trial. `doubted`: survivors for whom it matters whether another is convicted. `log`: the events."""
+    """What is on trial. `names`: who has yet to be tried; `doubted`: survivors for whom it matters whether another is
+    convicted. `log`: it is the events.
+    """
 
     names: tuple[str, ...]
     due_ns: int
@@ -131,8 +133,10 @@ class Court:
 
     def tried(self, fact: Tried, new_id: Callable[[], str]) -> Orders:
         """One case was tried."""
-        if self.docket is not None and not self.docket.ending:
-            self.docket = dataclasses.replace(self.docket, due_ns=self._due_ns(fact.at_ns))
+        if self.docket is not None:
+            due_ns = self.docket.due_ns if self.docket.ending else self._due_ns(fact.at_ns)
+            names = tuple(name for name in self.docket.names if name != fact.name)
+            self.docket = dataclasses.replace(self.docket, due_ns=due_ns, names=names)
         if self.docket is not None and self.docket.log:
             return self._tried_log(fact, new_id)
         one = self.register.by_key.get(fact.name)
@@ -158,11 +162,10 @@ class Court:
         if docket.log and (fault or docket.ending):
             self.log = None  # it was not tried: the next such death may have it tried
         given: Orders = []
-        for one in self._open(docket.names):
-            if one.name in docket.doubted:
-                given += self._survived(one, now_ns, new_id)
-            elif not docket.ending:
-                given += self._unclear(one, fault or "its trial was not held", now_ns, new_id)
+        for one in self._open(dict.fromkeys(docket.doubted)):
+            given += self._survived(one, now_ns, new_id)
+        for one in [] if docket.ending else self._open(docket.names):
+            given += self._unclear(one, fault or "its trial was not held", now_ns, new_id)
         return given
 
     # ---- what it orders by itself ----
@@ -221,9 +224,8 @@ class Court:
         if not is_its_own(fact):
             return self._unclear(one, fact.why or "its trial was ended from outside", fact.at_ns, new_id)
         if fact.ordeal is Ordeal.HUNG and not one.hung:
-            # Slow is not guilty: once more, in another core. It stays on the docket, so that the court's end counts the try.
-            self.register.put(dataclasses.replace(one, hung=True, why="its trial took too long"))
-            return []
+            slow = dataclasses.replace(one, hung=True)  # not guilty of that: once more, in another core
+            return self._unclear(slow, "its trial took too long", fact.at_ns, new_id)
         return self._convict(one, fact.ordeal, fact.at_ns, new_id)
 
     def _survived(self, one: Suspect, now_ns: int, new_id: Callable[[], str]) -> Orders:
@@ -232,14 +234,13 @@ class Court:
             return self._acquit(one, Ordeal.SURVIVED, one.why, now_ns)
         if self.docket is None:
             return self._hold(one, Ordeal.SURVIVED, one.why, now_ns, new_id)
-        if one.name not in self.docket.doubted:
-            self.docket = dataclasses.replace(self.docket, doubted=(*self.docket.doubted, one.name))
+        self.docket = dataclasses.replace(self.docket, doubted=(*self.docket.doubted, one.name))
         return []
 
     def _unclear(self, one: Suspect, why: str, now_ns: int, new_id: Callable[[], str]) -> Orders:
         if one.company:
             return self._acquit(one, Ordeal.UNTRIED, why, now_ns)
-        one = dataclasses.replace(one, tries=one.tries + 1, why=one.why if one.hung else why)
+        one = dataclasses.replace(one, tries=one.tries + 1, why=why)
         self.register.put(one)
         return [] if one.tries < TRIES_MAX else self._hold(one, Ordeal.UNTRIED, one.why, now_ns, new_id)
 
@@ -335,9 +336,8 @@ class Court:
     def _time_is_over(self, now_ns: int, new_id: Callable[[], str]) -> Orders:
         """The court has been silent for longer than a case may take: what it had not tried counts as not tried."""
         assert self.docket is not None, "only a court that sits is late"
-        names = [name for name in self.docket.names if name not in self.docket.doubted]
         given = self._end(now_ns)
-        for one in self._open(names):
+        for one in self._open(self.docket.names):
             given += self._unclear(one, "the court did not answer", now_ns, new_id)
         return given
 
