@@ -41,6 +41,7 @@ RECEIPTS: Final[dict[str, tuple[str, str]]] = {
         "처리 중에 서버가 멈춰서 더는 자동으로 시도하지 않아요.",
         "The server stopped while handling it, so it will not be tried again by itself.",
     ),
+    "set_aside.number": ("번호: {id}", "Number: {id}"),
     "unknown": ("처리됐는지 아직 알 수 없어요", "It is not known whether this was done"),
     "unknown.line": ("먼저 내역을 확인해 주세요.", "Please check the records first."),
     "number": ("접수 번호: {id}", "Receipt: {id}"),
@@ -69,7 +70,7 @@ FACTS: Final[dict[str, str]] = {
     "already_done": "the gateway's receipt says `already_done`: the ledger was asked and holds its key",
     "not_done": "the gateway's receipt says `not_done`: it was cancelled, and it never runs",
     "refused": "the gateway's receipt says `refused`: the core answered it with 4xx",
-    "set_aside": "the gateway's receipt says `set_aside`",
+    "set_aside": "the gateway's receipt says `set_aside`: its trial said so",
     "R5": "the gateway's receipt says `ask`",
     "R14": "the gateway's receipt of the same wish says `waiting`",
 }

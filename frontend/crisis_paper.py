@@ -40,6 +40,7 @@ RECEIPT_OUTCOMES: Final[tuple[Settled, ...]] = get_args(Settled)
 FIELDS_MARK: Final = "<!--fields-->"
 KEY_MARK: Final = "<!--key-->"
 NUMBER_MARK: Final = "<!--id-->"
+LETTER_MARK: Final = "<!--letter-->"
 WHY_MARK: Final = "<!--why-->"
 
 #: The modules of the recovery page and of a living page, each after those it imports from.
@@ -145,7 +146,7 @@ def receipt_page(lang: Language, outcome: Settled) -> Page:
         lang=lang,
         outcome=outcome,
         w={code: texts[which] for code, texts in RECEIPTS.items()},
-        marks={"key": KEY_MARK, "id": NUMBER_MARK, "why": WHY_MARK},
+        marks={"key": KEY_MARK, "id": NUMBER_MARK, "why": WHY_MARK, "letter": LETTER_MARK},
         style=_verbatim(style, "</style"),
         script=_verbatim(script, "</script"),
     )

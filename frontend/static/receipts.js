@@ -148,7 +148,8 @@ function question(receipt) {
   const head = say(asks ? "receipt.R5" : "receipt.set_aside");
   const line = say(asks ? "receipt.R5.line" : "receipt.set_aside.line");
   const words = asks ? ["run", "cancel"] : ["cancel"];
-  const lines = [line, about(receipt), ...(unheard.has(receipt.key) ? [say("receipt.R5.unheard")] : [])];
+  const number = receipt.letter ? [say("receipt.set_aside.number", { id: numberOf(receipt.letter) })] : [];
+  const lines = [line, ...number, about(receipt), ...(unheard.has(receipt.key) ? [say("receipt.R5.unheard")] : [])];
   return card(head, lines, words.map((word) => {
     const press = button(say(`receipt.R5.${word}`), word === "run" ? "primary" : "");
     press.addEventListener("click", () => {

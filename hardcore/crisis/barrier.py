@@ -44,9 +44,12 @@ VERDICTS_MAX: Final = 4_096
 def source_of(exchange: Exchange) -> str:
     """Who sends a request, as a letter names it: never the cookie itself, which opens what is its browser's."""
     browser = exchange.browser if exchange.browser is not None else browser_of(exchange.head.cookie)
-    if browser is None:
-        return f"peer:{exchange.client.address}"
-    return f"browser:{hashlib.sha256(browser).hexdigest()[:16]}"
+    return source_named(browser, exchange.client.address)
+
+
+def source_named(browser: bytes | None, address: str) -> str:
+    """The same, from the cookie that tells browsers apart, or from where somebody sits."""
+    return f"peer:{address}" if browser is None else f"browser:{hashlib.sha256(browser).hexdigest()[:16]}"
 
 
 class Barrier:

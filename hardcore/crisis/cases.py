@@ -95,6 +95,10 @@ class Cases:
             if name in self._sizes:
                 self._filed(name)
 
+    def has(self, name: str) -> bool:
+        """Whether a case lies there, or will in a moment."""
+        return name in self._sizes or name in self._coming
+
     def file(self, draft: Draft) -> None:
         """File a case, if there is room."""
         if self._folder is None or not draft.files:

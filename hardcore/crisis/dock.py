@@ -9,14 +9,15 @@ verdict in the list of lost requests was not chosen: each release would ask the 
 from collections.abc import Callable
 from typing import Final
 
-from hardcore.crisis.barrier import Barrier, source_of
+from hardcore.crisis.barrier import Barrier, source_named, source_of
 from hardcore.crisis.cases import Cases, Draft, shown
 from hardcore.crisis.exchange import Exchange
-from hardcore.crisis.feed import SuspectsHeard, Teller, VerdictHeard, case_line, settled_line
+from hardcore.crisis.feed import SuspectsHeard, Teller, Verdict, VerdictHeard, case_line, settled_line
 from hardcore.crisis.heads import Header
 from hardcore.crisis.holding import Life, Trigger, after_verdict
 from hardcore.crisis.outlook import Outlook
 from hardcore.crisis.quarantine import SetAside
+from hardcore.crisis.receipts import Wish
 
 #: Requests without a client that are remembered, their bytes, and for how long.
 GONE_MAX: Final = 256
@@ -77,6 +78,38 @@ class Dock:
         name = exchange.name
         judged = name is not None and not exchange.cleared and self._barrier.verdict(name) is not None
         return judged or self.suspects(exchange)
+
+    # -- what is promised ------------------------------------------------------------------------------
+
+    def names(self, name: str) -> bool:
+        """Whether a name is one of an open suspect."""
+        return name in self._outlook.standing.suspects
+
+    def letter(self, wish: Wish) -> str | None:
+        """The letter under which a promised wish is set aside now."""
+        return self._barrier.letter(wish.key_hash) or self._barrier.rules.digests.get(wish.digest)
+
+    def dropped(self, name: str) -> bool:
+        """Whether nobody could try it, as far as this gateway heard."""
+        said = self._barrier.verdict(name)
+        return said is not None and said.outcome is Verdict.DROPPED
+
+    def try_promised(self, wish: Wish, body: bytes) -> None:
+        """A promised wish is a suspect, and the ledger does not have it: file its case, if nobody has."""
+        if not self.cases.has(wish.key_hash):
+            self.cases.file(
+                Draft(
+                    name=wish.key_hash,
+                    source=source_named(wish.browser, "unknown"),
+                    key=wish.key,
+                    digest=wish.digest,
+                    method=wish.method,
+                    target=wish.target.decode("latin-1"),
+                    headers=shown(wish.headers),
+                    body=(body,),
+                    body_bytes=len(body),
+                )
+            )
 
     # -- who waits -------------------------------------------------------------------------------------
 

@@ -83,13 +83,13 @@ class Moves:
         self.book = OutageBook()
         self.outlook = Outlook(loop, limits, Ties(self._changed, self._pump_soon, teller, now_ns))
         self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits))
-        self.promises = Promises(loop, limits, self.outlook, receipts, moments(now_ns))
         self.barrier = Barrier(loop, state)
         self.outlook.ruled = self.barrier.hit
         self.barrier.renewed = self._ruled_anew
         folder = state / "cases" if state is not None else None
         cases = partial(Cases, loop, folder)
         self.dock = Dock(self.outlook, self.barrier, cases, teller, now_ns, self.step)
+        self.promises = Promises(loop, limits, self.outlook, receipts, self.dock, moments(now_ns))
         self.precedence = Precedence(loop, limits, self.outlook, self.promises, now_ns, self._pump_soon)
         self._loop = loop
         self._limits = limits
@@ -210,7 +210,7 @@ class Moves:
             case VerdictHeard():
                 self.dock.judged(message)
                 self._pump_soon()
-                self.promises.look()
+                self.promises.judged(message.name)
             case QuarantineHeard():
                 self.barrier.look()
             case _:

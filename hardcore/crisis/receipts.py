@@ -134,6 +134,7 @@ class Turn(Enum):
     WAIT = auto()
     ASK = auto()
     SET_ASIDE = auto()
+    TRY = auto()  # it is a suspect: it waits for its verdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,13 +149,15 @@ class Settled:
 @dataclass(frozen=True, slots=True)
 class Case:
     """What decides after a look-up that found nothing. `sendable`: the core is not running it; `weary`: it was sent
-    and answered, and no answer settled it.
+    and answered, and no answer settled it; `aside`: its trial has set it aside; `dropped`: nobody could try it.
     """
 
     old: bool
     suspected: bool
     sendable: bool
     weary: bool = False
+    aside: bool = False
+    dropped: bool = False
 
 
 def after_look_up(sign: Sign, case: Case) -> Turn:
@@ -164,9 +167,11 @@ def after_look_up(sign: Sign, case: Case) -> Turn:
             raise AssertionError("what was found has an outcome")
         case Sign.SILENT:
             return Turn.WAIT
-        case Sign.ABSENT if case.suspected:
+        case Sign.ABSENT if case.aside:
             return Turn.SET_ASIDE
-        case _ if case.weary or (case.old and sign is Sign.ABSENT):
+        case Sign.ABSENT if case.suspected:
+            return Turn.TRY
+        case _ if case.weary or (sign is Sign.ABSENT and (case.old or case.dropped)):
             return Turn.ASK
         case Sign.TAKEN | Sign.ABSENT:
             # TAKEN: its key is in the ledger, so it is told what stands there, and nothing is done anew.
@@ -284,6 +289,20 @@ def settle(receipt: Receipt, fact: Settled, now: Moment) -> Receipt:
     )
 
 
+def set_aside(receipt: Receipt, letter: str, now: Moment) -> Receipt:
+    """The receipt of a wish that its trial has set aside: with what whoever waits for an answer is told."""
+    answer = {"type": "/problems/set-aside", "status": 422, "outcome": "not_done", "letter": letter}
+    return replace(receipt, outcome=Outcome.SET_ASIDE, status=422, answer=answer, changed=now)
+
+
+def letter_of(receipt: Receipt) -> str | None:
+    """The number under which it is set aside; None if it is not, or if that was not told."""
+    if receipt.outcome is not Outcome.SET_ASIDE or not isinstance(receipt.answer, dict):
+        return None
+    letter = receipt.answer.get("letter")
+    return letter if isinstance(letter, str) and letter else None
+
+
 # -- all of them -------------------------------------------------------------------------------------------
 
 
@@ -367,6 +386,10 @@ class Book:
             if one.wish.key not in running and one.wish.key not in resting and room > 0:
                 room -= 1
                 yield one
+
+    def named(self, name: str) -> list[Receipt]:
+        """The open ones that a suspect's name means."""
+        return [one for one in self._by_key.values() if one.open and one.wish.key_hash == name]
 
     def stale(self, now: Moment, limit_ms: int) -> tuple[list[Receipt], list[Receipt]]:
         """Those that a person was asked about for too long; and settled ones that are too old, or too many, to keep."""

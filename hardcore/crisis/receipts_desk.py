@@ -16,6 +16,7 @@ from typing import assert_never
 from urllib.parse import unquote_to_bytes
 
 from hardcore.crisis import pages, receipts_pages
+from hardcore.crisis.dock import Dock
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.heads import RequestHead
 from hardcore.crisis.limits import GatewayLimits
@@ -35,6 +36,7 @@ from hardcore.crisis.receipts import (
     Word,
     after_word,
     learn,
+    letter_of,
 )
 from hardcore.crisis.receipts_form import (
     KeptForm,
@@ -75,17 +77,19 @@ class Promises:
         limits: GatewayLimits,
         outlook: Outlook,
         path: Path | None,
+        dock: Dock,
         now: Callable[[], Moment],
     ) -> None:
         self.told: Callable[[Receipt], None] = lambda _: None
         self.shelf: Callable[[], Shelf] = Shelf
         self._loop = loop
         self._limits = limits
+        self._dock = dock
         self._now = now
         self._file = ReceiptFile(loop, path) if path is not None else None
         self._runner: Runner | None = None
         if self._file is not None:
-            self._runner = Runner(loop, limits, outlook, self._file, now, self._changed)
+            self._runner = Runner(loop, limits, outlook, self._file, dock, now, self._changed)
         self.reading = Reading(loop, limits, self._file, self._took, self._soon)
         if self._runner is not None:
             self._runner.overtaken = self.reading.look_now
@@ -126,6 +130,11 @@ class Promises:
         """Something was learned about the core."""
         if self._runner is not None and self.usable:
             self._runner.look()
+
+    def judged(self, name: str) -> None:
+        """There is a verdict on a suspect."""
+        if self._runner is not None and self.usable:
+            self._runner.judged(name)
 
     def upkeep(self) -> None:
         """Now and then: see what another gateway has done, and let go of what is too old."""
@@ -251,6 +260,10 @@ class Promises:
             return None  # the ledger itself knows the key
         if receipt.wish.digest != request_digest(head, exchange.body):
             return _refusal(Problem.KEY_REUSED, head)
+        if letter_of(receipt) is not None and self._dock.letter(receipt.wish) is None:
+            assert self._runner is not None
+            self._runner.look_again(key)  # a person has let it go: what becomes of it, the ledger will say
+            return None
         if head.navigation:
             return receipts_pages.shown_at(receipt.wish.key)
         # Its sender takes no promise for an answer: he is told where it is, and to ask again. Sent past its receipt,

@@ -12,9 +12,9 @@ from urllib.parse import quote
 
 from hardcore.crisis.heads import RequestHead
 from hardcore.crisis.pages import NUMBER_CHARACTERS, Answer, filled, whole
-from hardcore.crisis.receipts import Moment, Receipt, age_ms
+from hardcore.crisis.receipts import Moment, Receipt, age_ms, letter_of
 from hardcore.crisis.routing import RECEIPT_PREFIX
-from hardcore.crisis.shelf import KEY_MARK, NUMBER_MARK, WHY_MARK, Sheet
+from hardcore.crisis.shelf import KEY_MARK, LETTER_MARK, NUMBER_MARK, WHY_MARK, Sheet
 
 #: Characters of the ledger's own sentence that are repeated.
 WHY_CHARACTERS_MAX = 400
@@ -49,6 +49,7 @@ def as_json(receipt: Receipt, now: Moment, status: int = 200) -> Answer:
         "outcome": receipt.outcome,
         "status": receipt.status,
         "answer": receipt.answer,
+        "letter": letter_of(receipt),
         "kept_at": kept_at.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
         "age_ms": age_ms(receipt.since, now),
         "seen": receipt.seen,
@@ -62,6 +63,7 @@ def as_page(receipt: Receipt, sheet: Sheet, head: RequestHead) -> Answer:
         KEY_MARK: quote(receipt.wish.key, safe=""),
         NUMBER_MARK: html.escape(receipt.wish.key[-NUMBER_CHARACTERS:]),
         WHY_MARK: html.escape(_why(receipt.answer)),
+        LETTER_MARK: html.escape((letter_of(receipt) or receipt.wish.key)[-NUMBER_CHARACTERS:]),
     }
     body = _filled(sheet.plain, fills)
     body = body.replace(_HOME, b' href="%s">' % html.escape(receipt.wish.back).encode())

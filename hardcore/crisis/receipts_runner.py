@@ -16,6 +16,7 @@ from functools import partial
 from typing import assert_never
 from urllib.parse import quote
 
+from hardcore.crisis.dock import Dock
 from hardcore.crisis.heads import AnswerHead
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.mishap import contained, describe
@@ -40,6 +41,7 @@ from hardcore.crisis.receipts import (
     is_old,
     read_answer,
     read_look_up,
+    set_aside,
     settle,
     value_in,
 )
@@ -78,6 +80,7 @@ class _Past:
     turned: _Said | None = None
     rests: int = 0
     looked_epoch: int = 0  # of one that waits for a person
+    allowed: bool = False  # a person has let it run
 
 
 class Runner:
@@ -89,6 +92,7 @@ class Runner:
         limits: GatewayLimits,
         outlook: Outlook,
         file: ReceiptFile,
+        dock: Dock,
         now: Callable[[], Moment],
         changed: Callable[[Receipt], None],
     ) -> None:
@@ -99,6 +103,7 @@ class Runner:
         self._limits = limits
         self._outlook = outlook
         self._file = file
+        self._dock = dock
         self._now = now
         self._changed = changed
         self._running: dict[str, asyncio.Task[None]] = {}
@@ -149,9 +154,24 @@ class Runner:
     def anew(self, key: str) -> None:
         """A person lets it run: what it met before counts no more."""
         past = self._past_of(key)
-        past.odd, past.turned, past.rests = 0, None, 0
+        past.odd, past.turned, past.rests, past.allowed = 0, None, 0, True
         if key in self._resting:
             self._resting.pop(key).cancel()
+
+    def judged(self, name: str) -> None:
+        """There is a verdict on a suspect: if it was promised, it waits for nothing more."""
+        for receipt in self.book.named(name):
+            self._past_of(receipt.wish.key).rests = 0
+            if receipt.wish.key in self._resting:
+                self._resting.pop(receipt.wish.key).cancel()
+        self.pump()
+
+    def look_again(self, key: str) -> None:
+        """What was set aside may be done now by somebody else's hand: ask the ledger in a moment."""
+        self._past_of(key).looked_epoch = 0
+        if key not in self._resting and key not in self._running:
+            wait_s = self._limits.receipt_pause_ms / 1000
+            self._resting[key] = self._loop.call_later(wait_s, self._rested, key)
 
     def runs(self, key: str) -> bool:
         """Whether the receipt under a key is being looked up or sent just now."""
@@ -212,17 +232,24 @@ class Runner:
             return
         case = Case(
             old=is_old(receipt.since, self._now(), self._limits.receipt_ask_after_ms),
-            suspected=receipt.wish.key_hash in self._outlook.standing.suspects,
+            suspected=self._dock.names(receipt.wish.key_hash),
             sendable=pool is self._outlook.pool and self._is_let_go(receipt, past, pool),
             weary=past.turned is not None or past.odd >= ODD_ANSWERS_MAX,
+            aside=self._dock.letter(receipt.wish) is not None,
+            dropped=self._dock.dropped(receipt.wish.key_hash) and not past.allowed,
         )
         match after_look_up(sign, case):
             case Turn.SEND:
                 await self._send(receipt, past, pool)
             case Turn.ASK:
-                await self._put_to_a_person(receipt, Outcome.ASK, past.turned)
+                await self._put_to_a_person(self._asked(receipt, past.turned))
             case Turn.SET_ASIDE:
-                await self._put_to_a_person(receipt, Outcome.SET_ASIDE, None)
+                letter = self._dock.letter(receipt.wish) or ""
+                await self._put_to_a_person(set_aside(receipt, letter, self._now()))
+            case Turn.TRY:
+                body = await self._file.body(receipt.wish.key)
+                if body is not None:
+                    self._dock.try_promised(receipt.wish, body)
             case Turn.WAIT:
                 pass
             case never:
@@ -304,11 +331,14 @@ class Runner:
         self._tell(settled)
         return settled
 
-    async def _put_to_a_person(self, receipt: Receipt, outcome: Outcome, turned: _Said | None) -> None:
-        """Ask a person, or tell him that it is set aside. Where the disk does not take that, it waits on."""
-        asked = replace(receipt, outcome=outcome, changed=self._now())
+    def _asked(self, receipt: Receipt, turned: _Said | None) -> Receipt:
+        asked = replace(receipt, outcome=Outcome.ASK, changed=self._now())
         if turned is not None:
             asked = replace(asked, status=turned.status, answer=value_in(turned.body))
+        return asked
+
+    async def _put_to_a_person(self, asked: Receipt) -> None:
+        """Ask a person, or tell him that it is set aside. Where the disk does not take that, it waits on."""
         failure = await self._file.change(asked, {Outcome.WAITING})
         if failure is None:
             self._tell(asked)

@@ -25,6 +25,7 @@ HTML = b"text/html; charset=utf-8"
 FIELDS_MARK: Final = b"<!--fields-->"
 KEY_MARK: Final = b"<!--key-->"
 NUMBER_MARK: Final = b"<!--id-->"
+LETTER_MARK: Final = b"<!--letter-->"
 WHY_MARK: Final = b"<!--why-->"
 
 _COMMON_POLICY = "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"

@@ -210,10 +210,14 @@ def test_a_form_that_was_at_a_core_when_it_died_can_be_kept_and_is_done_once(
 def test_of_a_form_that_is_not_found_nobody_says_that_it_was_not_done(tmp_path: Path) -> None:
     with promising(tmp_path, hold_ms=20_000, navigation_hold_ms=20_000) as w:
         core = w.serving(silent)
+        has_read(w)
+        drawn(w)
         client = post_form(w)
         core.wait("/entries")
         w.die(core)
         second = serve(w, Ledger(), 2, key_hash("f1"))
+        second.wait(f"{LOOK_UP}f1")
+        w.feed.say("verdict", name=key_hash("f1"), outcome="dropped", letter=None, reason=None)
         page = client.read()
-        assert (page.status, b'action="/__hc/keep"' in page.body) == (503, False)
+        assert (page.status, b'data-outcome="doubtful"' in page.body) == (503, True)
         assert second.targets() == [f"{LOOK_UP}f1"]

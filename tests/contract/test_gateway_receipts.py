@@ -426,7 +426,16 @@ def test_a_suspect_is_only_looked_up(w: World) -> None:
     promised(w, "k2")
     ledger = Ledger()
     first = serve(w, ledger, 2, key_hash("k1"))
-    becomes(w, "k1", "set_aside")
+    first.wait(f"{LOOK_UP}k1")
+    assert receipt(w, "k1")["outcome"] == "waiting"
+    w.feed.say(
+        "verdict", name=key_hash("k1"), outcome="convicted", letter="0193-letter-1", reason="CRASHED_CORE"
+    )
+    told = becomes(w, "k1", "set_aside")
+    assert (told["letter"], told["status"]) == ("0193-letter-1", 422)
+    assert w.ask("GET", "/__hc/client.js").status == 200  # the pages are drawn
+    page = w.ask("GET", "/__hc/receipts/k1", TAB, "Accept-Language: ko").body.decode()
+    assert "번호: letter-1" in page
     becomes(w, "k2", "done")
     w.die(first)
     second = serve(w, ledger, 3)

@@ -12,7 +12,18 @@ from typing import Any
 import pytest
 
 from tests.contract.gateway_world import Call, Client, Core, World, key_hash, silent, world
-from tests.contract.receipts_world import FORM, LOOK_UP, TAB, Ledger, kill, name_of, sent
+from tests.contract.receipts_world import (
+    FORM,
+    LOOK_UP,
+    TAB,
+    Ledger,
+    becomes,
+    has_read,
+    kill,
+    name_of,
+    receipt,
+    sent,
+)
 from tests.waiting import until
 
 BODY = b'{"account":"assets:cash"}'
@@ -310,3 +321,56 @@ def test_which_rule_a_core_has_refused_by_is_counted_and_not_passed_on(w: World)
     assert w.ask("POST", PATH, KEY + "a", body=BODY).header("X-Core-Rule") is None
     hits = w.folder / "state" / "rule_hits.json"
     until(lambda: hits.exists() and "limit-1" in json.loads(hits.read_text())["hits"], "the count")
+
+
+# -- what was promised -----------------------------------------------------------------------------------
+
+
+def kept(w: World, key: str) -> None:
+    """Have a wish promised while no core serves."""
+    w.holding()
+    has_read(w)
+    answer = w.ask("POST", PATH, KEY + key, "Prefer: respond-async", "Cookie: __hc=me", body=BODY)
+    assert answer.status == 202
+
+
+def test_a_promised_suspect_is_tried_and_runs_once_it_is_cleared(tmp_path: Path) -> None:
+    with trying(tmp_path, hold_ms=50) as w:
+        kept(w, "a")
+        core = w.core(2, ledger := Ledger())
+        w.feed.serve(core, incident="i1", suspects=(key_hash("a"),))
+        case = case_of(w, key_hash("a"))
+        assert (case["key"], case["source"][:8]) == ("a", "browser:")
+        assert receipt(w, "a")["outcome"] == "waiting"
+        assert sent(core, "a") == []
+        verdict(w, key_hash("a"), "cleared")
+        becomes(w, "a", "done")
+        assert ledger.booked == ["a"]
+
+
+def test_a_promised_suspect_that_nobody_could_try_asks_a_person(tmp_path: Path) -> None:
+    with trying(tmp_path, hold_ms=50) as w:
+        kept(w, "a")
+        core = w.core(2, ledger := Ledger())
+        w.feed.serve(core, incident="i1", suspects=(key_hash("a"),))
+        case_of(w, key_hash("a"))
+        verdict(w, key_hash("a"), "dropped")
+        becomes(w, "a", "ask")
+        assert sent(core, "a") == []
+        assert w.ask("POST", "/__hc/receipts/a/run", body=b"").status == 202
+        becomes(w, "a", "done")
+        assert ledger.booked == ["a"]
+
+
+def test_what_was_set_aside_and_let_go_is_seen_to_be_done(tmp_path: Path) -> None:
+    with trying(tmp_path, hold_ms=50) as w:
+        kept(w, "a")
+        rules(w, 1, rules=[a_letter(name=key_hash("a"))])
+        core = w.core(2, ledger := Ledger())
+        w.feed.serve(core, incident="i1")
+        assert becomes(w, "a", "set_aside")["letter"] == LETTER
+        assert w.ask("POST", PATH, KEY + "a", body=BODY).status == 422
+        rules(w, 2)
+        until(lambda: w.ask("POST", PATH, KEY + "a", body=BODY).status == 201, "the rule to go")
+        becomes(w, "a", "already_done")
+        assert ledger.booked == ["a"]

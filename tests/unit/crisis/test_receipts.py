@@ -75,8 +75,8 @@ def test_over_a_reboot_the_wall_clock_counts_and_one_that_ran_backwards_proves_n
 
 
 CASES = [
-    Case(old=old, suspected=suspected, sendable=sendable, weary=weary)
-    for old, suspected, sendable, weary in itertools.product((False, True), repeat=4)
+    Case(old=old, suspected=suspected, sendable=sendable, weary=weary, aside=aside, dropped=dropped)
+    for old, suspected, sendable, weary, aside, dropped in itertools.product((False, True), repeat=6)
 ]
 
 
@@ -90,10 +90,13 @@ def test_nothing_is_sent_to_a_core_that_may_still_be_running_it(sign: Sign, case
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_absent_and_old_or_suspected_is_never_sent(case: Case) -> None:
     turn = after_look_up(Sign.ABSENT, case)
-    assert (turn is Turn.SEND) is (case.sendable and not (case.old or case.suspected or case.weary))
-    if case.suspected:
+    doubted = case.old or case.suspected or case.weary or case.aside or case.dropped
+    assert (turn is Turn.SEND) is (case.sendable and not doubted)
+    if case.aside:
         assert turn is Turn.SET_ASIDE
-    elif case.old or case.weary:
+    elif case.suspected:
+        assert turn is Turn.TRY
+    elif case.old or case.weary or case.dropped:
         assert turn is Turn.ASK  # also where a core may be running it: nobody waits behind it for ever
 
 
