@@ -63,6 +63,16 @@ KINDS: Mapping[str, str] = {
     "import.row": "가져오기",
 }
 
+#: What became of a suspect on a copy of the ledger.
+ORDEALS: Mapping[str, Mapping[str, str]] = {
+    "died": {"ko": "또 종료됨", "en": "it ended the core again"},
+    "hung": {"ko": "또 멈춤", "en": "it hung again"},
+    "grew": {"ko": "또 메모리를 넘침", "en": "it filled the memory again"},
+    "survived": {"ko": "문제 없음", "en": "nothing happened"},
+    "committed": {"ko": "이미 기록돼 있음", "en": "was recorded already"},
+    "untried": {"ko": "확인하지 못함", "en": "could not be tried"},
+}
+
 #: English sentence (or one part of it between semicolons) with its values in braces, and the Korean one.
 SENTENCES: tuple[tuple[str, str], ...] = (
     ("the core ended by {signal}", "장부 서버가 신호로 종료됨: {signal}"),
@@ -219,6 +229,46 @@ SENTENCES: tuple[tuple[str, str], ...] = (
     ),
     ("the watch's last look: {mib} MiB in memory", "마지막으로 본 메모리 크기: {mib}MiB"),
     ("no holder is on record", "누가 쥐고 있는지 기록되지 않음"),
+    (
+        "the native frame is not on record: this Python's handler does not print the stack in C",
+        "네이티브 위치는 기록되지 않음: 이 파이썬은 C 위치를 남기지 않음",
+    ),
+    ("native frame: {place}", "네이티브 위치: {place}"),
+    (
+        "it grew from {first} MiB to {last} MiB in its last {s} s",
+        "마지막 {s}초 동안 {first}MiB에서 {last}MiB까지 늘어남",
+    ),
+    (
+        "the recorder's slot: {kind} {id} in stage {stage} (transaction {tx}, accounts {accounts})",
+        "상태 기록: 요청 {kind} {id}, 단계 {stage} (거래 {tx}, 계좌 {accounts})",
+    ),
+    ("the recorder's slot had it in stage {stage}", "상태 기록의 단계: {stage}"),
+    ("it is set aside as letter {letter}", "따로 보관함, 번호 {letter}"),
+    (
+        "tried in a throw-away core: {id} {ordeal} after {ms} ms ({why})",
+        "사본에서 실행: {id}, 결과 {ordeal}, {ms}ms ({why})",
+    ),
+    ("tried in a throw-away core: {id} {ordeal} after {ms} ms", "사본에서 실행: {id}, 결과 {ordeal}, {ms}ms"),
+    ("the log's last traceback: {kind} in {place}", "로그의 마지막 오류: {kind}, 위치 {place}"),
+    ("{count} ends in this incident", "이 사건에서 종료된 횟수: {count}"),
+    (
+        "the page: {name} was silent for {s} s and may be for {limit} s",
+        "상태 기록: {name}, {s}초 동안 소식 없음, 허용 {limit}초",
+    ),
+    (
+        "{count} of the guard's own looks came late, the longest by {ms} ms",
+        "감시자가 늦게 살펴본 횟수 {count}, 가장 늦은 것 {ms}ms",
+    ),
+    ("our own looks come late again and again", "감시자 자신도 거듭 늦음"),
+    (
+        "the loop's thread is ready and was not scheduled for {ms} ms",
+        "주 스레드가 준비됐지만 {ms}ms 동안 차례가 오지 않음",
+    ),
+    ("the machine slept for {s} s", "컴퓨터가 {s}초 동안 잠들어 있었음"),
+    ("finished right before: {command}", "바로 전에 끝난 요청: {command}"),
+    ("it took longer than {s} s", "{s}초 안에 끝나지 않음"),
+    ("the time of all rules was over", "분석 시간이 끝남"),
+    ("it failed: {kind}", "분석 중 오류: {kind}"),
     ("no witness of the disk is on record", "디스크에 대한 증거가 기록되지 않음"),
     # What becomes of a spare, and of a switch.
     ("it ended without a word", "아무 말 없이 종료됨"),

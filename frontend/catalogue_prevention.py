@@ -137,7 +137,7 @@ WORDS: Mapping[str, Text] = {
     "trigger": _text("계기", "Trigger"),
     "resolution": _text("해결", "Resolution"),
     "detection": _text("발견", "Detection"),
-    "action_items": _text("할 일", "Action items"),
+    "action_items": _text("조치 항목", "Action items"),
     "lessons": _text("배운 점", "Lessons learned"),
     "went_well": _text("잘된 점", "What went well"),
     "went_wrong": _text("아쉬운 점", "What went wrong"),

@@ -456,8 +456,8 @@ ERRORS: Mapping[str, Text] = {
         "{id} begins {count} incidents. Give a few more characters: {examples}",
     ),
     "bad_ending": _text(
-        "{name}: .md 또는 .json 파일로만 내보낼 수 있어요.",
-        "{name}: an incident is exported to a file that ends in .md or .json.",
+        "{name}: .md, .json, .html, .zip 파일로만 내보낼 수 있어요.",
+        "{name}: an incident is exported to a file that ends in .md, .json, .html or .zip.",
     ),
     "not_written": _text("{name}: 쓸 수 없어요({reason}).", "{name} could not be written: {reason}."),
 }

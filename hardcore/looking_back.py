@@ -50,7 +50,10 @@ def incidents_show(asked: Asked, incident: str) -> None:
 @incidents.command("export")
 @click.argument("incident")
 @click.option(
-    "--out", type=click.Path(path_type=Path, dir_okay=False), required=True, help="A .md or .json file."
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    required=True,
+    help="A .md, .json, .html or .zip file.",
 )
 @operator
 def incidents_export(asked: Asked, incident: str, out: Path) -> None:

@@ -20,6 +20,8 @@ from postmortem.reports.as_terminal import Look, Write
 from postmortem.reports.report import LANGUAGES, Report, money_line, refusal
 from postmortem.reports.visible import visible
 
+#: The endings of files that an incident is exported to.
+EXPORTS = (".md", ".json", ".html", ".zip")
 _EXAMPLES_MAX = 3
 
 
@@ -38,7 +40,7 @@ def list_incidents(incidents: Path, lang: str = "en") -> list[dict[str, Any]]:
 def show_incident(incidents: Path, incident_id: str, lang: str = "en") -> dict[str, Any] | Refused:
     """Return everything about one incident; its id may be shortened to a beginning that is its alone."""
     found = _one(incidents, incident_id, lang)
-    return found if isinstance(found, Refused) else _story(found, lang)
+    return found if isinstance(found, Refused) else _story(incidents, found, lang)
 
 
 def find_incident(incidents: Path, incident_id: str, lang: str = "en") -> Found | Refused:
@@ -57,21 +59,45 @@ def print_show(story: dict[str, Any], lang: str, write: Write, look: Look | None
 
 
 def export(incidents: Path, incident_id: str, out: Path, lang: str = "en") -> Refused | None:
-    """Write one incident to `out`, as Markdown or JSON by its ending. None: written, for its owner only."""
-    if out.suffix not in {".md", ".json"}:
+    """Write one incident to `out`, in the form of its ending. None: written, for its owner only."""
+    if out.suffix not in EXPORTS:
         return Refused(refusal("bad_ending", lang, name=out.name))
     found = _one(incidents, incident_id, lang)
     if isinstance(found, Refused):
         return found
-    report = reading.read_report(found)
-    text = _markdown(report, lang) if out.suffix == ".md" else _json(as_story(report, lang))
+    data = exported(incidents, found, out.suffix, lang)
     try:
         handle = os.open(out, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
         with os.fdopen(handle, "wb") as file:
-            file.write(_encoded(text))
+            file.write(data)
     except OSError as error:
         return Refused(refusal("not_written", lang, name=out.name, reason=error.strerror))
     return None
+
+
+def exported(incidents: Path, found: Found, ending: str, lang: str) -> bytes:
+    """Return one incident in the form of a file's ending, one of EXPORTS."""
+    report = reading.read_report(found, reading.read_past(incidents))
+    match ending:
+        case ".json":
+            return _encoded(_json(as_story(report, lang)))
+        case ".md":
+            return _encoded(_markdown(report, lang))
+        case ".html":
+            return _encoded(_html(report, lang))
+        case ".zip":
+            return _zip(found, report, lang)
+        case _:
+            raise AssertionError(ending)
+
+
+def export_preview(incidents: Path, incident_id: str, lang: str = "en") -> list[str] | Refused:
+    """Return what the redacted archive of one incident leaves out or hides, one line each; nothing is written."""
+    # Here, as below: the papers' engine takes longer to load than a list takes to print.
+    from postmortem.reports.as_zip import pack
+
+    found = _one(incidents, incident_id, lang)
+    return found if isinstance(found, Refused) else list(pack(found, reading.read_report(found), lang).lines)
 
 
 def write_report(folder: Path, lang: str = "en") -> BundleFailed | None:
@@ -101,8 +127,8 @@ def _one(incidents: Path, incident_id: str, lang: str) -> Found | Refused:
     return found[0]
 
 
-def _story(found: Found, lang: str) -> dict[str, Any]:
-    report = reading.read_report(found)
+def _story(incidents: Path, found: Found, lang: str) -> dict[str, Any]:
+    report = reading.read_report(found, reading.read_past(incidents))
     lines = {language: money_line(report, language) for language in LANGUAGES}
     return {**as_story(report, lang), "money_line": lines, "folder": str(found.path)}
 
@@ -112,6 +138,20 @@ def _markdown(report: Report, lang: str) -> str:
     from postmortem.reports.as_markdown import as_markdown
 
     return as_markdown(report, lang)
+
+
+def _html(report: Report, lang: str) -> str:
+    # Here, for the same reason.
+    from postmortem.reports.as_html import as_html
+
+    return as_html(report, lang)
+
+
+def _zip(found: Found, report: Report, lang: str) -> bytes:
+    # Here, for the same reason.
+    from postmortem.reports.as_zip import as_zip, pack
+
+    return as_zip(pack(found, report, lang).files)
 
 
 def _json(story: dict[str, Any]) -> str:

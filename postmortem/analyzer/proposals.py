@@ -24,7 +24,7 @@ BODY_BYTES_MIN = 16 << 10
 #: So often in a minute is more than a person types, and less than what brought the core down.
 PER_MINUTE = 30
 #: A hang that was waited for this long was judged late.
-LONG_HANG_MS = 10_000
+LONG_HANG_MS = 5_000
 #: What a person has to do, by diagnosis; the sentences stand in the catalogue.
 FOR_A_PERSON: Mapping[str, str] = {
     "DISK_FULL": "free_the_disk",
@@ -54,7 +54,7 @@ def proposals(case: Case, findings: tuple[Finding, ...]) -> tuple[Proposed, ...]
     if case.incident.planned or case.incident.diagnosis in {"OPERATOR", "PLANNED_SWITCH"}:
         return ()
     made: dict[str, Proposed] = {}
-    for one in (*_fingerprints(case), *_limits(case), *_deadlines(case, findings), *_persons(case, findings)):
+    for one in (*_fingerprints(case), *_limits(case), *_deadlines(case), *_persons(case, findings)):
         made.setdefault(one.id, one)
     return tuple(made.values())[:PROPOSALS_MAX]
 
@@ -86,7 +86,7 @@ def _limits(case: Case) -> Iterator[Proposed]:
             yield _made(case, "limit", "limit_the_rate", rule, kind=command.kind, count=str(PER_MINUTE))
 
 
-def _deadlines(case: Case, findings: tuple[Finding, ...]) -> Iterator[Proposed]:
+def _deadlines(case: Case) -> Iterator[Proposed]:
     """A kind that was slow but went on gets more time; one that hung and was judged late gets less."""
     if case.incident.diagnosis != "TRANSACTION_TIMEOUT":
         return
@@ -96,7 +96,7 @@ def _deadlines(case: Case, findings: tuple[Finding, ...]) -> Iterator[Proposed]:
         limit_ms = (number(slot.get("limit_ns")) or 0) // _NS_PER_MS
         if limit_ms <= 0 or not command.kind:
             continue
-        if _went_on(slot) or any(one.rule == "busy_machine" for one in findings):
+        if _went_on(slot):
             rule = _deadline(command.kind, min(DEADLINE_MS_MAX, 2 * limit_ms))
             yield _made(case, "deadline", "more_time", rule, kind=command.kind, seconds=_seconds(rule))
         elif limit_ms >= LONG_HANG_MS:

@@ -23,6 +23,12 @@ def command_word(kind: str, language: str) -> str:
     return texts.KINDS.get(kind, kind) if language == "ko" else kind
 
 
+def ordeal_word(ordeal: str, language: str) -> str:
+    """Return what became of a suspect in its trial; a word unknown here as it is."""
+    known = texts.ORDEALS.get(ordeal)
+    return known[language] if known is not None else ordeal
+
+
 def told(line: str, language: str) -> str:
     """Return a line of evidence in `language`: behind its witness's name, as a whole, or part by part."""
     if language != "ko":

@@ -12,6 +12,7 @@ from postmortem.reports.as_json import as_item, as_story
 from postmortem.reports.as_markdown import as_markdown, escape
 from postmortem.reports.as_terminal import Look
 from postmortem.reports.report import Contents, Report, make_report, money_line, outage_word
+from postmortem.reports.telling import words_of
 from tests.unit.postmortem import story
 
 ITEM = (
@@ -319,9 +320,16 @@ def test_the_markdown_tells_the_whole_story(language: str) -> None:
     ):
         assert part in text
     assert "None" not in text
-    assert all(
-        f"## {texts.WORDS[word][language]}" in text for word in ("timeline", "money", "requests", "files")
+    headings = [line.lstrip("# ") for line in text.splitlines() if line.startswith("## ")]
+    fields = (
+        *("summary", "impact", "root_causes", "trigger", "resolution", "detection"),
+        *("action_items", "lessons", "timeline", "supporting"),
     )
+    words = words_of(language)
+    assert headings == [words[field] for field in fields]
+    assert all(f"| {words[field]} |" in text for field in ("title", "date", "authors", "status"))
+    assert all(f"## {words[word]}" in text for word in ("requests", "files", "repetition", "changes"))
+    assert money_line(report(), language) in text
 
 
 @pytest.mark.parametrize("language", texts.LANGUAGES)
