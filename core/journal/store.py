@@ -201,13 +201,20 @@ def copy_beside_work(ledger: Path, into: Path, tick: Callable[[], object]) -> St
     Where that happens again and again, all of it is copied in one read. `tick` is called between the steps, and may raise.
     """
     try:
-        with closing(_only_read(ledger)) as source:
+        with (
+            closing(_only_read(ledger)) as source,
+            closing(sqlite3.connect(into, isolation_level=None)) as copy,
+        ):
+            copy.execute("PRAGMA synchronous = OFF").close()
+            copy.execute(
+                "PRAGMA journal_mode = MEMORY"
+            ).close()  # what was given up is undone before it is begun anew
             try:
-                _copy_pages(source, into, _Anew(tick))
+                source.backup(copy, pages=_COPIED_PAGES, progress=_Anew(tick))
             except _WrittenMeanwhileError:
                 source.execute("BEGIN").close()
                 source.execute("SELECT * FROM sqlite_schema").fetchone()  # from here on it is one moment
-                _copy_pages(source, into, lambda *_: tick())
+                source.backup(copy, pages=_COPIED_PAGES, progress=lambda *_: tick())
                 source.execute("ROLLBACK").close()
     except sqlite3.Error as error:
         return _driver_error(error)
@@ -229,14 +236,6 @@ class _Anew:
             if self._begun_anew > _COPIED_ANEW_MAX:
                 raise _WrittenMeanwhileError
         self._left = left
-
-
-def _copy_pages(source: sqlite3.Connection, into: Path, told: Callable[[int, int, int], object]) -> None:
-    into.unlink(missing_ok=True)
-    with closing(sqlite3.connect(into, isolation_level=None)) as copy:
-        copy.execute("PRAGMA synchronous = OFF").close()
-        copy.execute("PRAGMA journal_mode = OFF").close()
-        source.backup(copy, pages=_COPIED_PAGES, progress=told, sleep=0.01)
 
 
 def is_copy(copy: Path, ledger: Path, tick: Callable[[], object]) -> bool:
