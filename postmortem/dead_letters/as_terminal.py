@@ -13,6 +13,8 @@ from postmortem.reports.visible import visible
 
 PAYLOAD_LINES_MAX: Final = 40
 HISTORY_MAX: Final = 20
+#: Lines of one fact.
+LINES_MAX: Final = 8
 _ID_MIN: Final = 8
 _LABEL: Final = 18
 _STYLES: Final = {
@@ -47,7 +49,9 @@ def print_letter(one: Mapping[str, Any], lang: str, write: Write, look: Look) ->
     for label, value in _facts(one, lang):
         if value:
             name = pad(texts.word(label, lang), _LABEL)
-            write(f"{look.style(name, 'dim')}{cut(visible(value), max(10, look.width - _LABEL))}\n")
+            behind = "\n" + " " * _LABEL
+            lines = _folded(visible(value), max(20, look.width - _LABEL))
+            write(f"{look.style(name, 'dim')}{behind.join(lines)}\n")
     _print_payload(one, lang, write, look)
     if one["history"]:
         write(f"\n{look.style(texts.word('history', lang), 'bold')}\n")
@@ -104,6 +108,24 @@ def _why(one: Mapping[str, Any], lang: str) -> str:
 
 def _day(at: str) -> str:
     return visible(at[:19].replace("T", " "))
+
+
+def _folded(text: str, width: int) -> list[str]:
+    """Break a text between its words, or within one that is too long; only so many lines of it."""
+    lines = [""]
+    for word in text.split(" "):
+        joined = f"{lines[-1]} {word}" if lines[-1] else word
+        if cells(joined) <= width:
+            lines[-1] = joined
+            continue
+        rest = word
+        while cells(rest) > width:
+            head = cut(rest, width + 1)[:-1]
+            lines.append(head)
+            rest = rest[len(head) :]
+        lines.append(rest)
+    kept = [line for line in lines if line]
+    return [*kept[:LINES_MAX], "…"] if len(kept) > LINES_MAX else kept
 
 
 def _short_ids(ids: Sequence[str]) -> dict[str, str]:
