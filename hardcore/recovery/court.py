@@ -172,6 +172,8 @@ class Court:
 
     def convene(self, now_ns: int, new_id: Callable[[], str]) -> Orders:
         """Do what the time has come for, and begin the next court if there is one to be held."""
+        if self._is_idle:
+            return []
         given = self._lose_patience(now_ns)
         if self.docket is not None and now_ns >= self.docket.due_ns:
             if self.docket.ending:
@@ -190,6 +192,8 @@ class Court:
 
     def next_ns(self) -> int | None:
         """Return when `convene` wants to be called, or None while nothing waits for its time."""
+        if self._is_idle:
+            return None
         due = [] if self.docket is None else [self.docket.due_ns]
         if self.docket is None and self.served_ns is not None and any(map(_ready, self.register)):
             due.append(self._gathered_ns(self.served_ns))
@@ -212,6 +216,11 @@ class Court:
     def tries_log(self) -> bool:
         """Whether the log is on trial, or about to be."""
         return self.log_after is not None or (self.docket is not None and self.docket.log)
+
+    @property
+    def _is_idle(self) -> bool:
+        waits = self.register.open_count or self.docket is not None
+        return not waits and self.log_after is None and self.doubt is None
 
     # ---- judgements ----
 

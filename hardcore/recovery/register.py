@@ -38,6 +38,7 @@ class Register:
     settled_seq: int = 0
     parked: tuple[int, ...] = ()
     changed: bool = False
+    open_count: int = 0  # at most times nobody is suspect, and a tick has better things to do than to look
     untold: tuple[str, ...] = ()  # incidents that have yet to be told what came of their trials
 
     def __iter__(self) -> Iterator[Suspect]:
@@ -50,7 +51,7 @@ class Register:
         Stamps of another boot lie in the future at worst: they count as fresh. Nobody knows what those names did; they
         are tried before they are run, and no death counts against them.
         """
-        self.by_key = {}
+        self.by_key, self.open_count = {}, 0
         for one in memory.suspects[-SUSPECTS_MAX:]:
             self.put(dataclasses.replace(one, at_ns=min(one.at_ns, now_ns), waits=True))
         self.settled_seq, self.parked, self.changed = memory.settled_seq, memory.parked, True
@@ -78,7 +79,9 @@ class Register:
     def put(self, one: Suspect) -> None:
         """Let this be what is known of it from now on."""
         key = one.name if one.seq is None else f"event {one.seq}"
-        if self.by_key.get(key) != one:
+        old = self.by_key.get(key)
+        if old != one:
+            self.open_count += one.open - (old is not None and old.open)
             self.by_key[key] = one
             self.changed = True
 
@@ -121,6 +124,8 @@ class Register:
 
     def told(self) -> tuple[str, ...]:
         """Return the incidents that can be told what came of all their trials, once each."""
+        if not self.untold:
+            return ()
         waiting = {one.incident for one in self if one.open and one.waits}
         told = tuple(name for name in self.untold if name not in waiting)
         self.untold = tuple(name for name in self.untold if name in waiting)
@@ -139,7 +144,7 @@ class Register:
         return tuple(SuspectNote(one.name, one.account_ids if one.waits else ()) for one in self if one.open)
 
     def _forget(self, key: str) -> None:
-        del self.by_key[key]
+        self.open_count -= self.by_key.pop(key).open
         self.changed = True
 
     def _bound(self, now_ns: int) -> None:
