@@ -35,6 +35,8 @@ REQUESTS_MAX = 2048
 #: What code lies on the disk is looked at again for a status after so long: it takes some milliseconds.
 ON_DISK_HOLDS_NS = 5 * NS_PER_S
 LOOKED_FOR_S = 0.2
+#: Who is connected and has asked nothing for so long would not notice a drill.
+QUIET_NS = 60 * NS_PER_S
 #: What an operator does, as opposed to what one asks.
 ACTS = frozenset({Ask.DRILL, Ask.DOWN, Ask.RESTART, Ask.RESUME, Ask.RULE_ADD, Ask.RULE_REMOVE})
 _HASH = re.compile(r"[0-9a-f]{64}")
@@ -50,6 +52,7 @@ class Door:
         self._verified_ns: int | None = None
         self._launcher = _identity(os.getppid())
         self._stats: dict[str, int] = {}
+        self._busy_ns = clock.now_ns()
         self._breaking = Breaking(house, lambda: self._stats.get("connections", 0))
         self._rules = RuleDesk(house)
         self._looking: asyncio.Future[str] | None = None
@@ -197,9 +200,19 @@ class Door:
             case (("case" | "settled"), _):
                 self._of_suspects(line)
             case "stats", _:
-                self._stats = {k: v for k, v in line.items() if isinstance(v, int)}
+                self._counted({k: v for k, v in line.items() if isinstance(v, int)})
             case _:
                 return
+
+    def _counted(self, stats: dict[str, int]) -> None:
+        if stats.get("forwarded") != self._stats.get("forwarded") or stats.get("held"):
+            self._busy_ns = clock.now_ns()
+        self._stats = stats
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nobody is connected, or nobody has asked anything for a while."""
+        return not self._stats.get("connections", 0) or clock.now_ns() - self._busy_ns >= QUIET_NS
 
     def _witnessed(self, line: Mapping[str, object]) -> None:
         match line:

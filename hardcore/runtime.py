@@ -21,6 +21,7 @@ from typing import Any, NoReturn
 
 from hardcore import rehearsal, standing
 from hardcore.arrival import Setup, set_up
+from hardcore.calendar import Calendar
 from hardcore.control.server import ControlServer
 from hardcore.door import Door
 from hardcore.executor import Executor
@@ -85,6 +86,7 @@ class Runtime:
         self.begin = self.executor.begin
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
         self.door = Door(self)
+        self.calendar = Calendar(folders, self.policy, self.executor)
         self.control = ControlServer(
             folders.control, self.door.answer, self.door.listen, self._greet, self.gatekeeper.dialled
         )
@@ -115,6 +117,7 @@ class Runtime:
             task.add_done_callback(_ended_unasked)
         await self.executor.halted.wait()
         await self.gatekeeper.stop()
+        await self.calendar.stop()
         for task in tasks:
             task.cancel()
         self.control.close()
@@ -382,6 +385,7 @@ class Runtime:
             self._still_ours()
             self.publish(self.phase_line(self.manager.reading()))
             self.door.measure()
+            self.calendar.look(self.manager.reading(), quiet=self.door.is_quiet)
 
     def _greet(self) -> list[Mapping[str, object]]:
         reading = self.manager.reading()

@@ -89,6 +89,11 @@ class Folders:
         return self.state / "drill.json"
 
     @property
+    def calendar(self) -> Path:
+        """Which drill was begun last on a schedule."""
+        return self.state / "calendar.json"
+
+    @property
     def spool(self) -> Path:
         """What the guard has to say to the investigators."""
         return self.data / "spool"
