@@ -163,9 +163,7 @@ TEXTS: Final[Mapping[str, Text]] = {
         "The guard refused for now; nothing was done.",
     ),
     "said_done": _text("처리했어요.", "Done."),
-    "said_refused": _text(
-        "지금은 할 수 없어요. 아무것도 바뀌지 않았어요.", "That can't be done now. Nothing was changed."
-    ),
+    "said_refused": _text("그렇게 하지 않았어요", "That was not done"),
     "said_revealed": _text("가린 값을 표시했고, 이 일을 기록해 뒀어요.", "Shown; that was written down."),
     # Errors as pages
     "lost_title": _text("여기에는 아무것도 없어요", "There is nothing here"),
@@ -266,11 +264,6 @@ TEXTS: Final[Mapping[str, Text]] = {
     "request": _text("요청", "Request"),
     "waited": _text("기다린 시간", "Waited"),
     "answer": _text("응답", "Answer"),
-    "estimate": _text("예상과 실제", "Estimate and truth"),
-    "estimate_was": _text(
-        "예상 {low}~{high}초, 실제 {truth}.", "{low} to {high} s were estimated; it took {truth}."
-    ),
-    "estimate_none": _text("이때는 예상 시간이 없었어요.", "There was no estimate at that time."),
     "changed": _text("이전 시작과 달라진 것", "What changed since the start before"),
     "changed_none": _text("달라진 것이 기록되지 않았어요.", "No change is on record."),
     "similar": _text("같은 원인의 사건", "The same cause before"),

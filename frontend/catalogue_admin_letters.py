@@ -214,13 +214,4 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
     ),
     "said_undo": _text("되돌렸어요.", "Undone."),
     "said_note": _text("메모를 남겼어요.", "The note is saved."),
-    # Refusals that the archive may answer with
-    "refused_letter_busy": _text(
-        "이 요청은 지금 다시 처리되고 있어요. 두 번 처리하지 않아요.",
-        "This request is being retried right now; it is not run twice.",
-    ),
-    "refused_letter_held": _text("이미 붙잡아 둔 요청이에요.", "It is held already."),
-    "refused_letter_resolved": _text("이미 해결된 요청이에요.", "It is resolved already."),
-    "refused_letter_discarded": _text("이미 버린 요청이에요.", "It is discarded already."),
-    "refused_letter_not_discarded": _text("버린 요청이 아니에요.", "It is not discarded."),
 }

@@ -27,6 +27,7 @@ def routes(reads: Reads, acts: Acts, places: Places) -> list[Route]:
         "/admin/": now.now,
         "/admin/incidents": incidents.incidents,
         "/admin/incidents/{id}": incident.incident,
+        "/admin/incidents/{id}/bundle": exports.preview,
         "/admin/incidents/{id}/export.{form}": exports.export,
         "/admin/dlq": letters.letters,
         "/admin/dlq/bulk/{id}": letters.progress,

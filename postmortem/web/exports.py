@@ -1,38 +1,69 @@
-"""An incident as a file to take away, in the forms that the command line knows."""
+"""An incident as a file to take away, in the forms that the command line knows; the redacted one is shown first."""
 
 import json
+from types import MappingProxyType
 from typing import Final
 
 from starlette.requests import Request
 from starlette.responses import Response
 
 from postmortem import reading
+from postmortem.bundle import Found
+from postmortem.reports.as_html import as_html
 from postmortem.reports.as_json import as_story
 from postmortem.reports.as_markdown import as_markdown
+from postmortem.reports.as_zip import as_zip, pack
 from postmortem.web import story
 from postmortem.web.lobby import Lobby, reader_of
 
-FORMS: Final = ("md", "json")
-_TYPES: Final = {"md": "text/markdown; charset=utf-8", "json": "application/json"}
+FORMS: Final = ("md", "html", "json", "zip")
+_TYPES: Final = MappingProxyType(
+    {
+        "md": "text/markdown; charset=utf-8",
+        "html": "text/html; charset=utf-8",
+        "json": "application/json",
+        "zip": "application/zip",
+    }
+)
 _HERE: Final = "/admin/incidents"
 
 
 async def export(lobby: Lobby, request: Request) -> Response:
-    """GET /admin/incidents/{id}/export.{form}."""
+    """GET /admin/incidents/{id}/export.{form}: always a file, never a page of this server."""
     form, lang = request.path_params["form"], reader_of(request).lang
     found = story.find(lobby.places.incidents, request.path_params["id"])
     if found is None or form not in FORMS:
         return lobby.lost(request, _HERE, _HERE)
-    report = await lobby.read(lambda: reading.read_report(found))
-    body = (
-        as_markdown(report, lang)
-        if form == "md"
-        else json.dumps(as_story(report, lang), ensure_ascii=False, indent=1)
-    )
+    body = await lobby.read(lambda: _made(found, form, lang))
+    await lobby.places.write_down("export", found.id, "", form)
     headers = {
         "Content-Disposition": f'attachment; filename="{found.id}.{form}"',
         "Content-Security-Policy": "default-src 'none'; sandbox",
         "X-Content-Type-Options": "nosniff",
         "Cache-Control": "no-store",
     }
-    return Response(body.encode("utf-8", "replace"), media_type=_TYPES[form], headers=headers)
+    return Response(body, media_type=_TYPES[form], headers=headers)
+
+
+async def preview(lobby: Lobby, request: Request) -> Response:
+    """GET /admin/incidents/{id}/bundle: what the redacted export holds, and what it leaves out."""
+    found, lang = story.find(lobby.places.incidents, request.path_params["id"]), reader_of(request).lang
+    if found is None:
+        return lobby.lost(request, _HERE, _HERE)
+    packed = await lobby.read(lambda: pack(found, reading.read_report(found), lang))
+    files = [(name, len(data)) for name, data in packed.files]
+    return lobby.show(request, "bundle.html.j2", _HERE, id=found.id, files=files, lines=packed.lines)
+
+
+def _made(found: Found, form: str, lang: str) -> bytes:
+    report = reading.read_report(found)
+    match form:
+        case "md":
+            return as_markdown(report, lang).encode("utf-8", "replace")
+        case "html":
+            return as_html(report, lang).encode("utf-8", "replace")
+        case "json":
+            return json.dumps(as_story(report, lang), ensure_ascii=False, indent=1).encode("utf-8", "replace")
+        case _:
+            assert form == "zip", form
+            return as_zip(pack(found, report, lang).files)

@@ -13,7 +13,7 @@ from starlette.responses import Response
 from postmortem.bundle import is_incident_id
 from postmortem.views import Filter, Letter, Refusal
 from postmortem.web import exports, story
-from postmortem.web.lobby import Lobby, field, lead_to, reader_of, refusal_code
+from postmortem.web.lobby import Lobby, field, lead_to, reader_of
 from postmortem.web.story import Story
 
 HERE: Final = "/admin/incidents"
@@ -51,8 +51,8 @@ async def decide(lobby: Lobby, request: Request) -> Response:
         return lobby.lost(request, HERE, HERE)
     owner, note = field(form, "owner")[:OWNER_CHARACTERS_MAX], field(form, "note")[:NOTE_CHARACTERS_MAX]
     told = await lobby.acts.decide(request.path_params["id"], verb, owner, note)
-    code = refusal_code(told) if isinstance(told, Refusal) else "done"
-    return lead_to(f"{HERE}/{incident_id}", code)
+    back = f"{HERE}/{incident_id}"
+    return lobby.refuse(request, HERE, told, back) if isinstance(told, Refusal) else lead_to(back, "done")
 
 
 async def _show(lobby: Lobby, request: Request, *, shown: bool) -> Response:
@@ -96,12 +96,12 @@ def _facts(told: Story, lang: str, *, shown: bool) -> Mapping[str, Any]:
         **story.sentences(report, lang),
         "incident": report.incident,
         "contents": report.contents,
-        "causes": story.causes(report, lang),
-        "evidence": story.evidence(report, lang),
+        "causes": story.causes(report, lang, shown=shown),
+        "evidence": story.evidence(report, lang, shown=shown),
         "commands": story.commands(report, lang, shown=shown),
         "named": story.named(report, shown=shown),
         "steps": story.steps(report, lang),
-        "requests": story.requests(report, lang),
+        "requests": story.requests(report, lang, shown=shown),
         "crumbs": [story.crumb(one, lang, shown=shown) for one in reversed(told.crumbs)],
     }
 

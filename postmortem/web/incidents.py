@@ -9,7 +9,7 @@ from starlette.responses import Response
 
 from frontend import catalogue_reports
 from postmortem.views import Filter, Refusal
-from postmortem.web.lobby import Lobby, field, lead_to, reader_of, refusal_code
+from postmortem.web.lobby import Lobby, field, lead_to, reader_of
 
 PAGE_LINES_MAX: Final = 50
 FILTER_CHARACTERS_MAX: Final = 200
@@ -52,7 +52,7 @@ async def mark_fixed(lobby: Lobby, request: Request) -> Response:
     if not version:
         return lead_to(HERE, "refused")
     told = await lobby.acts.mark_fixed(request.path_params["fingerprint"], version)
-    return lead_to(HERE, refusal_code(told) if isinstance(told, Refusal) else "done")
+    return lobby.refuse(request, HERE, told, HERE) if isinstance(told, Refusal) else lead_to(HERE, "done")
 
 
 def filter_of(asked: Any) -> Filter:

@@ -15,7 +15,7 @@ from starlette.responses import Response
 from frontend.admin_paper import knows, shortened
 from postmortem.views import DryRun, Letter, LetterState, Refusal
 from postmortem.web.letters import HERE, REASON_CHARACTERS_MAX, reason_words
-from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, refusal_code, words_of
+from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, words_of
 
 NOTE_CHARACTERS_MAX: Final = 2_000
 PAYLOAD_SHOWN_CHARACTERS_MAX: Final = 4_000
@@ -86,8 +86,8 @@ async def act(lobby: Lobby, request: Request) -> Response:
     if verb in _ASKED_FIRST and (not is_sure(form) or (verb == "discard" and not text)):
         return lobby.ask(request, HERE, _question(words_of(request), found, verb, was_asked=is_sure(form)))
     told = await _doing(lobby, verb, found.id, text, anyway=anyway)
-    code = refusal_code(told) if isinstance(told, Refusal) else verb
-    return lead_to(f"{HERE}/{found.id}", code)
+    back = f"{HERE}/{found.id}"
+    return lobby.refuse(request, HERE, told, back) if isinstance(told, Refusal) else lead_to(back, verb)
 
 
 def payload_text(letter: Letter) -> str:

@@ -15,7 +15,7 @@ from starlette.responses import Response
 from frontend.admin_paper import knows
 from postmortem.views import Bulk, Filter, Letter, LetterState, Refusal
 from postmortem.web.incidents import FILTER_CHARACTERS_MAX, PAGE_LINES_MAX, address, day_of, filter_of
-from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, refusal_code, words_of
+from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, words_of
 
 HERE: Final = "/admin/dlq"
 LETTERS_MAX: Final = 500
@@ -65,7 +65,7 @@ async def bulk(lobby: Lobby, request: Request) -> Response:
     if is_sure(form) and (verb != "discard" or reason):
         told = await lobby.acts.bulk(verb, wanted, reason)
         if isinstance(told, Refusal):
-            return lead_to(HERE, refusal_code(told))
+            return lobby.refuse(request, HERE, told, HERE)
         return lead_to(f"{HERE}/bulk/{told.id}")
     return lobby.ask(request, HERE, _question(words_of(request), verb, form, chosen))
 
@@ -86,7 +86,7 @@ async def cancel(lobby: Lobby, request: Request) -> Response:
     bulk_id = request.path_params["id"]
     told = await lobby.acts.cancel_bulk(bulk_id)
     if isinstance(told, Refusal):
-        return lead_to(HERE, refusal_code(told))
+        return lobby.refuse(request, HERE, told, HERE)
     return lead_to(f"{HERE}/bulk/{told.id}")
 
 

@@ -16,6 +16,7 @@ from starlette.datastructures import FormData
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from frontend import catalogue_letters
 from frontend.admin_paper import AdminReader, admin_language, admin_text, draw_admin, knows
 from frontend.render import Language
 from postmortem.views import Acts, Reads, Refusal
@@ -47,7 +48,7 @@ _OWN_SITES: Final = frozenset({"same-origin", "none", None})
 class Question:
     """What is asked before something is done.
 
-    `typed`: name, label and most characters of what has to be written. `fields`: what is sent with the answer.
+    `sure`: the button's word, empty where there is nothing to be sure of. `typed`: name, label and most characters of what has to be written. `fields`: what is sent with the answer.
     """
 
     title: str
@@ -103,6 +104,13 @@ class Lobby:
         """Return the page that asks before something is done."""
         return self.show(request, "confirm.html.j2", here, status=status, ask=question)
 
+    def refuse(self, request: Request, here: str, refusal: Refusal, back: str) -> Response:
+        """Return the page that says why something was not done; it takes a question's place, also in a dialog."""
+        words = words_of(request)
+        why = catalogue_letters.refusal(refusal.code, reader_of(request).lang, refusal.values)
+        question = Question(words("said_refused"), "", "", back, words("back"), (why,))
+        return self.ask(request, here, question, status=409)
+
     def lost(self, request: Request, here: str, back: str) -> Response:
         """Return the page for what is not there."""
         words = words_of(request)
@@ -155,12 +163,6 @@ def lead_to(path: str, code: str = "") -> Response:
     assert path.startswith("/admin/"), path
     headers = {"Cache-Control": "no-store"}
     return RedirectResponse(f"{path}?said={code}" if code else path, 303, headers=headers)
-
-
-def refusal_code(refusal: Refusal) -> str:
-    """Return the code of a refusal for `lead_to`; one that is newer than the catalogue is told as a plain no."""
-    code = f"refused_{refusal.code.replace('-', '_')}"
-    return code if knows(code) else "refused"
 
 
 def said(code: str, lang: Language) -> str:

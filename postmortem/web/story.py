@@ -13,8 +13,8 @@ from typing import Any, Final
 
 from frontend import catalogue_reports
 from postmortem import bundle, reading
-from postmortem.analyzer.case import Frame, Thread, read_threads
-from postmortem.analyzer.tape import Tape, curve, read_tape
+from postmortem.analyzer.case import Frame, Thread
+from postmortem.analyzer.fingerprint import is_own
 from postmortem.bundle import BundleFailed, Found
 from postmortem.incident import Command, at_work, mapping, mappings, number, text
 from postmortem.reports import drawings
@@ -22,6 +22,7 @@ from postmortem.reports.drawings import Drawing, Moment, Wait
 from postmortem.reports.evidence_words import command_word, kind_word, stage_word, told
 from postmortem.reports.report import (
     Report,
+    culprit_line,
     finding_line,
     money_line,
     next_step,
@@ -34,10 +35,9 @@ CRUMBS_MAX: Final = 50
 THREADS_SHOWN_MAX: Final = 64
 REQUESTS_SHOWN_MAX: Final = 200
 TYPES_SHOWN_MAX: Final = 10
+VEILED_MAX: Final = 200
 #: Of an account or a transaction so much is shown before somebody asks to see it.
 MASKED_CHARACTERS: Final = 4
-#: Whose frames are the house's own; everything else belongs to Python or a library.
-_OWN: Final = ("core/", "hardcore/", "postmortem/", "frontend/", "drills")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +59,7 @@ class Story:
     stacks: tuple[Stack, ...]
     crumbs: tuple[Mapping[str, Any], ...]
     types: tuple[tuple[str, int, int], ...]
+    changes: tuple[str, ...]
     timeline: Drawing | None
     memory: Drawing | None
     ring: Drawing | None
@@ -80,15 +81,14 @@ def tell(found: Found, lang: str) -> Story:
     report = reading.read_report(found)
     recorder = mapping(_json(found, "recorder.json"))
     memory = mapping(_json(found, "memory.json"))
-    recording = bundle.read_file(found.path, "observations.jsonl")
-    tape = Tape() if isinstance(recording, BundleFailed) else read_tape(recording.decode("utf-8", "replace"))
     return Story(
         report=report,
-        stacks=stacks_of(read_threads(_json(found, "stacks.json"))),
+        stacks=stacks_of(report.threads),
         crumbs=tuple(mappings(recorder.get("finished"))[-CRUMBS_MAX:]),
         types=_types(memory),
+        changes=_changes(_json(found, "report.json"), lang),
         timeline=_timeline(report, lang),
-        memory=_memory(tape, report.incident.pid, lang),
+        memory=drawings.draw_memory(report.memory, report.memory_limit_bytes, lang),
         ring=_ring(report, lang),
     )
 
@@ -97,28 +97,31 @@ def stacks_of(threads: Sequence[Thread]) -> tuple[Stack, ...]:
     """Return the stacks, those with frames of ours first, and of each the own frames apart from the system's."""
     found = []
     for thread in threads[:THREADS_SHOWN_MAX]:
-        own = tuple(frame for frame in thread.frames if frame.place.startswith(_OWN))
-        system = tuple(frame for frame in thread.frames if not frame.place.startswith(_OWN))
+        own = tuple(frame for frame in thread.frames if is_own(frame.place))
+        system = tuple(frame for frame in thread.frames if not is_own(frame.place))
         name = thread.name or str(thread.tid or "?")
         found.append(Stack(name, thread.active, thread.holds_gil, own, system))
     return tuple(sorted(found, key=lambda one: (not one.holds_gil, not one.active, -len(one.own))))
 
 
-def causes(report: Report, lang: str) -> list[Mapping[str, Any]]:
+def causes(report: Report, lang: str, *, shown: bool) -> list[Mapping[str, Any]]:
     """Return each finding as a sentence with its confidence and what it stands on."""
     return [
         {
-            "said": finding_line(finding, lang),
+            "said": veiled(report, finding_line(finding, lang), shown=shown),
             "confidence": str(finding.confidence),
-            "evidence": [told(line, lang) for line in finding.evidence],
+            "evidence": [veiled(report, told(line, lang), shown=shown) for line in finding.evidence],
         }
         for finding in report.findings
     ]
 
 
-def evidence(report: Report, lang: str) -> list[tuple[str, str]]:
+def evidence(report: Report, lang: str, *, shown: bool) -> list[tuple[str, str]]:
     """Return what each witness said: who, what."""
-    return [(kind_word(one.code, lang), told(one.text, lang)) for one in report.incident.evidence]
+    return [
+        (kind_word(one.code, lang), veiled(report, told(one.text, lang), shown=shown))
+        for one in report.incident.evidence
+    ]
 
 
 def commands(report: Report, lang: str, *, shown: bool) -> list[Mapping[str, Any]]:
@@ -155,6 +158,16 @@ def masked(identity: str, *, shown: bool) -> str:
     return f"{lead}…{rest[-MASKED_CHARACTERS:]}" if len(rest) > MASKED_CHARACTERS else f"{lead}…"
 
 
+def veiled(report: Report, said: str, *, shown: bool) -> str:
+    """Return a sentence with the ids in it masked, unless `shown`: those that the report names."""
+    if shown:
+        return said
+    for one in (*report.account_ids, *report.transaction_ids, *report.command_ids)[:VEILED_MAX]:
+        if len(one) > MASKED_CHARACTERS:
+            said = said.replace(one, masked(one, shown=False))
+    return said
+
+
 def crumb(line: Mapping[str, Any], lang: str, *, shown: bool) -> Mapping[str, Any]:
     """Return a finished command as the page shows it."""
     accounts = line.get("account_ids")
@@ -168,11 +181,11 @@ def crumb(line: Mapping[str, Any], lang: str, *, shown: bool) -> Mapping[str, An
     }
 
 
-def requests(report: Report, lang: str) -> list[Mapping[str, Any]]:
+def requests(report: Report, lang: str, *, shown: bool) -> list[Mapping[str, Any]]:
     """Return what became of each request that met the outage."""
     return [
         {
-            "request": f"{one.method} {one.path}",
+            "request": veiled(report, f"{one.method} {one.path}", shown=shown),
             "outcome": request_word(report.incident, one, lang),
             "status": one.status,
             "held_ms": one.held_ms,
@@ -189,6 +202,7 @@ def sentences(report: Report, lang: str) -> Mapping[str, str | None]:
         "outage": outage_word(report.incident, lang),
         "no_requests": no_requests(report.incident, lang),
         "next": next_step(report.incident, lang),
+        "culprit": culprit_line(report, lang),
         "grade": catalogue_reports.GRADES[report.incident.grade][lang],
     }
 
@@ -221,14 +235,8 @@ def _timeline(report: Report, lang: str) -> Drawing | None:
     return drawings.draw_timeline(moments, lang)
 
 
-def _memory(tape: Tape, pid: int | None, lang: str) -> Drawing | None:
-    """Draw the memory of the process that was lost, as the guard saw it before its end."""
-    return drawings.draw_memory(curve(tape, pid), tape.memory_limit_bytes, lang)
-
-
 def _ring(report: Report, lang: str) -> Drawing | None:
-    waits = next((finding.waits for finding in report.findings if finding.waits), ())
-    return drawings.draw_ring([Wait(one.who, one.lock, one.holder) for one in waits], lang)
+    return drawings.draw_ring([Wait(one.who, one.lock, one.holder) for one in report.waits], lang)
 
 
 def _types(memory: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...]:
@@ -238,6 +246,12 @@ def _types(memory: Mapping[str, Any]) -> tuple[tuple[str, int, int], ...]:
         (text(one.get("name")), number(one.get("count")) or 0, number(one.get("size_bytes")) or 0)
         for one in grown
     )
+
+
+def _changes(kept: object, lang: str) -> tuple[str, ...]:
+    """Return what changed since the start before, as the report said when it was made: before it, all is settled."""
+    lines = (text(mapping(one.get("text")).get(lang)) for one in mappings(mapping(kept).get("changes")))
+    return tuple(line for line in lines if line)
 
 
 def _json(found: Found, name: str) -> object:
