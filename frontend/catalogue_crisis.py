@@ -19,6 +19,11 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
     # A request of the page waits although the ledger is being served.
     "R0": ("응답이 늦어지고 있어요", "The server is slow to answer"),
     "R0.line": ("계속 입력해도 괜찮아요.", "You can keep typing."),
+    "R0.trial": ("요청을 확인하고 있어요", "Your request is being checked"),
+    "R0.trial.line": (
+        "잠시만 기다려 주세요. 다시 누르지 않아도 돼요.",
+        "It takes a moment. No need to press again.",
+    ),
     # The server is away and is being brought back.
     "R1": ("서버를 다시 켜고 있어요", "Restarting the server"),
     "R1.line": (
@@ -224,6 +229,7 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
 #: Sentences that claim something -> the fact that has to be known before one of them is shown.
 FACTS: Final[dict[str, str]] = {
     "R0": "a request of this page waits while the last state says that the ledger is served",
+    "R0.trial": "the last state counts requests of this browser that wait for a trial while the ledger is served",
     "R1b": "the gateway counts held requests of this browser",
     "R1c": "the state frame counts a receipt that waits, and a receipt frame named it",
     "R1p": "the page counts requests that wait in it",

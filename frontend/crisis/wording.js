@@ -159,13 +159,19 @@ function barOf(view, words) {
   return { head: words[unsound ? "R10" : "R9"], line: lines.filter(Boolean).join(" ") };
 }
 
+// A request that waits for its trial is no slow server: it takes a moment, and ends by itself.
+function slowStrip(view, words) {
+  const code = view.frame?.trial > 0 ? "R0.trial" : "R0";
+  return { head: words[code], line: words[`${code}.line`], tone: "busy" };
+}
+
 function stripOf(view, facts, words) {
   switch (view.mode) {
     case "sign": return isQuiet(view) ? null : { head: headOf(view.frame, words), line: null, tone: isFinal(view.frame) ? "warn" : "busy" };
     case "short": return shortStrip(view, words);
     case "lost": return lostStrip(view, facts, words);
     case "again": return { head: words["R11.back"], line: null, tone: "good" };
-    case "calm": return facts.slow ? { head: words.R0, line: words["R0.line"], tone: "busy" } : null;
+    case "calm": return facts.slow ? slowStrip(view, words) : null;
     default: return null;
   }
 }

@@ -55,7 +55,8 @@ class Desk:
         self.promises = self.moves.promises
         outlook, demo = self.moves.outlook, drills is not None
         self.history = history or History(loop, None)
-        self.live = Live(loop, limits, self.history, self.moves.waiting, now_ns, self.promises, demo=demo)
+        waiting, on_trial = self.moves.waiting, self.moves.on_trial
+        self.live = Live(loop, limits, self.history, waiting, on_trial, now_ns, self.promises, demo=demo)
         self.promises.told = self._told
         self.sockets = Sockets(loop, outlook, self.live, limits, now_ns)
         outlook.watch = self._look

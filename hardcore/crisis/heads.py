@@ -358,7 +358,9 @@ def host_name(host: bytes) -> str:
 def request_bytes(head: RequestHead, *, length: int | None, own: Sequence[Header] = ()) -> bytes:
     """The head as it goes to the core; `length` None announces a chunked body; `own` are lines of the gateway's."""
     parts = [f"{head.method} ".encode(), head.target, b" HTTP/1.1\r\nHost: ", head.host, b"\r\n"]
-    for name, value in (*head.headers, *own):
+    for name, value in head.headers:
+        parts += (name, b": ", value, b"\r\n")
+    for name, value in own:
         parts += (name, b": ", value, b"\r\n")
     if length is None:
         parts.append(b"Transfer-Encoding: chunked\r\n")

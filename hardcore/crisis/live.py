@@ -31,9 +31,9 @@ from hardcore.crisis.standing import Standing
 from hardcore.host import clock
 
 LIVE_PATH = b"/__hc/live"
-#: How many requests of somebody wait, and how many of them are promised.
-Held = tuple[int, int]
-_NONE: Held = (0, 0)
+#: How many requests of somebody wait, how many of them are promised, and how many wait for a trial.
+Held = tuple[int, int, int]
+_NONE: Held = (0, 0, 0)
 #: A page has nothing to say here.
 SAID_BYTES_MAX = 4096
 
@@ -64,6 +64,7 @@ class Live:
         limits: GatewayLimits,
         history: History,
         waiting: Callable[[], Mapping[bytes, int]],
+        on_trial: Callable[[], Mapping[bytes, int]],
         now_ns: Callable[[], int],
         promises: Promises,
         *,
@@ -74,6 +75,7 @@ class Live:
         self._pace = Pace(limits.longer_than_ms, limits.longer_floor_ms, limits.doubt_told_ms)
         self._history = history
         self._in_hand = waiting  # how many requests wait here, by browser
+        self._on_trial = on_trial
         self._promises = promises
         self._now_ns = now_ns
         self._hello = _frame(
@@ -216,10 +218,14 @@ class Live:
     # -- what is said ----------------------------------------------------------------------------------
 
     def _waiting(self) -> Mapping[bytes, Held]:
-        """Whose requests wait: in hand, and promised."""
-        in_hand, promised = self._in_hand(), self._promises.waiting()
+        """Whose requests wait: in hand (also for a trial), and promised."""
+        in_hand, promised, tried = self._in_hand(), self._promises.waiting(), self._on_trial()
         return {
-            browser: (in_hand.get(browser, 0) + promised.get(browser, 0), promised.get(browser, 0))
+            browser: (
+                in_hand.get(browser, 0) + promised.get(browser, 0),
+                promised.get(browser, 0),
+                tried.get(browser, 0),
+            )
             for browser in {*in_hand, *promised}
         }
 
@@ -233,7 +239,7 @@ class Live:
     def _fields(self, shown: Shown, held: Held) -> dict[str, object]:
         if shown.began_ns != self._since[0]:  # told the same way each time, also when the wall clock is set
             self._since = (shown.began_ns, None if shown.began_ns is None else clock.wall(shown.began_ns))
-        return {**face.fields(shown, held[0], self._since[1]), "promised": held[1]}
+        return {**face.fields(shown, held[0], self._since[1]), "promised": held[1], "trial": held[2]}
 
     def _tell(self, said: Callable[[Held], Mapping[str, object]], only: set[bytes] | None = None) -> None:
         """Say to everybody what `said` makes of the number of requests that wait for him."""

@@ -50,6 +50,7 @@ def test_a_page_is_told_how_things_stand_when_it_opens_its_socket(gate: World) -
             "incident": None,
             "held": 0,
             "promised": 0,
+            "trial": 0,
             "planned": False,
             "alerted_at": None,
             "safe": None,

@@ -158,6 +158,15 @@ def test_the_death_of_another_core_means_nothing_to_whoever_is_on_trial(w: World
     assert ledger.booked == ["a"]
 
 
+def test_a_page_is_told_that_a_request_of_its_browser_waits_for_a_trial(w: World) -> None:
+    client, _, _ = on_trial(w, "Cookie: __hc=me")
+    told = w.ask("GET", "/__hc/status.json", "Cookie: __hc=me").json()
+    assert (told["text"], told["held"], told["trial"]) == (None, 1, 1)
+    assert w.ask("GET", "/__hc/status.json", "Cookie: __hc=other").json()["trial"] == 0
+    verdict(w, key_hash("a"), "cleared")
+    assert client.read().status == 201
+
+
 def test_a_verdict_while_no_core_serves_is_kept_for_the_next_one(w: World) -> None:
     client, second, ledger = on_trial(w)
     w.die(second)
