@@ -266,6 +266,14 @@ SENTENCES: tuple[tuple[str, str], ...] = (
     ),
     ("the machine slept for {s} s", "컴퓨터가 {s}초 동안 잠들어 있었음"),
     ("finished right before: {command}", "바로 전에 끝난 요청: {command}"),
+    (
+        "request {hash} had finished within {s} s before each of the last {count} deaths: likely, not proven",
+        "요청 {hash}: 최근 {count}번의 종료 전 {s}초 안에 매번 끝나 있었음, 추정일 뿐 확인되지 않음",
+    ),
+    (
+        "kind {kind} had finished within {s} s before each of the last {count} deaths: likely, not proven",
+        "요청 종류 {kind}: 최근 {count}번의 종료 전 {s}초 안에 매번 끝나 있었음, 추정일 뿐 확인되지 않음",
+    ),
     ("it took longer than {s} s", "{s}초 안에 끝나지 않음"),
     ("the time of all rules was over", "분석 시간이 끝남"),
     ("it failed: {kind}", "분석 중 오류: {kind}"),

@@ -2,7 +2,8 @@
 
 The recorder's slot marks exactly one command as being decided, so that one is a likely cause; of a batch that was being
 written nobody can tell one from another. A death that came from outside names nobody here: whoever stood at the till
-when the light went out has not broken the lamp. Where a thread hangs, a command on another thread is not told at all. Only a trial (rule `poison`) makes it certain.
+when the light went out has not broken the lamp. Where a thread hangs, a command on another thread is not told at all. Only a trial (rule
+`poison`) makes it certain, and what a trial has cleared is not told again.
 """
 
 from postmortem.analyzer.case import Case, Confidence, Finding, loop_thread
@@ -13,6 +14,8 @@ from postmortem.incident import Command, deciding, mappings, number, text, uniqu
 CRASHES = frozenset({"CRASHED", "EXITED", "OUT_OF_MEMORY", "CRASH_LOOP"})
 HANGS = frozenset({"LOOP_BLOCKED", "SPINNING", "GIL_HELD", "DEADLOCK"})
 FROM_INSIDE = CRASHES | HANGS
+#: What a trial says of an innocent.
+CLEARED = frozenset({"survived", "committed"})
 #: Commands of one batch that are told.
 BATCH_MAX = 8
 
@@ -22,10 +25,21 @@ def examine(case: Case) -> list[Finding]:
     incident = case.incident
     if incident.diagnosis not in FROM_INSIDE or incident.exit.code in MEANINGS:
         return []
-    touched = [command for command in deciding(incident) if _could_have(case, command)]
+    cleared = {
+        name
+        for trial in incident.trials
+        if trial.ordeal in CLEARED
+        for name in (trial.name, trial.command_id)
+    }
+    touched = [
+        command
+        for command in deciding(incident)
+        if _could_have(case, command) and not {command.command_id, command.key_hash} & (cleared - {""})
+    ]
     one = next((command for command in touched if command.stage == "DECIDING"), None)
-    if one is not None or len(touched) == 1:
-        return [_named(one or touched[0])]
+    alone = one or (touched[0] if len(touched) == 1 and len(deciding(incident)) == 1 else None)
+    if alone is not None:
+        return [_named(alone)]
     if not touched:
         return []
     lines = tuple(_line(command) for command in touched[:BATCH_MAX])

@@ -40,7 +40,7 @@ def _finished(case: Case) -> list[dict[str, object]]:
 
 
 def _named(one: dict[str, object], told: str) -> bool:
-    return any(name and name in told for name in (text(one.get("command_id")), text(one.get("kind"))))
+    return any(name and name in told for name in (text(one.get("key_hash")), text(one.get("kind"))))
 
 
 def _finding(rule: str, sure: Confidence, lines: tuple[str, ...], about: list[dict[str, object]]) -> Finding:

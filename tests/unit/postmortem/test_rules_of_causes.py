@@ -105,7 +105,7 @@ def every_rule() -> list[Case]:
     words = {"code": "BUG", "text": "a mistake of our own"}
     batch = [story.command(f"cmd-{n}", "WRITING", f"tx-{n}", ["assets:cash"], "c" * 32) for n in (1, 2)]
     near = {"taken_at_ns": 100 * NS, "finished": [finished("import.row", 99 * NS)]}
-    often = [{"kind": "near", "text": "import.row was near 3 deaths"}]
+    often = [{"kind": "near", "text": "kind import.row had finished"}]
     return [
         *(crashed(trials=[trial(ordeal, "letter-1")]) for ordeal in ("died", "hung", "grew", "untried")),
         crashed(trials=[trial("survived")]),
@@ -152,8 +152,8 @@ def test_what_does_it_again_is_the_culprit_and_certain() -> None:
 def test_a_suspect_that_survived_its_trial_is_told_as_cleared_and_never_named_as_certain() -> None:
     one = crashed(trials=[trial("survived")])
     assert found(one)["cleared"].values == {"count": "1"}
-    culprit = name_culprit(one, registry.examine(one))
-    assert culprit is None or culprit.confidence is not Confidence.CERTAIN
+    assert "at_work" not in found(one)
+    assert name_culprit(one, registry.examine(one)) is None
 
 
 def test_what_was_held_without_proof_is_never_called_a_poison() -> None:
@@ -212,7 +212,7 @@ def test_what_finished_right_before_is_near_and_no_more() -> None:
 def test_what_was_near_several_deaths_is_likely() -> None:
     page = {"taken_at_ns": 100 * NS, "finished": [finished("a", 99 * NS)]}
     one = crashed(
-        in_flight=[], recorder=page, evidence=[{"kind": "near", "text": "done-a was near 3 deaths"}]
+        in_flight=[], recorder=page, evidence=[{"kind": "near", "text": "kind a had finished before"}]
     )
     assert found(one)["near_often"].transaction_ids == ("tx-a",)
     culprit = name_culprit(one, registry.examine(one))
