@@ -22,8 +22,9 @@ from core.trying.asking import Lost, Reply, asking_for, sent_of
 from core.trying.copying import Copy
 from core.trying.docket import KEY_HEADER, Case, Docket, Events, Request, Row
 from core.trying.forking import WRITTEN_BYTES_MAX, Bounds, fork, term_held_back
-from core.trying.life import GONE, Birth, live
+from core.trying.life import Birth, live
 from core.trying.log import SLICE_EVENTS, Span, killer_in, named, rebuild
+from core.trying.rows import GONE
 from core.trying.verdicts import CONVICTS, WHY_CHARACTERS_MAX, Ordeal, Verdict, ended, untried, whose_of
 from core.trying.watch import Ending, How, Ward
 

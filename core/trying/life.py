@@ -12,45 +12,29 @@ import socket
 from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
-from itertools import islice
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, NoReturn
 
-import msgspec
 import uvloop
-from starlette.requests import Request as Asked
-from starlette.responses import Response
 from starlette.routing import Route
 
 from core import departure
 from core.departure import Departure
 from core.guarded.beacon import Beacon
 from core.guarded.recorder import NoRecorder, Recorder
-from core.imports import judging
 from core.imports.desk import Desk
-from core.imports.folder import Imports, is_import_id
-from core.imports.importer import KIND
-from core.imports.looking import results
-from core.imports.reading.candidates import Candidate, Result
-from core.imports.reading.kept import open_table
-from core.imports.reading.table import Unreadable
-from core.imports.records import Manifest
 from core.journal.answers import Answer
 from core.journal.store import LEDGER_FILE, WritingEngine, open_reading
 from core.journal.writer import Writer
 from core.ledger.commands import Command, accounts_of, fingerprint_of, transaction_of
-from core.ledger.reasons import Rejection
 from core.listening import LedgerServer, bind_unix
 from core.opening import OpenBook, Telling, Terms, open_book
 from core.rulings import Rulings
 from core.service import Service
 from core.settings import Settings
 from core.trying.forking import say
-from core.web import asking
+from core.trying.rows import booking
 from core.web.app import lay_out, make_app
-
-GONE: Final = 410  # a row that is not to be found any more
-NOT_BOOKED: Final = 422  # a row of which nothing comes
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +85,9 @@ async def _live(birth: Birth, words: socket.socket) -> None:
     desk = Desk(service, recorder, birth.folder)
     await desk.start()  # no import lies in this folder: nothing is gone on with
     app = lay_out()
-    app.router.routes.append(Route(f"{birth.rows}/{{id}}/{{ordinal:int}}", _booking(birth), methods=["POST"]))
+    app.router.routes.append(
+        Route(f"{birth.rows}/{{id}}/{{ordinal:int}}", booking(birth.data), methods=["POST"])
+    )
     bound = bind_unix(birth.socket)
     assert not isinstance(bound, str), bound
     await LedgerServer(make_app(service, desk, app)).start(bound)
@@ -162,55 +148,3 @@ class TriedService(Service):
             account_ids=account_ids,
             transaction_id=transaction_id,
         )
-
-
-def _booking(birth: Birth) -> asking.Handler:
-    """Return who books a row of the household's imports, as the importer does."""
-
-    async def book(request: Asked) -> Response:
-        import_id, ordinal = request.path_params["id"], request.path_params["ordinal"]
-        found = await asyncio.to_thread(_row, birth.data, import_id, ordinal)
-        if found is None:
-            return Response(status_code=GONE)
-        manifest, result = found
-        judged = judging.judge(result, manifest.currency)
-        if not isinstance(judged, Candidate):
-            return Response(status_code=NOT_BOOKED)
-        return await _book(request, manifest, judged, ordinal)
-
-    return book
-
-
-async def _book(request: Asked, manifest: Manifest, candidate: Candidate, ordinal: int) -> Response:
-    service = asking.service_of(request)
-    command = judging.command_of(candidate, ordinal, manifest, service.new_id())
-    if isinstance(command, Rejection):
-        return Response(status_code=NOT_BOOKED)
-    key = judging.key_of(manifest, ordinal)
-    named: dict[str, Any] = {
-        "key": key,
-        "command_id": command.id,
-        "transaction_id": command.id,
-        "account_ids": accounts_of(command),
-    }
-    with asking.working(request, KIND, judging.payload_of(candidate), **named) as held:
-        answer = await service.carry_out(command, key, key.encode(), command.id, held.slot, kind=KIND)
-        response = asking.respond_with(request, answer)
-        held.status = response.status_code
-    return response
-
-
-def _row(data: Path, import_id: str, ordinal: int) -> tuple[Manifest, Result] | None:
-    """Return the wish of an import and what its row is under it, None where either is gone."""
-    folder = Imports(data).open(import_id) if is_import_id(import_id) else None
-    manifest = folder.manifest() if folder is not None else None
-    if folder is None or manifest is None or manifest.account is None:
-        return None
-    table = open_table(folder.rows)
-    if isinstance(table, Unreadable):
-        return None
-    try:
-        result = next(islice(results(manifest, table), ordinal - 1, ordinal), None)
-    except (OSError, msgspec.MsgspecError):
-        return None
-    return None if result is None else (manifest, result)

@@ -39,8 +39,10 @@ CORE_FILE_ROOMS: Final = {
     "core/journal/ballast.py": "the ballast beside the ledger's file",
     "core/journal/disk.py": "a small file of its own, and ledger.lock, to see whether the disk takes writes",
     "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
+    "core/trying/asking.py": "none: it has the bytes of an answer read as if they came from one",
     "core/trying/forking.py": "what the kernel says of this process, and the file for a throw-away core's stacks",
     "core/trying/place.py": "the folder of a trial",
+    "core/trying/rows.py": "the files of an import, whose row is on trial",
     "core/trying/sitting.py": "the rules and the drill that a trial's folder is given",
     "core/trying/watch.py": "what the kernel says of a throw-away core, and the file for its stacks",
 }
