@@ -95,7 +95,8 @@ class Desk:
         letter = self.archive.letter(letter_id)
         if letter is not None and letter.state is LetterState.DISCARDED and self._is_over(letter.id):
             return self._told("undo-discard", letter_id, Refusal("too_late", {"seconds": UNDO_S}))
-        return self._moved("undo-discard", letter_id, Trigger.UNDO, discarded_because=None)
+        # A row that was released has no rule any more; to put back one that is there changes nothing.
+        return self._moved("undo-discard", letter_id, Trigger.UNDO, discarded_because=None, rule_absent=True)
 
     async def note(self, letter_id: str, text: str) -> Letter | Refusal:
         """Write a note beside a letter; it replaces the one before."""
