@@ -1,0 +1,90 @@
+"""Poison where no request waits: in a row of a bank's file, after its answer, and in the log itself."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from hardcore import quarantine_file
+from tests.integration.house import WITH_SPARE, House
+from tests.integration.poisoning import house_story, letter_of, name_of, rules
+from tests.integration.test_imports import commit, statement, uploaded
+from tests.waiting import until
+
+ROWS = 200
+POISONED_ROW = 120
+ENDS_S = 60.0
+
+
+@pytest.fixture(scope="module")
+def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    house = House(tmp_path_factory.mktemp("poison") / "data", WITH_SPARE)
+    try:
+        house.up().open_accounts()
+        yield house
+    finally:
+        house.end()
+
+
+def arm(house: House, key: str, at: str) -> None:
+    """Arm what nobody sends as a request; a rule that does nothing has the cores read it."""
+    quarantine_file.arm(house.folders, name_of(key), at)
+    told = house.order("rule-add", rule={"type": "limit", "kind": "nothing", "per_minute": 1})
+    assert told["ok"], told
+
+
+def test_a_poison_row_of_a_file_costs_that_row_and_one_death(house: House) -> None:
+    house.spared()
+    before = len(house.incidents())
+    import_id = uploaded(house, statement(ROWS, "row"))
+    key = f"{import_id}:{POISONED_ROW}"
+    arm(house, key, "decide")
+    assert commit(house, import_id).status == 202
+    letter = letter_of(house, key)
+
+    def over() -> dict[str, Any] | None:
+        answer = house.ask("GET", f"/api/ledger/imports/{import_id}")
+        return answer.body if answer.status == 200 and answer.body["state"] == "done" else None
+
+    told = until(over, "the import to end", ENDS_S)
+    assert told is not None
+    assert (told["rows"]["new"], told["rows"]["refused"]) == (ROWS - 1, 1), told
+    assert [death["diagnosis"] for death in house.closed(before + 1)["deaths"]] == ["CRASHED"]
+    (rule,) = (rule for rule in rules(house) if rule["id"] == letter)
+    assert rule["name"] == name_of(key)
+
+
+def test_a_poison_that_works_after_its_answer_convicts_nobody_and_loses_nothing(house: House) -> None:
+    house.spared()
+    before, ruled = len(house.incidents()), len([r for r in rules(house) if r["type"] == "letter"])
+    arm(house, "delayed", "later")
+    assert house.book("delayed").status == 201
+    story = house.closed(before + 1)
+    assert [death["diagnosis"] for death in story["deaths"]] == ["CRASHED"]
+    house.running()
+    assert house.booked().count("delayed") == 1
+    assert house.book("delayed").status == 201, "it is answered as it was, and not run again"
+    assert len([r for r in rules(house) if r["type"] == "letter"]) == ruled
+    house.folders.armed.unlink(missing_ok=True)
+
+
+def test_an_event_that_kills_whoever_rebuilds_from_it_is_parked_after_two_starts_at_most(
+    house: House,
+) -> None:
+    house.spared()
+    before = len(house.incidents())
+    seq = house.book("in-the-log").body["seq"]
+    house.cli("down")
+    quarantine_file.arm(house.folders, "f" * 32, "log")
+    text = house.folders.armed.read_text().replace('"seq": null', f'"seq": {seq}')
+    house.folders.armed.write_text(text)
+    house.up_unproven()
+
+    def parked() -> bool:
+        return any(rule["type"] == "parked" and rule["seq"] == seq for rule in rules(house))
+
+    until(parked, "the event to be parked", ENDS_S)
+    house.running()
+    fresh = house.incidents()[: len(house.incidents()) - before]
+    assert sum(len(house_story(house, item["id"])["deaths"]) for item in fresh) <= 2
+    assert house.ask("GET", "/api/ledger/transactions?limit=1").status == 200
