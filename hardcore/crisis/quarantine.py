@@ -25,17 +25,14 @@ _SOURCE_CHARACTERS_MAX: Final = 200
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """All that is in force. `names` and `digests` lead to the letter they are set aside under; `suspects` to the
-    accounts they would have touched; `sources` to the wall time (seconds) until which they are stopped. `ids`: of all
-    rules, also of those that only the core goes by.
+    """All that is in force. `names` and `digests` lead to the letter they are set aside under; `sources` to the
+    wall time (seconds) until which they are stopped.
     """
 
     serial: int = 0
     names: Mapping[str, str] = field(default_factory=dict)
     digests: Mapping[str, str] = field(default_factory=dict)
-    suspects: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     sources: Mapping[str, float] = field(default_factory=dict)
-    ids: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,25 +66,22 @@ def read_rules(data: bytes) -> Rules | str:
     serial = fields.get("serial")
     if not isinstance(serial, int) or isinstance(serial, bool):
         return "its serial is no number"
-    rules = [rule for rule in _objects(fields.get("rules")) if _is_id(rule.get("id"))]
-    letters = [rule for rule in rules if rule.get("type") == "letter"]
+    letters = [rule for rule in _objects(fields.get("rules")) if _is_letter(rule)]
     return Rules(
         serial=serial,
         names=_leading(letters, "name", _NAME),
         digests=_leading(letters, "digest", _DIGEST),
-        suspects=_suspects(fields.get("suspects")),
         sources=_sources(fields.get("sources")),
-        ids=frozenset(rule["id"] for rule in rules),
     )
 
 
-def is_rule_id(text: object) -> bool:
+def is_rule_id(value: object) -> bool:
     """Whether a rule may be called so."""
-    return _is_id(text)
-
-
-def _is_id(value: object) -> bool:
     return isinstance(value, str) and _ID.fullmatch(value) is not None
+
+
+def _is_letter(rule: dict[str, Any]) -> bool:  # Any: as JSON gives it
+    return rule.get("type") == "letter" and is_rule_id(rule.get("id"))
 
 
 def _objects(value: object) -> Iterator[dict[str, Any]]:  # Any: as JSON gives it
@@ -99,15 +93,6 @@ def _leading(letters: list[dict[str, Any]], what: str, shape: re.Pattern[str]) -
     """From what a letter's rule says of its requests to the letter. A digest of none says nothing."""
     found = ((rule.get(what), rule["id"]) for rule in letters)
     return {said: letter for said, letter in found if isinstance(said, str) and shape.fullmatch(said)}
-
-
-def _suspects(value: object) -> dict[str, tuple[str, ...]]:
-    named = ((one.get("name"), one.get("account_ids")) for one in _objects(value))
-    return {
-        name: tuple(one for one in accounts[:ENTRIES_MAX] if isinstance(one, str))
-        for name, accounts in named
-        if isinstance(name, str) and _NAME.fullmatch(name) and isinstance(accounts, list)
-    }
 
 
 def _sources(value: object) -> dict[str, float]:

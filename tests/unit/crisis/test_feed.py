@@ -10,11 +10,14 @@ from hardcore.crisis.feed import (
     LINE_BYTES_MAX,
     LineSplitter,
     PhaseHeard,
+    QuarantineHeard,
     ReleaseHeard,
     ServingHeard,
     Settled,
     SuspectsHeard,
     Unreadable,
+    Verdict,
+    VerdictHeard,
     VerifiedHeard,
     outcomes_lines,
     parse_line,
@@ -42,6 +45,12 @@ def test_each_line_of_the_wire_becomes_its_message() -> None:
     assert parse_line(release) == ReleaseHeard(3, 7, "i")
     verified = b'{"type": "verified", "generation": 3, "epoch": 7, "ok": true, "seq": 12}'
     assert parse_line(verified) == VerifiedHeard(3, 7, ok=True)
+    named = b'{"type": "suspects", "generation": 3, "keys": ["aa"], "account_ids": ["assets:cash"]}'
+    assert parse_line(named) == SuspectsHeard(3, ("aa",), ("assets:cash",))
+    verdict = b'{"type": "verdict", "generation": 3, "name": "aa", "outcome": "held", "letter": "l", "reason": "UNPROVEN"}'
+    assert parse_line(verdict) == VerdictHeard(3, "aa", Verdict.HELD, "l", "UNPROVEN")
+    assert isinstance(parse_line(verdict.replace(b"held", b"hung")), Unreadable)
+    assert parse_line(b'{"type": "quarantine", "generation": 3, "serial": 9}') == QuarantineHeard(3, 9)
 
 
 def test_a_reason_to_read_only_that_cannot_be_a_diagnosis_is_none() -> None:

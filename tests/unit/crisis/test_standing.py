@@ -4,7 +4,15 @@ import itertools
 
 import pytest
 
-from hardcore.crisis.feed import Heard, PhaseHeard, ReleaseHeard, ServingHeard, SuspectsHeard
+from hardcore.crisis.feed import (
+    Heard,
+    PhaseHeard,
+    ReleaseHeard,
+    ServingHeard,
+    SuspectsHeard,
+    Verdict,
+    VerdictHeard,
+)
 from hardcore.crisis.standing import (
     SUSPECTS_MAX,
     Standing,
@@ -56,6 +64,15 @@ def test_one_of_the_three_missing_means_hold(missing: Heard) -> None:
 def test_the_feed_alone_can_end_forwarding(face: Face) -> None:
     heard = _after(SERVING, RELEASE, FORWARD, PhaseHeard(1, "X", "RECOVERY", face, None))
     assert posture(heard) is face
+
+
+def test_a_verdict_of_any_kind_ends_a_suspicion_and_the_last_one_frees_the_accounts() -> None:
+    two = SuspectsHeard(1, ("aa", "bb"), ("assets:cash",))
+    for outcome in Verdict:
+        one_left = _after(two, VerdictHeard(1, "aa", outcome))
+        assert (one_left.suspects, one_left.account_ids) == (("bb",), ("assets:cash",))
+        none_left = _after(two, VerdictHeard(1, "aa", outcome), VerdictHeard(1, "bb", outcome))
+        assert (none_left.suspects, none_left.account_ids) == ((), ())
 
 
 def test_a_hold_takes_the_release_back() -> None:
