@@ -203,8 +203,12 @@ def _is_set_aside(result: Result, first: Mapping[str, Any], key: str) -> None:
 
 def _send(url: str, key: str) -> int | None:
     """Send the request of the drill; return what it was answered, None if nobody did."""
+    # The key is its body too: else each drill would have the digest of the first, which was set aside.
     request = urllib.request.Request(  # noqa: S310  # our own loopback URL
-        f"{url.rstrip('/')}/api/ledger/drill", data=b"", method="POST", headers={"Idempotency-Key": key}
+        f"{url.rstrip('/')}/api/ledger/drill",
+        data=key.encode(),
+        method="POST",
+        headers={"Idempotency-Key": key},
     )
     try:
         with urllib.request.urlopen(request, timeout=SENT_S) as answer:  # noqa: S310  # as above
