@@ -35,6 +35,9 @@ def _told(outcome: Verdict | StoreError, beacon: Beacon) -> bool:
         case Verdict(ok=True):
             beacon.verified(outcome.events)
             logger.info("The whole ledger is proven, up to event %d.", outcome.events)
+            if outcome.parked:
+                left_out = ", ".join(map(str, outcome.parked))
+                logger.warning("Events that are set aside were left out of that proof: %s.", left_out)
         case Verdict():
             _say_unsound(outcome.reason or "", beacon)
         case StoreError(fault=StoreFault.DAMAGED):
