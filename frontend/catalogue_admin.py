@@ -29,7 +29,6 @@ TEXTS: Final[Mapping[str, Text]] = {
     "back": _text("돌아가기", "Back"),
     "more": _text("더 보기", "More"),
     "none": _text("없음", "none"),
-    "not_known": _text("기록 없음", "not recorded"),
     "certain": _text("확실", "certain"),
     "likely": _text("추정", "likely"),
     "unknown": _text("모름", "unknown"),
@@ -37,8 +36,6 @@ TEXTS: Final[Mapping[str, Text]] = {
     "filter": _text("걸러 보기", "Filter"),
     "filter_clear": _text("모두 보기", "Show all"),
     "any": _text("모두", "any"),
-    "yes": _text("예", "yes"),
-    "no": _text("아니요", "no"),
     # The state, in the header and on the first page
     "state_OPERATIONAL": _text("정상", "Working"),
     "state_STARTING": _text("시작하는 중", "Starting"),
@@ -118,7 +115,6 @@ TEXTS: Final[Mapping[str, Text]] = {
     "now_checked": _text("마지막 장부 확인", "Last ledger check"),
     "now_core": _text("장부 서버", "Core"),
     "now_core_of": _text("프로세스 {pid}, 세대 {epoch}", "process {pid}, epoch {epoch}"),
-    "now_worries": _text("살펴볼 것", "Worth a look"),
     "act_restart": _text("장부 서버 다시 켜기", "Restart the core"),
     "act_restart_more": _text(
         "예비 서버가 먼저 준비되고, 그동안 온 요청은 기다렸다가 처리돼요.",
@@ -126,7 +122,7 @@ TEXTS: Final[Mapping[str, Text]] = {
     ),
     "restart_title": _text("장부 서버를 다시 켤까요?", "Restart the core?"),
     "restart_held": _text(
-        "지금 기다리는 요청 {n}건과 그사이 오는 요청은 잠시 기다려요.",
+        "지금 기다리는 요청({n}건)과 그사이 오는 요청은 잠시 기다려요.",
         "The {n} requests waiting now, and those that come meanwhile, will wait a moment.",
     ),
     "restart_held_one": _text(
@@ -229,15 +225,9 @@ TEXTS: Final[Mapping[str, Text]] = {
     "money": _text("돈은", "The money"),
     "timeline": _text("진행 순서", "The course of it"),
     "timeline_none": _text("진행 순서가 기록되지 않았어요.", "The course of it was not recorded."),
-    "step": _text("단계", "Step"),
-    "step_at": _text("시각", "At"),
-    "step_offset": _text("문제 뒤", "After the fault"),
     "cause": _text("원인", "Cause"),
     "cause_why": _text("그렇게 보는 까닭", "Why we think so"),
     "culprit": _text("관련된 요청", "What was being done"),
-    "culprit_none": _text(
-        "이 사건을 일으켰다고 볼 만한 요청이 없어요.", "No request is held to have caused this."
-    ),
     "culprit_masked": _text(
         "계좌와 거래 번호는 가려져 있어요.", "Account and transaction numbers are masked."
     ),
@@ -246,7 +236,6 @@ TEXTS: Final[Mapping[str, Text]] = {
     "account": _text("계좌", "Account"),
     "transaction": _text("거래", "Transaction"),
     "stage": _text("어디까지", "How far"),
-    "age": _text("걸린 시간", "Age"),
     "blamed": _text("원인으로 지목", "named by the evidence"),
     "ring": _text("서로를 기다린 고리", "The ring of waiting"),
     "stacks": _text("모든 스레드의 위치", "Where every thread was"),
@@ -259,7 +248,6 @@ TEXTS: Final[Mapping[str, Text]] = {
     "memory_types": _text("가장 많은 것", "What there was most of"),
     "crumbs": _text("그 직전의 명령들", "The last commands before"),
     "crumbs_none": _text("직전에 끝난 명령이 기록되지 않았어요.", "No finished command on record before it."),
-    "finished_ago": _text("종료 전", "Before the end"),
     "requests": _text("요청은 어떻게 됐나요", "What became of the requests"),
     "request": _text("요청", "Request"),
     "waited": _text("기다린 시간", "Waited"),
@@ -304,7 +292,6 @@ TEXTS: Final[Mapping[str, Text]] = {
     "letters_of": _text("이 사건으로 보관한 요청", "Requests set aside by it"),
     "file": _text("파일", "File"),
     "size": _text("크기", "Size"),
-    "why_missing": _text("없는 까닭", "Why it is missing"),
     "reading_failed": _text(
         "이 사건의 폴더를 읽을 수 없어요. 목록에 있던 내용만 보여요.",
         "This incident's folder can't be read; only what the list knows is shown.",
@@ -361,7 +348,6 @@ TEXTS: Final[Mapping[str, Text]] = {
     ),
     "setting": _text("이름", "Name"),
     "setting_value": _text("값", "Value"),
-    "setting_means": _text("뜻", "What it means"),
     "settings_raw": _text("모든 값", "Every value"),
     "settings_version": _text("버전", "Version"),
     "version_code": _text("코드", "Code"),

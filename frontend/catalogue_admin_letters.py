@@ -40,7 +40,6 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
     "dlq_reason": _text("까닭", "Reason"),
     "dlq_command": _text("요청", "Request"),
     "dlq_age": _text("언제부터", "Since"),
-    "dlq_attempts": _text("시도", "Attempts"),
     "state_QUARANTINED": _text("보관함", "set aside"),
     "state_HELD": _text("붙잡아 둠", "held"),
     "state_RETRYING": _text("다시 처리 중", "being retried"),
@@ -99,7 +98,6 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
     "letter_title": _text("보관한 요청", "Dead letter"),
     "letter_number": _text("번호 {id}", "Number {id}"),
     "letter_since": _text("{at}부터 보관", "Set aside since {at}"),
-    "letter_next": _text("다음에 할 일", "What to do next"),
     "letter_facts": _text("요청에 대해", "About the request"),
     "letter_source": _text("어디에서", "From"),
     "letter_key": _text("중복 방지 키", "Idempotency key"),
@@ -109,7 +107,6 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
     "letter_payload": _text("내용", "Contents"),
     "letter_payload_none": _text("내용을 가진 곳이 없어요.", "Nobody has its contents."),
     "letter_payload_get": _text("전체 내용 내려받기", "Download all of it"),
-    "letter_row": _text("가져오기의 줄", "Row of an import"),
     "letter_row_told": _text(
         "가져온 파일의 한 줄이에요. 다시 처리하는 대신 그 줄을 다시 가져올 수도 있어요.",
         "One row of an imported file. Instead of a retry the row can be imported again.",
@@ -151,7 +148,6 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
     "discard_title": _text("이 요청을 버릴까요?", "Discard this request?"),
     "discard_told": _text("금액은 움직이지 않아요. 기록에는 남아요.", "No money moves. It stays on record."),
     "discard_reason": _text("이유를 적어 주세요.", "Please give a reason."),
-    "discard_why": _text("이유", "Reason"),
     "discard_needs": _text("이유가 비어 있어요.", "The reason is empty."),
     "retry_title": _text("이 요청을 다시 처리할까요?", "Retry this request?"),
     "retry_told": _text(
@@ -184,7 +180,7 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
         "One at a time; stops at once if the server goes down.",
     ),
     "bulk_capped": _text(
-        "한 번에 최대 {cap}건이에요. 더 좁혀 주세요.", "At most {cap} at a time. Please narrow the filter."
+        "한 번에 할 수 있는 최대: {cap}건. 더 좁혀 주세요.", "At most {cap} at a time. Please narrow the filter."
     ),
     "refused_bulk_nothing": _text("먼저 요청을 골라 주세요.", "Please select requests first."),
     "bulk_title": _text("여러 요청을 한꺼번에", "Many at once"),

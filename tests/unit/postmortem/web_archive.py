@@ -30,7 +30,7 @@ from postmortem.web.app import routes
 from postmortem.web.places import Places
 from tests.unit.postmortem import story
 
-TOKEN = "a-token-of-this-test"  # noqa: S105 - a test's own
+TOKEN = "a-token-of-this-test"
 LETTER_ID = "0199a000-0000-7000-8000-0000000000aa"
 
 
@@ -42,7 +42,10 @@ def line(**other: Any) -> IncidentLine:
         "closed_at": "2026-11-21T14:08:18.500Z",
         "diagnosis": "KILLED_FROM_OUTSIDE",
         "grade": "certain",
-        "summary": {"ko": "장부 서버가 밖에서 강제 종료됐고 912 ms 만에 다시 응답했어요.", "en": "The ledger was killed."},
+        "summary": {
+            "ko": "장부 서버가 밖에서 강제 종료됐고 912 ms 만에 다시 응답했어요.",
+            "en": "The ledger was killed.",
+        },
         "outcome": "recovered",
         "outage_ms": 912.3,
         "detected_ms": 0.8,
@@ -124,12 +127,12 @@ class Archive:
             and wanted.diagnosis in {"", one.diagnosis}
             and (wanted.drills or one.drill is None)
         ]
-        return Page(tuple(found[:limit]), len(found), None)
+        return _page(found, limit, cursor)
 
     def groups(self, wanted: Filter, limit: int, cursor: str = "") -> Page:
         prints = dict.fromkeys(one.fingerprint for one in self.incidents(wanted, 1000).items)
         found = tuple(group for one in prints if (group := self.group(one)) is not None)
-        return Page(found[:limit], len(found), None)
+        return _page(found, limit, cursor)
 
     def group(self, fingerprint: str) -> Group | None:
         same = [one for one in self.lines if one.fingerprint == fingerprint]
@@ -148,11 +151,9 @@ class Archive:
 
     def letters(self, wanted: Filter, limit: int, cursor: str = "") -> Page:
         found = [
-            one
-            for one in self.kept
-            if wanted.state in {"", one.state} and wanted.reason in {"", one.reason}
+            one for one in self.kept if wanted.state in {"", one.state} and wanted.reason in {"", one.reason}
         ]
-        return Page(tuple(found[:limit]), len(found), None)
+        return _page(found, limit, cursor)
 
     def letter(self, letter_id: str) -> Letter | None:
         return next((one for one in self.kept if one.id == letter_id), None)
@@ -165,15 +166,21 @@ class Archive:
         return self.bulks.get(bulk_id)
 
     def audit(self, limit: int, cursor: str = "") -> Page:
-        return Page(tuple(self.written[:limit]), len(self.written), None)
+        return _page(self.written, limit, cursor)
 
     def drills(self, limit: int) -> Sequence[Drill]:
         return self.drilled[:limit]
 
     def trends(self, weeks: int) -> Mapping[str, Any]:
-        told = [{"from": f"2026-11-{day:02d}", "incidents": day % 4} for day in range(1, 13)]
+        told = [{"from": f"2026-11-{day:02d}", "incidents": day % 4} for day in range(1, weeks + 1)]
         cause = {"diagnosis": "CRASHED", "count": 4, "p50_ms": 80.0, "p90_ms": 900.0}
         return {"weeks": told, "incidents": len(self.lines), "mtbf_hours": 31.5, "causes": [cause]}
+
+
+def _page(found: Sequence[Any], limit: int, cursor: str) -> Page:
+    begin = int(cursor or 0)
+    more = str(begin + limit) if len(found) > begin + limit else None
+    return Page(tuple(found[begin : begin + limit]), len(found), more)
 
 
 @dataclass
@@ -204,9 +211,7 @@ class Acts:
         return self._did(letter_id, "hold", state=LetterState.HELD)
 
     async def discard(self, letter_id: str, reason: str) -> Letter | Refusal:
-        return self._did(
-            letter_id, "discard", reason, state=LetterState.DISCARDED, discarded_because=reason
-        )
+        return self._did(letter_id, "discard", reason, state=LetterState.DISCARDED, discarded_because=reason)
 
     async def undo_discard(self, letter_id: str) -> Letter | Refusal:
         return self._did(letter_id, "undo", state=LetterState.QUARANTINED, discarded_because=None)
@@ -288,12 +293,15 @@ class Visitor:
     def _send(self, method: str, path: str, body: bytes, more: list[tuple[bytes, bytes]]) -> Answer:
         return asyncio.run(self._exchange(method, path, body, more))
 
-    async def _exchange(
-        self, method: str, path: str, body: bytes, more: list[tuple[bytes, bytes]]
-    ) -> Answer:
+    async def _exchange(self, method: str, path: str, body: bytes, more: list[tuple[bytes, bytes]]) -> Answer:
         route, _, query = path.partition("?")
         length = str(len(body)).encode()
-        headers = [(b"host", b"t"), (b"accept-language", self.lang.encode()), (b"content-length", length), *more]
+        headers = [
+            (b"host", b"t"),
+            (b"accept-language", self.lang.encode()),
+            (b"content-length", length),
+            *more,
+        ]
         scope = {
             "type": "http", "asgi": {"version": "3.0"}, "http_version": "1.1", "method": method, "scheme": "http",
             "path": route, "raw_path": route.encode(), "query_string": query.encode(), "root_path": "",

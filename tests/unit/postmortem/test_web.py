@@ -1,0 +1,420 @@
+"""The dashboard's pages on an archive that was filled by hand; the real one is looked at in the contract tests."""
+
+import json
+import re
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from frontend.admin_paper import admin_files
+from postmortem import bundle
+from postmortem.views import Act, Drill, DryRun, LetterState, ProposalState
+from postmortem.web.letter import is_fresh
+from postmortem.web.letters import sums_of
+from tests.unit.postmortem import story
+from tests.unit.postmortem.web_archive import LETTER_ID, TOKEN, Archive, Visitor, letter, line, proposal
+
+PAGES = (
+    "/admin/", "/admin/incidents", "/admin/incidents?view=all", "/admin/dlq", "/admin/snapshots",
+    "/admin/trends", "/admin/settings",
+)  # fmt: skip
+ONE = f"/admin/incidents/{story.ID}"
+LETTER = f"/admin/dlq/{LETTER_ID}"
+HOSTILE = "<script>alert(1)</script>\u202egnp.exe\x1b[2J"
+
+
+@pytest.fixture
+def visitor(tmp_path: Path) -> Visitor:
+    (tmp_path / "incidents").mkdir()
+    return Visitor(tmp_path, Archive())
+
+
+def with_incident(visitor: Visitor, threads: list[Any] | None = None, **facts: Any) -> Visitor:
+    files = {
+        "incident.json": story.facts(**facts),
+        "stacks.json": threads or [],
+        "recorder.json": {"finished": [story.command("cmd-0", "FREE", "tx-0", ["assets:bank:kb"], "")]},
+    }
+    packed = {name: json.dumps(told).encode() for name, told in files.items()}
+    written = bundle.write_bundle(
+        visitor.folder / "incidents", story.ID, packed, {"memory.json": "disk full"}
+    )
+    assert isinstance(written, Path)
+    visitor.archive.lines.append(line())
+    return visitor
+
+
+@pytest.mark.parametrize("lang", ["ko", "en"])
+@pytest.mark.parametrize("path", PAGES)
+def test_a_page_stands_before_anything_has_happened_and_without_a_guard(
+    visitor: Visitor, path: str, lang: str
+) -> None:
+    visitor.lang = lang
+    answer = visitor.get(path)
+    assert answer.status == 200
+    assert f'<html lang="{lang}">' in answer.text
+    assert "script-src 'self'" in answer.headers["content-security-policy"]
+    assert answer.headers["cache-control"] == "no-store"
+
+
+def test_silence_is_told_with_the_date_of_the_last_proof(visitor: Visitor) -> None:
+    assert "never been drilled" in visitor.get("/admin/").text
+    long_ago = (datetime.now(UTC) - timedelta(days=34, hours=2)).isoformat()
+    visitor.archive.lines.append(line(opened_at=long_ago))
+    visitor.archive.drilled.append(Drill("2026-11-20T09:00:00Z", "crash", True, 84.0, None, False))
+    page = visitor.get("/admin/").text
+    assert "No incident in 34 days" in page
+    assert "back after 84 ms" in page
+
+
+def test_a_failed_drill_proves_nothing(visitor: Visitor) -> None:
+    visitor.archive.drilled.append(Drill("2026-11-20T09:00:00Z", "crash", False, None, None, False))
+    assert "did not end as promised" in visitor.get("/admin/").text
+
+
+def test_what_the_guard_does_not_say_is_left_out(visitor: Visitor) -> None:
+    visitor.status = {"state": "RECOVERY", "core": {"pid": None}, "gateway": "?", "since": 5}
+    page = visitor.get("/admin/").text
+    assert "Recovering" in page
+    assert "Heartbeat" not in page
+    visitor.status = {"state": "<b>"}
+    assert "The guard does not answer" in visitor.get("/admin/").text
+
+
+def test_an_incident_is_told_with_its_sentence_its_course_and_its_money(visitor: Visitor) -> None:
+    page = with_incident(visitor).get(ONE).text
+    assert "the ledger was killed from outside" in page.lower()
+    assert "912 ms" in page
+    assert 'class="drawing"' in page
+    assert "Money" in page or "money" in page
+    assert "memory.json" in page
+    assert "disk full" in page  # partial evidence says what is missing, and why
+
+
+def test_an_account_is_masked_until_somebody_asks_and_that_is_written_down(visitor: Visitor) -> None:
+    with_incident(visitor)
+    assert "assets:bank:kb" not in visitor.get(ONE).text
+    assert visitor.written == []
+    shown = visitor.post(f"{ONE}/reveal")
+    assert "assets:bank:kb" in shown.text
+    assert visitor.written == [("reveal", story.ID, "", "shown")]
+
+
+def test_frames_of_ours_come_first_and_those_of_the_system_are_folded(visitor: Visitor) -> None:
+    frames = [
+        {"name": "wait", "short_filename": "threading.py", "line": 3},
+        {"name": "Writer._run", "short_filename": "core/journal/writer.py", "line": 9},
+    ]
+    idle = {"thread_name": "pool", "frames": frames[:1]}
+    page = with_incident(visitor, [idle, {"thread_name": "writer", "frames": frames}]).get(ONE).text
+    assert page.index("Writer._run") < page.index("threading.py")
+    assert page.index(">writer<") < page.index(">pool<")
+    assert "1 frame of the system" in page
+
+
+def test_a_deadlock_is_drawn_as_a_ring_with_its_table(visitor: Visitor) -> None:
+    def waiter(tid: int, name: str, lock: str, holder: int) -> dict[str, Any]:
+        shown = [{"name": "lock_name", "repr": f"'{lock}'"}, {"name": "held_by", "repr": f"'{holder}'"}]
+        return {
+            "os_thread_id": tid,
+            "thread_name": name,
+            "frames": [{"name": "wait_for_lock", "short_filename": "core/guarded/locks.py", "locals": shown}],
+        }
+
+    threads = [waiter(1, "writer", "book", 2), waiter(2, "auditor", "index", 1)]
+    page = with_incident(visitor, threads, diagnosis="DEADLOCK").get(ONE).text
+    assert 'id="ring"' in page
+    assert "writer waits for auditor" in page
+    assert "<td>book</td>" in page
+
+
+def test_hostile_text_in_every_field_of_a_bundle_stays_text(visitor: Visitor) -> None:
+    request = {
+        "method": HOSTILE,
+        "path": HOSTILE,
+        "key_hash": "",
+        "outcome": HOSTILE,
+        "status": 1,
+        "held_ms": 1,
+    }
+    facts = {
+        "diagnosis": HOSTILE,
+        "reason": HOSTILE,
+        "evidence": [{"kind": HOSTILE, "text": HOSTILE + "x" * 100_000}],
+        "timeline": [{"step": HOSTILE, "at": HOSTILE, "offset_ms": n} for n in (0, 5)],
+        "in_flight": [story.command(HOSTILE, HOSTILE, HOSTILE, [HOSTILE], HOSTILE)],
+        "requests": [request],
+    }
+    threads = [{"thread_name": HOSTILE, "frames": [{"name": HOSTILE, "short_filename": HOSTILE}]}]
+    with_incident(visitor, threads, **facts)
+    visitor.archive.proposed.append(proposal(text={"ko": HOSTILE, "en": HOSTILE}, note=HOSTILE))
+    for answer in (visitor.get(ONE), visitor.post(f"{ONE}/reveal")):
+        assert answer.status == 200
+        assert "<script>alert" not in answer.text
+        assert "\u202e" not in answer.text.split('name="note"')[0]
+        assert "\x1b" not in answer.text
+        assert len(answer.text) < 100_000
+
+
+@pytest.mark.parametrize("name", ["..", "%2e%2e", "x" * 65, "a.b", "nobody", "..%2fsecret"])
+def test_an_id_that_is_a_path_or_nobodys_leads_nowhere(visitor: Visitor, name: str) -> None:
+    (visitor.folder / "secret").mkdir()
+    for path in (f"/admin/incidents/{name}", f"/admin/incidents/{name}/export.json", f"/admin/dlq/{name}"):
+        assert visitor.get(path).status == 404
+
+
+def test_an_incident_without_its_folder_is_told_from_the_list(visitor: Visitor) -> None:
+    visitor.archive.lines.append(line())
+    answer = visitor.get(ONE)
+    assert answer.status == 200
+    assert "can&#39;t be read" in answer.text
+
+
+def test_a_bundle_that_was_tampered_with_says_so(visitor: Visitor) -> None:
+    with_incident(visitor)
+    (visitor.folder / "incidents" / story.ID / "stacks.json").write_bytes(b"[")
+    page = visitor.get(ONE).text
+    assert "Part of the evidence is missing" in page
+    assert "stacks.json" in page
+
+
+@pytest.mark.parametrize("form", ["md", "json", "html", "zip"])
+def test_an_export_is_a_file_and_never_a_page(visitor: Visitor, form: str) -> None:
+    answer = with_incident(visitor).get(f"{ONE}/export.{form}")
+    assert answer.status == 200
+    assert answer.headers["content-disposition"].startswith("attachment")
+    assert "sandbox" in answer.headers["content-security-policy"]
+
+
+def test_the_redacted_bundle_is_shown_before_it_is_taken(visitor: Visitor) -> None:
+    page = with_incident(visitor).get(f"{ONE}/bundle").text
+    assert "report.md" in page
+    assert "export.zip" in page
+
+
+def test_proposals_are_decided_with_owner_and_note(visitor: Visitor) -> None:
+    with_incident(visitor).archive.proposed.append(proposal())
+    assert "Accept" in visitor.get(ONE).text
+    answer = visitor.post("/admin/proposals/p-1/accept", incident=story.ID, owner="Kim", note="now")
+    assert (answer.status, answer.headers["location"]) == (303, f"{ONE}?said=done")
+    assert visitor.archive.done == [("decide", "p-1", "accept", "Kim", "now")]
+    visitor.archive.proposed[0] = proposal(state=ProposalState.ACCEPTED, hits=7)
+    page = visitor.get(ONE).text
+    assert "It has stopped 7 so far" in page
+    assert "Revoke" in page
+
+
+@pytest.mark.parametrize(
+    ("token", "site"),
+    [("wrong", "same-origin"), ("", "same-origin"), (TOKEN, "cross-site"), (TOKEN, "same-site")],
+)
+def test_a_form_from_elsewhere_does_nothing(visitor: Visitor, token: str, site: str) -> None:
+    visitor.archive.kept.append(letter())
+    visitor.status = {"state": "OPERATIONAL"}
+    for path in (f"{LETTER}/hold", f"{LETTER}/discard", "/admin/dlq/bulk", "/admin/drill", f"{ONE}/reveal"):
+        answer = visitor.post(
+            path, token=token, site=site, sure="1", text="x", verb="hold", id=LETTER_ID, fault="crash"
+        )
+        assert answer.status == 403
+    assert visitor.archive.done == []
+    assert visitor.asked == []
+
+
+def test_no_act_is_done_by_looking(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    for path in ("/admin/restart", "/admin/drill", f"{LETTER}/discard", "/admin/dlq/bulk/b-1/cancel"):
+        assert visitor.get(path).status in {404, 405}
+    assert visitor.archive.done == []
+
+
+def test_a_restart_wants_its_word(visitor: Visitor) -> None:
+    visitor.status = {"state": "OPERATIONAL", "gateway": {"held_requests": 3}}
+    asked = visitor.post("/admin/restart")
+    assert "3 requests" in asked.text
+    assert "another word" in visitor.post("/admin/restart", sure="1", word="reboot").text
+    assert [one["verb"] for one in visitor.asked] == ["status", "status"]
+    answer = visitor.post("/admin/restart", sure="1", word=" Restart ")
+    assert answer.headers["location"] == "/admin/?said=restarted"
+    assert visitor.asked[-1]["verb"] == "restart"
+    assert visitor.written == [("restart", "core", "", "asked for")]
+
+
+def test_a_guard_that_is_away_is_not_said_to_have_obeyed(visitor: Visitor) -> None:
+    answer = visitor.post("/admin/drill", fault="crash", sure="1")
+    assert answer.headers["location"] == "/admin/?said=guard_away"
+    assert "nothing was done" in visitor.get(answer.headers["location"]).text
+    assert visitor.post("/admin/drill", fault="rm -rf", sure="1").status == 404
+
+
+def test_nothing_set_aside_is_told_as_that(visitor: Visitor) -> None:
+    assert "Nothing set aside" in visitor.get("/admin/dlq").text
+
+
+def test_a_letter_says_its_reason_and_what_to_do_next(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    page = visitor.get(LETTER).text
+    assert "makes the core die" in page
+    assert "12000 KRW" in page
+    assert page.index("Dry run</button>") < page.index("Retry</button>")
+    visitor.archive.kept[0] = letter(reason="NEWER_THAN_US")
+    assert "NEWER_THAN_US" in visitor.get(LETTER).text
+
+
+def test_a_discard_wants_a_reason_and_can_be_undone(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    asked = visitor.post(f"{LETTER}/discard")
+    assert "Discard this request?" in asked.text
+    assert "No money moves. It stays on record." in asked.text
+    assert "The reason is empty" in visitor.post(f"{LETTER}/discard", sure="1", text="  ").text
+    assert visitor.archive.done == []
+    done = visitor.post(f"{LETTER}/discard", sure="1", text="sent twice")
+    page = visitor.get(done.headers["location"]).text
+    assert "sent twice" in page
+    assert f"{LETTER}/undo" in page
+    assert f"{LETTER}/undo" not in visitor.get(LETTER).text
+    visitor.post(f"{LETTER}/undo")
+    assert visitor.archive.kept[0].state is LetterState.QUARANTINED
+
+
+def test_a_retry_without_a_fresh_dry_run_has_to_be_said_as_that(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    asked = visitor.post(f"{LETTER}/retry").text
+    assert "Retry anyway" in asked
+    assert 'name="anyway" value="1"' in asked
+    now = datetime.now(UTC).isoformat()
+    visitor.archive.kept[0] = letter(dry_run=DryRun(now, "survived", 201, 40, None, ""))
+    asked = visitor.post(f"{LETTER}/retry").text
+    assert "anyway" not in asked
+    visitor.post(f"{LETTER}/retry", sure="1")
+    assert visitor.archive.done == [("retry", False, LETTER_ID)]
+
+
+def test_a_dry_run_is_fresh_for_ten_minutes_if_it_went_well() -> None:
+    at = datetime(2026, 11, 22, 12, 0, tzinfo=UTC)
+
+    def ran(ordeal: str, when: str) -> DryRun:
+        return DryRun(when, ordeal, None, 1, None, "")
+
+    assert is_fresh(ran("survived", "2026-11-22T11:50:01Z"), at)
+    assert not is_fresh(ran("survived", "2026-11-22T11:50:00Z"), at)
+    assert not is_fresh(ran("survived", "2026-11-22T12:00:01Z"), at)
+    assert not is_fresh(ran("died", "2026-11-22T11:59:59Z"), at)
+    assert not is_fresh(ran("survived", "yesterday"), at)
+    assert not is_fresh(None, at)
+
+
+def test_a_refusal_is_told_where_the_question_stood(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    visitor.archive.refuses = "letter_busy"
+    answer = visitor.post(f"{LETTER}/hold")
+    assert answer.status == 409
+    assert "it is not run twice" in answer.text
+    assert 'id="confirm"' in answer.text
+    assert '<button class="primary">' not in answer.text
+
+
+def test_a_payload_is_an_attackers_text(visitor: Visitor) -> None:
+    visitor.archive.kept.append(
+        letter(payload=HOSTILE + "A" * 1_000_000, kind=HOSTILE, path=HOSTILE, source=HOSTILE)
+    )
+    for path in (LETTER, "/admin/dlq"):
+        page = visitor.get(path).text
+        assert "<script>alert" not in page
+        assert "\u202e" not in page
+        assert len(page) < 40_000
+    whole = visitor.get(f"{LETTER}/payload")
+    assert len(whole.body) > 1_000_000
+    assert whole.headers["content-disposition"].startswith("attachment")
+    assert whole.headers["content-type"].startswith("text/plain")
+
+
+def test_many_are_asked_about_with_number_accounts_and_sum(visitor: Visitor) -> None:
+    other = LETTER_ID[:-1] + "b"
+    visitor.archive.kept += [letter(), letter(id=other, account_ids=("assets:cash",), sums=("500.50 USD",))]
+    asked = visitor.post("/admin/dlq/bulk", verb="retry", id=[LETTER_ID, other]).text
+    assert "Retry 2 requests?" in asked
+    assert "3 accounts, total 12,000 KRW, 500.50 USD." in asked
+    assert visitor.archive.done == []
+    begun = visitor.post("/admin/dlq/bulk", verb="retry", id=[LETTER_ID, other], sure="1")
+    assert begun.headers["location"] == "/admin/dlq/bulk/b-1"
+    assert visitor.archive.done == [("bulk", "retry", [LETTER_ID, other], "")]
+    assert "1 of 3 finished" in visitor.get("/admin/dlq/bulk/b-1").text
+    visitor.post("/admin/dlq/bulk/b-1/cancel")
+    assert "the others are where they were" in visitor.get("/admin/dlq/bulk/b-1").text
+
+
+def test_all_that_match_means_the_filter_and_not_the_page(visitor: Visitor) -> None:
+    visitor.archive.kept += [letter(), letter(id=LETTER_ID[:-1] + "b", reason="UNPROVEN")]
+    asked = visitor.post("/admin/dlq/bulk", verb="discard", all="1", reason="UNPROVEN", id=LETTER_ID)
+    assert "Discard 1 request?" in asked.text
+    assert 'name="reason" value="UNPROVEN"' in asked.text
+    visitor.post("/admin/dlq/bulk", verb="discard", all="1", reason="UNPROVEN", sure="1", text="old")
+    _, verb, wanted, why = visitor.archive.done[0]
+    assert (verb, wanted.reason, why) == ("discard", "UNPROVEN", "old")
+
+
+def test_nothing_selected_is_told_and_nothing_is_begun(visitor: Visitor) -> None:
+    answer = visitor.post("/admin/dlq/bulk", verb="hold")
+    assert "select requests first" in visitor.get(answer.headers["location"]).text
+
+
+def test_sums_are_added_by_currency_and_nonsense_is_passed_over() -> None:
+    assert sums_of([letter(sums=("1 KRW", "x USD")), letter(sums=("2.50 KRW",))]) == ["3.50 KRW"]
+
+
+def test_a_group_is_marked_as_mended(visitor: Visitor) -> None:
+    with_incident(visitor)
+    answer = visitor.post(f"/admin/groups/{'f' * 16}/fixed", version="1.2")
+    assert answer.headers["location"] == "/admin/incidents?said=done"
+    assert visitor.archive.done == [("fixed", "f" * 16, "1.2")]
+
+
+def test_evidence_is_listed_with_what_is_missing(visitor: Visitor) -> None:
+    page = with_incident(visitor).get("/admin/snapshots").text
+    assert "3 files" in page
+    assert "memory.json: disk full" in page
+
+
+def test_few_incidents_make_no_trend(visitor: Visitor) -> None:
+    visitor.archive.lines += [line(id=f"a{n}") for n in range(4)]
+    assert "too few to speak of a trend" in visitor.get("/admin/trends").text
+    visitor.archive.lines.append(line(id="a4"))
+    assert "31.5" in visitor.get("/admin/trends").text
+
+
+def test_every_act_stands_in_the_audit_log(visitor: Visitor) -> None:
+    visitor.archive.written.append(
+        Act("2026-11-22T09:00:00Z", "dashboard", "discard", LETTER_ID, HOSTILE, "done")
+    )
+    page = visitor.get("/admin/settings").text
+    assert LETTER_ID in page
+    assert "<script>alert" not in page
+
+
+def test_the_language_is_changed_by_a_form_and_leads_back_here_alone(visitor: Visitor) -> None:
+    answer = visitor.post("/admin/language", lang="ko", back="/admin/dlq?state=HELD")
+    assert answer.headers["location"] == "/admin/dlq?state=HELD"
+    assert "lang=ko" in answer.headers["set-cookie"]
+    for back in ("//evil.example", "https://evil.example", "/admin/\\evil", "/admin/\r\nX: y"):
+        assert visitor.post("/admin/language", lang="ko", back=back).headers["location"] == "/admin/"
+
+
+def test_files_are_kept_for_ever_under_their_hash_and_nothing_else_is_served(visitor: Visitor) -> None:
+    folder, files = admin_files()
+    for name in files:
+        answer = visitor.get(f"/admin/static/{folder}/{name}")
+        assert (answer.status, answer.body) == (200, files[name].body)
+        assert "immutable" in answer.headers["cache-control"]
+    assert visitor.get(f"/admin/static/{'0' * 12}/admin.css").status == 404
+    assert visitor.get(f"/admin/static/{folder}/catalogue_admin.py").status == 404
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_every_link_of_a_page_leads_to_a_page(visitor: Visitor, path: str) -> None:
+    with_incident(visitor).archive.kept.append(letter())
+    found = set(re.findall(r'href="(/admin/[^"#]*)', visitor.get(path).text))
+    assert found
+    for link in found:
+        assert visitor.get(link.replace("&amp;", "&")).status == 200, link
