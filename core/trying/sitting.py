@@ -26,6 +26,7 @@ from core.guarded.quarantine import FILE_BYTES_MAX as RULES_BYTES_MAX
 from core.guarded.quarantine import VERSION as RULES_VERSION
 from core.guarded.quarantine import read_small
 from core.imports.reading.formats import builtin_formats
+from core.journal import disk
 from core.journal.store import StoreError, StoreFault
 from core.loading import NICE
 from core.rulings import RULES
@@ -68,6 +69,9 @@ def sit(data: Path, docket_file: Path, settings: Settings) -> int:
         return _sit_in(place, data, docket, settings)
     except (_TermError, BrokenPipeError):  # the latter: whoever asked is gone
         return TERMINATED
+    except OSError as error:
+        say(f"The trial could not be brought to its end: {error.strerror}.")
+        return _code_of(disk.refused(error.errno or 0))
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough: what is left is to clear away
         place.remove()
@@ -90,11 +94,16 @@ def _sit_in(place: Place, data: Path, docket: Docket, settings: Settings) -> int
         return ExitCode.ASKED
     if isinstance(copy, StoreError):
         say(f"The ledger could not be copied: {copy.text}.")
-        return ExitCode.DISK_FULL if copy.fault is StoreFault.NO_ROOM else ExitCode.COMMIT_FAILED
+        return _code_of(copy)
     _tell({"type": "copied", "seq": copy.seq, "ms": (time.monotonic_ns() - begun_ns) // 1_000_000})
     _court(place, data, docket, copy, settings).sit()
     _tell({"type": "over"})
     return ExitCode.ASKED
+
+
+def _code_of(error: StoreError | None) -> ExitCode:
+    full = error is not None and error.fault in {StoreFault.NO_ROOM, StoreFault.READ_ONLY}
+    return ExitCode.DISK_FULL if full else ExitCode.COMMIT_FAILED
 
 
 def _court(place: Place, data: Path, docket: Docket, copy: Copy, settings: Settings) -> Court:
