@@ -149,12 +149,14 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "A word of the policy means less in this version than its name says; `hardcore policy check` names it.",
     ),
     "suspects-touched": _text(
-        "그때 처리하던 명령은 다시 보내지 않고, 어떻게 됐는지 장부에서 찾아 알려 줘요.",
-        "The commands being decided or written are not sent again; the ledger is asked what became of them.",
+        "그때 처리하던 명령은 장부에서 먼저 찾아요. 장부에 없으면 복사본에서 시험한 뒤, 문제가 없으면 한 번 실행하고 다시 "
+        "멈추게 하면 따로 보관해요.",
+        "The commands being decided or written are looked up in the ledger first. One that is not there is tried on a copy: "
+        "if it does no harm it is run once, if it ends the copy's core too it is set aside.",
     ),
     "suspects-grown": _text(
-        "처리하는 동안 메모리가 크게 늘어난 명령만 다시 보내지 않아요.",
-        "Only a command during which the memory grew is not sent again.",
+        "처리하는 동안 메모리가 크게 늘어난 명령만 복사본에서 먼저 시험해요.",
+        "Only a command during which the memory grew is tried on a copy before it is run again.",
     ),
     "suspects-nobody": _text(
         "어떤 명령도 의심하지 않아요.",

@@ -87,12 +87,6 @@ class Guard:
         return self.jitters[-1]
 
     @property
-    def last_incident(self) -> str:
-        """The incident that was opened last; a letter's number is none."""
-        letters = self.world.checkers.judges.letters
-        return next((name for name in reversed(self.ids) if name not in letters), "")
-
-    @property
     def works(self) -> bool:
         """Whether this sentinel still decides anything."""
         return self.alive and not self.halted
@@ -251,7 +245,7 @@ class Guard:
         A damaged ledger is read until a person comes: no tick changes that.
         """
         world, store = self.world, self.world.store
-        open_ = self.last_incident not in {"", *world.checkers.closed}
+        open_ = world.checkers.judges.last_incident(self.ids) not in {"", *world.checkers.closed}
         damaged = self._damaged
         return bool(
             life.condition is not WELL

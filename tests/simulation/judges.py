@@ -70,6 +70,10 @@ class Judges:
         """The gateway sends a request to a core."""
         hold(request.key_hash not in self.world.set_aside, f"{request.key_hash} is set aside, and is run")
 
+    def last_incident(self, ids: list[str]) -> str:
+        """Return the incident that was opened last; a letter's number is none."""
+        return next((name for name in reversed(ids) if name not in self.letters), "")
+
     def at_end(self) -> None:
         """In the quiet nobody is on trial any more."""
         court = self.world.guard.manager.state()["court"]
