@@ -64,7 +64,7 @@ class Barrier:
         self._reading: asyncio.Task[None] | None = None
         self._again = False
         self._verdicts: dict[str, VerdictHeard] = {}
-        self._fresh: dict[str, tuple[str, int]] = {}  # letters of verdicts, and the rules that stood then
+        self._fresh: dict[str, str] = {}  # letters of verdicts whose rules were not read yet, by name
         self._hits: dict[str, tuple[int, str]] = {}
         self._told_hits: asyncio.Task[None] | None = None
         self._hits_due = False
@@ -88,15 +88,20 @@ class Barrier:
         self._again = True
         while self._again:
             self._again = False
-            self._took(await self._loop.run_in_executor(thread, _read, path))
+            known = list(self._fresh)  # the guard writes a rule before it says its verdict
+            if self._took(await self._loop.run_in_executor(thread, _read, path)):
+                for name in known:
+                    self._fresh.pop(name, None)
         self._reading = None
         self.renewed()
 
-    def _took(self, read: Rules | str | None) -> None:
-        if isinstance(read, Rules):
-            self.rules = read
-        elif isinstance(read, str):
+    def _took(self, read: Rules | str | None) -> bool:
+        if isinstance(read, str):
             _LOG.error("the rules of the quarantine could not be read, those before stay: %s", read)
+        if not isinstance(read, Rules):
+            return False
+        self.rules = read
+        return True
 
     def heard(self, verdict: VerdictHeard) -> None:
         """What came of a suspect's trial."""
@@ -104,7 +109,7 @@ class Barrier:
         self._verdicts[verdict.name] = verdict
         self._fresh.pop(verdict.name, None)
         if verdict.outcome in {Verdict.CONVICTED, Verdict.HELD}:
-            self._fresh[verdict.name] = (verdict.letter or "", self.rules.serial)
+            self._fresh[verdict.name] = verdict.letter or ""
             self.look()
         for memory in (self._verdicts, self._fresh):
             if len(memory) > VERDICTS_MAX:
@@ -122,8 +127,7 @@ class Barrier:
 
     def letter(self, name: str) -> str | None:
         """The letter under which a name is set aside: by a rule, or by a verdict whose rule is still to be read."""
-        letter, serial = self._fresh.get(name, ("", -1))
-        return letter if serial == self.rules.serial else self.rules.names.get(name)
+        return self._fresh.get(name, self.rules.names.get(name))
 
     def refusal(self, exchange: Exchange) -> Refusal | None:
         """Why a request must not reach a core; None: no rule names it."""

@@ -67,8 +67,8 @@ class Verdict(StrEnum):
 
     @property
     def ends_case(self) -> bool:
-        """Whether nobody needs the case any more; one that is held waits for a person with it."""
-        return self is not Verdict.HELD
+        """Whether nobody needs the case any more: of what is set aside the guard makes a letter first."""
+        return self in {Verdict.CLEARED, Verdict.DROPPED}
 
 
 @dataclass(frozen=True, slots=True)

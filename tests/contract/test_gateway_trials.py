@@ -110,6 +110,7 @@ def test_a_suspect_that_is_set_aside_is_told_its_number_and_never_runs(w: World,
     answer = client.read()
     assert (answer.status, answer.json()["type"]) == (422, "/problems/set-aside")
     assert (answer.json()["outcome"], answer.json()["letter"]) == ("not_done", LETTER)
+    assert case_of(w, key_hash("a"))["key"] == "a"  # its letter may not be written yet
     again = w.ask("POST", PATH, KEY + "a", body=BODY)  # the rule is not written yet: the verdict counts
     assert (again.status, again.json()["letter"]) == (422, LETTER)
     assert sent(core, "a") == []
@@ -291,6 +292,13 @@ def test_the_quarantine_refuses_by_name_and_by_digest_before_a_core_sees_it(w: W
     until(lambda: hits.exists() and json.loads(hits.read_text())["hits"][LETTER]["count"] >= 1, "the count")
     rules(w, 2)
     until(lambda: w.ask("POST", PATH, KEY + "a", body=BODY).status == 201, "the rule to go")
+
+
+def test_a_verdict_that_is_told_once_more_does_not_outlive_its_rule(w: World) -> None:
+    rules(w, 1, told=False)
+    w.serving(Ledger())
+    verdict(w, key_hash("a"), "convicted", LETTER)  # as a guard says it to a gateway that joins late
+    until(lambda: w.ask("POST", PATH, KEY + "a", body=BODY).status == 201, "what the rules say to count")
 
 
 def test_hostile_files_leave_the_rules_before_them_in_force(w: World) -> None:
