@@ -14,7 +14,6 @@ from typing import Any, Final, assert_never
 
 from hardcore import quarantine_file, sitting
 from hardcore.court_words import (
-    alert,
     message,
     said_again,
     settled_by,
@@ -214,7 +213,7 @@ class CourtRoom:
             if not await self.rules.change(lambda aside: quarantine_file.set_aside(aside, letter, told)):
                 return
             await self.rules.disarm(letter.name)
-            self._hands.note("alert", diagnosis="POISON", text=alert(letter))
+            self._hands.note("letter", id=letter.id, name=letter.name, reason=letter.reason)
         await self.rules.tell_cores()
         self._say_verdict(letter.name, verdict_of_letter(letter.name, letter.id, letter.reason))
         await self._send(letter.id)
@@ -272,8 +271,7 @@ class CourtRoom:
         if await self.rules.change(
             lambda aside: quarantine_file.with_source(aside, order.source, until, now)
         ):
-            text = f"{order.source} may change nothing until {until}: too much that it sent was set aside."
-            self._hands.note("alert", diagnosis="POISON", text=text)
+            self._hands.note("source", stopped=order.source, until=until)
             await self.rules.tell_cores()
 
     def _keep(self, order: trials.KeepCourt) -> None:

@@ -119,18 +119,3 @@ def _trial(tried: Tried) -> dict[str, Any]:
         "seq": tried.seq,
         "why": tried.why,
     }
-
-
-def alert(letter: Letter) -> str:
-    """Return the sentence that tells whoever runs the server of a letter."""
-    what = (
-        f"event {letter.seq} of the log"
-        if letter.seq is not None
-        else f"a request ({letter.kind or 'unknown'})"
-    )
-    why = (
-        "it stood in two deaths, and its trial showed nothing"
-        if letter.held
-        else "a throw-away core died of it again"
-    )
-    return f"Set aside under number {letter.id}: {what}; {why} ({letter.reason})."
