@@ -119,7 +119,7 @@ def committed_after(connection: Connection, after_seq: int, limit: int) -> list[
     for row in event_rows(connection, after_seq, limit):
         event = decode(row.body)
         assert event is not None, (
-            f"event {row.seq} can't be read, and a core whose book has one does not start"
+            f"event {row.seq} can't be read, and a core whose book has one does not start, or has it parked"
         )
         told.append(tell(event, row.seq))
     return told

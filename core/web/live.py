@@ -87,6 +87,8 @@ async def _missed(service: Service, after: int | None, head: int) -> list[Frame]
     """Return the frames of what was missed, or the code to close with where the book can't be asked."""
     if after is None or after >= head:
         return frames.catch_up(after, head, ())
+    if any(after < seq <= head for seq in service.rulings.quarantine.rules.parked):
+        return [frames.resync(head)]  # what is left out of every rebuild is not read for a frame either
     with holding_slot(service, "read.missed", b"after=%d" % after) as held:
         if isinstance(held, NoSlot):
             return TRY_AGAIN_LATER

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from websockets.sync.client import unix_connect
+from websockets.typing import Subprotocol
 
 from core.guarded.poison import name_of
 from tests.integration.lone_core import Answer, moving, verify
 from tests.integration.test_imports import form, statement
 from tests.integration.wired_core import Guard, Wired, guarding
-from tests.waiting import until
+from tests.waiting import WAIT_S, until
 
 POST = "/api/ledger/transactions"
 DRILL = "/api/ledger/drill"
@@ -182,6 +184,10 @@ def test_an_event_that_kills_every_start_is_left_out_once_it_is_parked(ruled: Ru
     assert life.core.open("d").status == 201
     assert life.core.move(1, "c", "d").status == 201
     assert len(life.core.ask("GET", "/api/ledger/transactions?account=a").body["items"]) == 1
+    kinds = [Subprotocol("hardcore.v1")]
+    with unix_connect(str(life.folder / "sock"), "ws://core/ws?after=3", subprotocols=kinds) as page:
+        said = [json.loads(page.recv(WAIT_S))["type"] for _ in range(2)]
+    assert said == ["ledger.hello", "ledger.resync"], "no frame is made of what is left out"
     verdict = life.core.ask("GET", "/api/ledger/verify").body
     assert (verdict["ok"], verdict["parked"]) == (True, [4])
     spare = ruled.guard.spare(**ruled.environ)
