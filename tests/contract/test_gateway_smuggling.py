@@ -156,7 +156,7 @@ def test_what_has_one_meaning_is_written_anew_for_the_core(tmp_path: Path) -> No
         for call in core.wait("/t", len(ONE_MEANING)):
             assert call.request.body == b"abc"
             names = [line.lower() for line, _ in call.request.headers]
-            assert names == ["host", "content-length"]
+            assert names == ["host", "x-request-name", "content-length"]
 
 
 def test_a_client_that_names_no_websocket_is_never_given_the_line_to_the_core(tmp_path: Path) -> None:
