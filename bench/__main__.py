@@ -19,6 +19,7 @@ from bench import (
     bench_gateway,
     bench_page,
     crowd,
+    culprits,
     deaths,
     faults,
     losses,
@@ -108,6 +109,11 @@ LONG: dict[str, Part] = {
         "each fault many times: seen, how soon, and called by its right name (15 minutes)",
         lambda folder: faults.measure(folder, rounds=20, say=note),
         lambda folder: faults.measure(folder, rounds=1, say=note),
+    ),
+    "culprits": Part(
+        "200 deaths of every kind: is the command behind each named, and nobody else (20 minutes)",
+        lambda folder: culprits.measure(folder, deaths=culprits.DEATHS, say=note),
+        lambda folder: culprits.measure(folder, deaths=len(culprits.EXPECTED), say=note),
     ),
     "losses": Part(
         "200 kills and freezes at random instants: nothing lost, nothing doubled (8 minutes)",

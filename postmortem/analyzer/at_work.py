@@ -7,8 +7,9 @@ when the light went out has not broken the lamp. Where a thread hangs, a command
 """
 
 from postmortem.analyzer.case import Case, Confidence, Finding, loop_thread
+from postmortem.analyzer.crashed import frames_of
 from postmortem.analyzer.exited import MEANINGS
-from postmortem.incident import Command, deciding, mappings, number, text, unique
+from postmortem.incident import Command, deciding, mapping, mappings, number, text, unique
 
 #: Ends that can have come from inside. A transaction over its time names its command by its own rule.
 CRASHES = frozenset({"CRASHED", "EXITED", "OUT_OF_MEMORY", "CRASH_LOOP"})
@@ -16,6 +17,8 @@ HANGS = frozenset({"LOOP_BLOCKED", "SPINNING", "GIL_HELD", "DEADLOCK"})
 FROM_INSIDE = CRASHES | HANGS
 #: What a trial says of an innocent.
 CLEARED = frozenset({"survived", "committed"})
+#: Calls every frame of an event loop's thread.
+_RUNNER = "asyncio/runners.py"
 #: Commands of one batch that are told.
 BATCH_MAX = 8
 
@@ -50,18 +53,27 @@ def examine(case: Case) -> list[Finding]:
 
 
 def _could_have(case: Case, command: Command) -> bool:
-    """Tell whether a command can have done it: after a crash any of them; for want of memory those during which
+    """Tell whether a command can have done it: after a crash any of them that did not run on another thread than died; for want of memory those during which
     the core grew, which are the guard's suspects; in a hang those on the thread that hung.
     """
     if case.incident.diagnosis == "OUT_OF_MEMORY":
         return command.key_hash in case.incident.suspects
-    if case.incident.diagnosis in CRASHES:
-        return True
     slots = mappings(case.recorder.get("in_flight"))
     slot = next((one for one in slots if text(one.get("command_id")) == command.command_id), {})
+    if case.incident.diagnosis in CRASHES:
+        return not _died_on_the_loop(case) or number(slot.get("thread")) in {None, 0, _loop_tid(case)}
     loop = loop_thread(case)
     stuck = {thread.tid for thread in case.threads if thread.holds_gil or thread is loop}
     return number(slot.get("thread")) in stuck - {None}
+
+
+def _died_on_the_loop(case: Case) -> bool:
+    """Tell whether the thread that died was the event loop's, as far as its printed stack says: a runner called it."""
+    return any(path.endswith(_RUNNER) for _, path, _ in frames_of(case.traceback))
+
+
+def _loop_tid(case: Case) -> int | None:
+    return number(mapping(case.recorder.get("threads")).get("loop"))
 
 
 def _named(command: Command) -> Finding:

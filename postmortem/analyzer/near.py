@@ -2,7 +2,8 @@
 
 What does its damage late is answered before the core dies, so nothing in flight is to blame. A command that finished
 within two seconds of a death from inside gets a mark; only where the guard has seen the same near several deaths
-(a testimony `near` in the facts) is it called likely. Nobody is set aside for being near.
+(a testimony `near` in the facts) is it called likely, and only where that names the request and not its kind: what
+people do all day is near every death. Nobody is set aside for being near.
 """
 
 from postmortem.analyzer.at_work import FROM_INSIDE
@@ -40,7 +41,9 @@ def _finished(case: Case) -> list[dict[str, object]]:
 
 
 def _named(one: dict[str, object], told: str) -> bool:
-    return any(name and name in told for name in (text(one.get("key_hash")), text(one.get("kind"))))
+    """Tell whether a testimony names this very request; that all of them were of one kind names nobody."""
+    name = text(one.get("key_hash"))
+    return bool(name) and name in told
 
 
 def _finding(rule: str, sure: Confidence, lines: tuple[str, ...], about: list[dict[str, object]]) -> Finding:

@@ -1,4 +1,4 @@
-import time
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -87,6 +87,7 @@ def finished(kind: str, at_ns: int) -> dict[str, Any]:
         "command_id": f"done-{kind}",
         "kind": kind,
         "transaction_id": f"tx-{kind}",
+        "key_hash": "d" * 32,
         "account_ids": ["assets:cash"],
         "stage_ns": at_ns,
     }
@@ -212,12 +213,34 @@ def test_what_finished_right_before_is_near_and_no_more() -> None:
 def test_what_was_near_several_deaths_is_likely() -> None:
     page = {"taken_at_ns": 100 * NS, "finished": [finished("a", 99 * NS)]}
     one = crashed(
-        in_flight=[], recorder=page, evidence=[{"kind": "near", "text": "kind a had finished before"}]
+        in_flight=[],
+        recorder=page,
+        evidence=[{"kind": "near", "text": f"request {'d' * 32} had finished before"}],
     )
     assert found(one)["near_often"].transaction_ids == ("tx-a",)
     culprit = name_culprit(one, registry.examine(one))
     assert culprit is not None
     assert (culprit.why, culprit.confidence) == ("near", Confidence.LIKELY)
+
+
+def test_that_a_kind_was_near_names_nobody() -> None:
+    page = {"taken_at_ns": 100 * NS, "finished": [finished("a", 99 * NS)]}
+    one = crashed(
+        in_flight=[], recorder=page, evidence=[{"kind": "near", "text": "kind a had finished before"}]
+    )
+    assert found(one)["near_often"].account_ids == ()
+    assert name_culprit(one, registry.examine(one)) is None
+
+
+def test_a_command_of_the_writer_is_not_told_where_the_loops_thread_has_died() -> None:
+    stack = (
+        'Current thread 0x1 (most recent call first):\n  File "core/x.py", line 1 in f\n'
+        '  File "asyncio/runners.py", line 9 in run\n'
+    )
+    page = {"threads": {"loop": 101}, "in_flight": [{"command_id": "cmd-1", "thread": 55}]}
+    assert "at_work" not in found(crashed(recorder=page, traceback=stack))
+    page["in_flight"][0]["thread"] = 101  # type: ignore[index]
+    assert "at_work" in found(crashed(recorder=page, traceback=stack))
 
 
 def test_an_uncaught_exception_names_its_kind_and_its_own_frame() -> None:
@@ -290,10 +313,13 @@ def test_a_recording_is_read_for_its_numbers_whatever_else_it_holds() -> None:
     assert read_tape("") == Tape()
 
 
-def test_a_rule_that_does_not_end_costs_its_own_finding_and_no_other() -> None:
+def test_a_rule_that_does_not_end_costs_its_own_finding_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "RULE_S_MAX", 0.05)
+
     def never_ends(_case: Case) -> list[Finding]:
-        while True:
-            time.sleep(0.01)
+        for number in itertools.count():
+            assert number >= 0
+        return []
 
     def falls_over(_case: Case) -> list[Finding]:
         raise KeyError("x")
