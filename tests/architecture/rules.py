@@ -33,8 +33,8 @@ LEDGER_FILE_NAME: Final = "LEDGER_FILE"
 # Where the core touches files by itself, and which files these are. None of them sees the ledger's.
 CORE_FILE_ROOMS: Final = {
     "core/build.py": "the code itself, as it lies on the disk",
-    "core/guarded/": "files of the run folder: the recorder's page, the control socket, the file for stacks",
-    "core/imports/": "the files of an import: what was given, the rows read from it, the formats of banks",
+    "core/guarded/": "the recorder's page, the control socket, the file for stacks; the guard's rules and drills",
+    "core/imports/": "the files of an import: what was given, its rows, the formats of banks; the case of a row",
     "core/journal/backup.py": "the copy that SQLite made of an older ledger, once it is closed",
     "core/journal/ballast.py": "the ballast beside the ledger's file",
     "core/journal/disk.py": "a small file of its own, and ledger.lock, to see whether the disk takes writes",
