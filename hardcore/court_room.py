@@ -59,7 +59,7 @@ class CourtRoom:
         self._unwritten = 0
         self._written = asyncio.Event()
         self._written.set()
-        self._court: asyncio.Task[None] | None = None
+        self._court: asyncio.Task[str] | None = None
         self._sending: set[str] = set()
 
     def take_up(self, aside: Aside, memory: CourtMemory, since: Mapping[str, str]) -> CourtMemory:
@@ -142,22 +142,16 @@ class CourtRoom:
     # ---- trials ----
 
     def _hold_court(self, work: Coroutine[Any, Any, str]) -> None:
-        self._court = asyncio.get_running_loop().create_task(self._to_its_end(work, self._court))
+        """Hold a court, and say in any case when it is gone: the manager waits for that word."""
+        self._court = asyncio.get_running_loop().create_task(_to_its_end(work, self._court))
+        self._court.add_done_callback(lambda court: self._over(court, work))
 
-    async def _to_its_end(self, work: Coroutine[Any, Any, str], before: asyncio.Task[None] | None) -> None:
-        """Hold a court, and say in any case that it is gone: the manager waits for that word."""
-        fault = "it was ended"
-        try:
-            if before is not None:
-                await asyncio.wait({before})
-            fault = await work
-        except Exception as error:  # noqa: BLE001  # whatever it is: a court of which nobody hears would never be over
-            fault = f"the trial could not be held ({type(error).__name__}: {error})"
-        finally:
-            work.close()
-            if fault:
-                self._hands.note("court", fault=fault)
-            self._doors.tell(trials.TrialsOver(clock.now_ns(), fault))
+    def _over(self, court: "asyncio.Task[str]", work: Coroutine[Any, Any, str]) -> None:
+        work.close()  # of one that was ended before it had begun
+        fault = "it was ended" if court.cancelled() else court.result()
+        if fault:
+            self._hands.note("court", fault=fault)
+        self._doors.tell(trials.TrialsOver(clock.now_ns(), fault))
 
     async def _try(self, order: trials.Try) -> str:
         cases = []
@@ -329,3 +323,13 @@ class CourtRoom:
                 (self._folders.cases / f"{name}.json").unlink(missing_ok=True)
             except OSError as error:
                 self._hands.note("case", name=name, left=error.strerror)
+
+
+async def _to_its_end(work: Coroutine[Any, Any, str], before: "asyncio.Task[str] | None") -> str:
+    """Hold a court when the one before is gone; return its fault, if it had one."""
+    if before is not None:
+        await asyncio.wait({before})
+    try:
+        return await work
+    except Exception as error:  # noqa: BLE001  # whatever it is: a court of which nobody hears would never be over
+        return f"the trial could not be held ({type(error).__name__}: {error})"
