@@ -200,7 +200,7 @@ class Door:
             case (("case" | "settled"), _):
                 self._of_suspects(line)
             case "investigate", _:
-                self._house.begin(self._call_investigators())
+                self._house.begin(self._house.investigators.wake())
             case "stats", _:
                 self._counted({k: v for k, v in line.items() if isinstance(v, int)})
             case _:
@@ -242,9 +242,6 @@ class Door:
             if isinstance(item, dict)
         )
         self._house.feed(seen.RequestsSettled(clock.now_ns(), incident, outcomes))
-
-    async def _call_investigators(self) -> None:
-        await self._rules.investigate()  # whoever asked tries their socket by himself
 
     def _of_suspects(self, line: Mapping[str, object]) -> None:
         match line:

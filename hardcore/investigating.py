@@ -52,7 +52,9 @@ class Investigators:
         self._held += older
 
     async def wake(self) -> None:
-        """As `listen`, for somebody who does not wait for it."""
+        """As `listen`, for somebody who does not wait for it; while they are being started that is enough."""
+        if self._starting.locked():
+            return
         failed = await self.listen()
         if failed:
             self._hands.note("investigators", failed=failed)

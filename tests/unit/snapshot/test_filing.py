@@ -12,6 +12,7 @@ from hardcore.host import clock
 from hardcore.model import verdicts
 from hardcore.model.actions import AddAudit, DeathNote, Incident
 from hardcore.model.observations import LedgerAudited, RequestOutcome, RequestsSettled
+from hardcore.model.trials import AddTrials, Ordeal, TrialNote
 from hardcore.model.verdicts import Colour, Diagnosis, Grade
 from hardcore.snapshot import writer
 from hardcore.snapshot.filing import Filing
@@ -227,6 +228,29 @@ def test_the_proof_of_the_whole_ledger_joins_the_facts_of_its_incident_and_waits
     assert (told["audit"]["ok"], told["audit"]["fault"]) == (False, "event 5 is odd")
     assert told["waits_for"] == "DB_LOCKED"
     assert hands.reported == [ID, ID]
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_what_came_of_its_trials_joins_the_facts_of_an_incident_whether_it_is_open_or_closed(
+    tmp_path: Path, *, closed: bool
+) -> None:
+    order = AddTrials(ID, (TrialNote("a" * 32, "command", Ordeal.DIED, "letter", 12),))
+
+    async def settle() -> Hands:
+        hands = Hands(lambda: None)
+        filing = Filing(tmp_path, hands, hands.report, (0.0,))
+        await filing.open(replace(incident(), outcome="open", closed_ns=0), None, "", ())
+        if not closed:
+            await filing.add_trials(order)
+        await filing.close(incident(), None, "", ())
+        if closed:
+            await filing.add_trials(order)
+        return hands
+
+    hands = asyncio.run(settle())
+    (told,) = facts(tmp_path / ID)["trials"]
+    assert (told["ordeal"], told["letter"], told["took_ms"]) == ("died", "letter", 12)
+    assert len(hands.reported) == 1 + closed
 
 
 def test_an_incident_left_open_is_closed_as_soon_as_its_folder_can_be_written(tmp_path: Path) -> None:
