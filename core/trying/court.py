@@ -20,7 +20,7 @@ import msgspec
 from core.settings import Settings
 from core.trying.asking import Lost, Reply, asking_for, sent_of
 from core.trying.copying import Copy
-from core.trying.docket import KEY_HEADER, Case, Docket, Events, Request, Row
+from core.trying.docket import KEY_HEADER, Case, Docket, Events, Request, Row, Unusable
 from core.trying.forking import WRITTEN_BYTES_MAX, Bounds, fork, term_held_back
 from core.trying.life import Birth, live
 from core.trying.log import SLICE_EVENTS, Span, killer_in, named, rebuild
@@ -76,10 +76,15 @@ class Court:
     def _try(self, case: Case) -> Verdict:
         tried = case.tried
         begun_ns = time.monotonic_ns()
-        if isinstance(tried, Events):
-            verdict = self._try_log(case.name, Span(tried.after, self.copy.seq))
-        else:
-            verdict = self._try_command(case.name, tried)
+        match tried:
+            case Events(after):
+                verdict = self._try_log(case.name, Span(after, self.copy.seq))
+            case Request() | Row():
+                verdict = self._try_command(case.name, tried)
+            case Unusable(why):
+                verdict = untried(case.name, why)
+            case _:
+                assert_never(tried)
         return msgspec.structs.replace(verdict, ms=(time.monotonic_ns() - begun_ns) // 1_000_000)
 
     def _try_command(self, name: str, tried: Request | Row) -> Verdict:

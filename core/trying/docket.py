@@ -1,13 +1,14 @@
 """The docket: which cases are to be tried, as a value that was judged whole before anything is begun.
 
 A request in it was once some stranger's, kept by the gateway and handed on by two processes of ours; it goes into a
-socket here, so what could end its head early, or begin another request behind it, is refused with the whole docket. What
-a case is (a request, a row, a piece of the log) is told by the one member it has. Not chosen: to pass over a case that
-can't be used; whoever wrote such a docket has a mistake, and a case that is silently missing would be one without a verdict.
+socket here, so what could end its head early, or begin another request behind it, is kept out of it: such a case
+has a verdict like any other, that nobody could try it, and the cases beside it have theirs. What a case is (a request, a row,
+a piece of the log) is told by the one member it has. A docket whose own shape is wrong is refused whole: whoever wrote it has
+a mistake. Not chosen: to pass over a case that can't be used; one that is silently missing would have no verdict.
 """
 
 import re
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, assert_never
 
 import msgspec
 
@@ -24,7 +25,7 @@ NAME_CHARACTERS_MAX: Final = 64
 
 _NAME: Final = re.compile(rf"[0-9A-Za-z_.:-]{{1,{NAME_CHARACTERS_MAX}}}")
 _TOKEN: Final = re.compile(r"[!#$%&'*+.^_`|~0-9A-Za-z-]{1,256}")
-_PATH: Final = re.compile(rf"/[\x21-\x7e]{{0,{PATH_CHARACTERS_MAX}}}")
+_PATH: Final = re.compile(rf"/[\x21-\x7e\x80-\xff]{{0,{PATH_CHARACTERS_MAX}}}")
 _VALUE: Final = re.compile(r"[\t\x20-\x7e\x80-\xff]{0,16384}")
 KEY_HEADER: Final = "idempotency-key"
 
@@ -76,7 +77,13 @@ class _Docket(msgspec.Struct, frozen=True):
     copy_bytes_max: int = COPY_BYTES_MAX
 
 
-Tried: TypeAlias = Request | Row | Events
+class Unusable(msgspec.Struct, frozen=True):
+    """Something that nobody can try; `why` is a part of a sentence."""
+
+    why: str
+
+
+Tried: TypeAlias = Request | Row | Events | Unusable
 
 
 class Case(msgspec.Struct, frozen=True):
@@ -127,17 +134,19 @@ def _case(case: _Case) -> Case | str:
     if len(tried) != 1:
         return "it must be a request, a row or events, and only one of them"
     fault = _fault(tried[0])
-    return Case(case.name, tried[0]) if fault is None else fault
+    return Case(case.name, tried[0] if fault is None else Unusable(fault))
 
 
-def _fault(tried: Tried) -> str | None:
+def _fault(tried: Request | Row | Events) -> str | None:
     match tried:
         case Request():
             return _fault_of_request(tried)
         case Row(import_id, ordinal):
-            return None if is_import_id(import_id) and ordinal >= 1 else "its row is none of an import"
+            return None if is_import_id(import_id) and ordinal >= 1 else "it is no row of an import"
         case Events(after):
             return None if after >= 0 else "its events begin before the first"
+        case _:
+            assert_never(tried)
 
 
 def _fault_of_request(request: Request) -> str | None:

@@ -168,9 +168,12 @@ def test_what_is_in_the_ledger_is_not_run_and_what_the_ledger_refuses_has_surviv
     }
     rules.write_text(json.dumps({"version": 1, "serial": 1, "rules": [letter], "suspects": []}))
     nowhere = posting("nowhere", to="nobody's")
-    known, refused, on_trial = tried(
-        data, tmp_path, posting("booked-7", amount=8), nowhere, posting("set-aside")
+    two_in_one = posting("two")
+    two_in_one["request"]["headers"].append(["X-Evil", "a\r\nHost: b"])
+    known, refused, on_trial, unusable = tried(
+        data, tmp_path, posting("booked-7", amount=8), nowhere, posting("set-aside"), two_in_one
     )
+    assert unusable["ordeal"] == "untried"
     assert (known["ordeal"], known["fingerprint"], known["status"]) == ("committed", None, None)
     assert refused["ordeal"] == "survived"
     assert 400 <= refused["status"] < 500
@@ -273,9 +276,7 @@ def test_a_ledger_that_is_too_large_leaves_every_case_untried(data: Path, tmp_pa
 
 
 def test_a_docket_that_cannot_be_used_ends_with_78_and_one_sentence(data: Path, tmp_path: Path) -> None:
-    case = posting("one")
-    case["request"]["headers"].append(["X-Evil", "a\r\nHost: b"])
-    argv = command(data, tmp_path / "docket.json", case)
+    argv = command(data, tmp_path / "docket.json", posting("one"), posting("one"))
     done = subprocess.run(argv, cwd=ROOT, env=clean_environment(), capture_output=True, check=False)
     assert (done.returncode, done.stdout) == (78, b"")
     assert done.stderr.count(b"\n") == 1

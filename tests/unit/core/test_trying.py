@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from core.departure import ExitCode
 from core.trying import place
 from core.trying.asking import sent_of
-from core.trying.docket import CASES_MAX, Docket, Events, Request, Row, read_docket
+from core.trying.docket import CASES_MAX, Docket, Events, Request, Row, Unusable, read_docket
 from core.trying.log import Span, killer_in
 from core.trying.place import clear_up, take_place
 from core.trying.stacks import frame_of
@@ -26,10 +26,6 @@ REQUEST = {"method": "POST", "path": "/api/x?y=1", "headers": [["A", "b"]], "bod
 def docket(*cases: dict[str, Any], **members: Any) -> Docket | str:
     said = {"version": 1, "limit_ms": 15_000, "cases": list(cases), **members}
     return read_docket(json.dumps(said).encode())
-
-
-def of_request(**members: Any) -> Docket | str:
-    return docket({"name": "a" * 32, "request": {**REQUEST, **members}})
 
 
 def test_a_docket_says_what_is_tried() -> None:
@@ -60,13 +56,30 @@ def test_a_docket_says_what_is_tried() -> None:
         {"headers": [["A", "c\r\nB: d"]]},
         {"headers": [["A", "c\u0000"]]},
         {"headers": [["A", "b"]] * 200},
-        {"headers": [["A"]]},
-        {"body": "not base64"},
-        {"body": None},
     ],
 )
-def test_a_request_that_could_be_two_or_none_is_refused(members: dict[str, Any]) -> None:
-    assert isinstance(of_request(**members), str)
+def test_a_request_that_could_be_two_or_none_is_kept_out_and_those_beside_it_are_tried(
+    members: dict[str, Any],
+) -> None:
+    beside = {"name": "b" * 32, "request": REQUEST}
+    read = docket({"name": "a" * 32, "request": {**REQUEST, **members}}, beside)
+    assert isinstance(read, Docket)
+    assert [type(case.tried) for case in read.cases] == [Unusable, Request]
+
+
+@pytest.mark.parametrize("members", [{"headers": [["A"]]}, {"body": "not base64"}, {"body": None}])
+def test_a_docket_of_a_wrong_shape_is_refused(members: dict[str, Any]) -> None:
+    assert isinstance(docket({"name": "a" * 32, "request": {**REQUEST, **members}}), str)
+
+
+def test_a_row_or_a_piece_of_the_log_that_there_can_not_be_is_kept_out() -> None:
+    read = docket(
+        {"name": "a", "row": {"import": "../..", "ordinal": 1}},
+        {"name": "b", "row": {"import": IMPORT, "ordinal": 0}},
+        {"name": "c", "events": {"after": -1}},
+    )
+    assert isinstance(read, Docket)
+    assert {type(case.tried) for case in read.cases} == {Unusable}
 
 
 @pytest.mark.parametrize(
@@ -75,9 +88,6 @@ def test_a_request_that_could_be_two_or_none_is_refused(members: dict[str, Any])
         {"name": "../../x", "request": REQUEST},
         {"name": "a" * 32},
         {"name": "a" * 32, "request": REQUEST, "events": {"after": 1}},
-        {"name": "a" * 32, "row": {"import": "../..", "ordinal": 1}},
-        {"name": "a" * 32, "row": {"import": IMPORT, "ordinal": 0}},
-        {"name": "a" * 32, "events": {"after": -1}},
         {"name": 7, "request": REQUEST},
     ],
 )
