@@ -242,7 +242,7 @@ class Reads(Protocol):
         ...
 
     def letters(self, wanted: Filter, limit: int, cursor: str = "") -> Page:
-        """Letters, newest first, without their attempts."""
+        """Letters, newest first, each with the newest of its attempts."""
         ...
 
     def letter(self, letter_id: str) -> Letter | None:

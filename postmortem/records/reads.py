@@ -5,7 +5,9 @@ Pages of an offset were not chosen: the tenth would read the nine before it.
 """
 
 import json
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from statistics import median
@@ -36,6 +38,8 @@ PAGE_MAX: Final = 500
 #: What one detail shows of what may be many.
 ATTEMPTS_MAX: Final = 200
 PROPOSALS_MAX: Final = 500
+#: Attempts of all letters of one page.
+LISTED_MAX: Final = 5_000
 WEEKS_MAX: Final = 60
 #: Letters that wait for somebody.
 WAITING: Final = (LetterState.QUARANTINED, LetterState.HELD, LetterState.RETRYING)
@@ -110,18 +114,18 @@ class Archive:
         return [rows.proposal(row, *hits.get(row["rule_id"], (0, None))) for row in found]
 
     def letters(self, wanted: Filter, limit: int, cursor: str = "") -> Page:
-        """Letters, newest first."""
+        """Letters, newest first, each with the newest of what became of it."""
         where = letters_where(wanted)
+        order = LETTERS.c.quarantined_at, LETTERS.c.id
         with self._records.reading() as connection:
-            return _page(
-                connection,
-                LETTERS,
-                (LETTERS.c.quarantined_at, LETTERS.c.id),
-                where,
-                limit,
-                cursor,
-                rows.letter,
-            )
+            page = _page(connection, LETTERS, order, where, limit, cursor, lambda row: row)
+            of_them = ATTEMPTS.c.letter.in_([row["id"] for row in page.items])
+            asked = select(ATTEMPTS).where(of_them).order_by(ATTEMPTS.c.number.desc()).limit(LISTED_MAX)
+            attempts: dict[str, list[RowMapping]] = {}
+            for one in connection.execute(asked).mappings():
+                attempts.setdefault(one["letter"], []).insert(0, one)
+        items = tuple(rows.letter(row, attempts.get(row["id"], ())) for row in page.items)
+        return replace(page, items=items)
 
     def letter(self, letter_id: str) -> Letter | None:
         """One letter with all that became of it, by any of its numbers, or None."""
@@ -182,7 +186,7 @@ class Archive:
             INCIDENTS.c.drill.is_(None),
         )
         with self._records.reading() as connection:
-            found = [(row.opened_at, row.diagnosis, row.outage_ms) for row in connection.execute(asked)]
+            found = [row.tuple() for row in connection.execute(asked)]
         return trends_of(found, weeks, since)
 
     def _one(self, asked: Select[Any]) -> RowMapping | None:
@@ -230,22 +234,19 @@ def letters_where(wanted: Filter) -> list[ColumnElement[bool]]:
 def trends_of(
     found: Sequence[tuple[str, str, float | None]], weeks: int, since: datetime
 ) -> Mapping[str, Any]:
-    """The trends of some incidents: (opened at, diagnosis, outage). Fewer than five say nothing about how long."""
-    counts = [0] * weeks
+    """The trends of some incidents: (opened at, diagnosis, outage). An incident without a time is in no week."""
+    begins = [(since + timedelta(weeks=week)).isoformat() for week in range(weeks + 1)]
+    counts = [0] * (weeks + 2)
     by_cause: dict[str, list[float]] = {}
     for opened_at, diagnosis, outage_ms in found:
-        try:
-            week = int((datetime.fromisoformat(opened_at) - since) / timedelta(weeks=1))
-        except (ValueError, TypeError):
-            continue  # a bundle that says no time is in no week
-        if 0 <= week < weeks:
-            counts[week] += 1
+        # Texts of one form sort as the times they say; parsing ten thousand of them takes a tenth of a second.
+        counts[bisect_right(begins, opened_at)] += 1
         if outage_ms is not None:
             by_cause.setdefault(diagnosis, []).append(outage_ms)
     return {
         "weeks": [
-            {"from": (since + timedelta(weeks=week)).date().isoformat(), "incidents": count}
-            for week, count in enumerate(counts)
+            {"from": begin[:10], "incidents": count}
+            for begin, count in zip(begins, counts[1 : weeks + 1], strict=False)
         ],
         "incidents": len(found),
         "mtbf_hours": round(weeks * 7 * 24 / len(found), 1) if len(found) > 1 else None,
