@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
+from frontend import catalogue_prevention as prevention
 from frontend import catalogue_reports as texts
 from postmortem.incident import ending
-from postmortem.reports.evidence_words import command_word, kind_word, stage_word, told
+from postmortem.reports.evidence_words import command_word, kind_word, ordeal_word, stage_word, told
 from postmortem.reports.visible import visible
 
 Write = Callable[[str], object]
@@ -81,6 +82,10 @@ def print_show(story: Mapping[str, Any], language: str, write: Write, look: Look
         ("timeline", _timeline(story, language)),
         ("evidence", _evidence(story, language)),
         ("findings", _findings(story, language)),
+        ("culprit", _culprit(story, language)),
+        ("trials", _trials(story, language)),
+        ("proposals", _proposals(story, language)),
+        ("repetition", _repetition(story, language)),
         ("in_flight", _in_flight(story, language)),
         ("requests", _requests(story, language)),
         ("deaths", _deaths(story, language)),
@@ -138,6 +143,35 @@ def _findings(story: Mapping[str, Any], language: str) -> Iterable[str]:
     for finding in story["findings"]:
         yield f"{finding['sentence'][language]} ({texts.GRADES[finding['confidence']][language]})"
         yield from (f"  {told(line, language)}" for line in finding["evidence"])
+
+
+def _culprit(story: Mapping[str, Any], language: str) -> Iterable[str]:
+    culprit = story["culprit"]
+    if culprit["confidence"] is not None:
+        kind = command_word(culprit["kind"], language) or _word("command", language)
+        yield f"{kind} {culprit['command_id']} ({texts.GRADES[culprit['confidence']][language]})"
+        if culprit["transaction_id"]:
+            yield f"  {_word('transaction', language)} {culprit['transaction_id']}"
+        if culprit["account_ids"]:
+            yield f"  {_word('account', language)} {', '.join(culprit['account_ids'])}"
+    yield culprit["why"][language]
+
+
+def _trials(story: Mapping[str, Any], language: str) -> Iterable[str]:
+    for trial in story["trials"]:
+        name = trial["command_id"] or trial["name"]
+        parts = [name, ordeal_word(trial["ordeal"], language), milliseconds(trial["took_ms"], "-")]
+        yield " · ".join([*parts, trial["letter"]] if trial["letter"] else parts)
+
+
+def _proposals(story: Mapping[str, Any], language: str) -> Iterable[str]:
+    return (proposal["text"][language] for proposal in story["proposals"])
+
+
+def _repetition(story: Mapping[str, Any], language: str) -> Iterable[str]:
+    if story["repetition"] is not None:
+        yield story["repetition_line"][language]
+        yield from (change["text"][language] for change in story["changes"])
 
 
 def _in_flight(story: Mapping[str, Any], language: str) -> Iterable[str]:
@@ -277,4 +311,4 @@ def milliseconds(value: float | None, otherwise: str) -> str:
 
 
 def _word(key: str, language: str) -> str:
-    return texts.WORDS[key][language]
+    return (texts.WORDS.get(key) or prevention.WORDS[key])[language]
