@@ -16,7 +16,7 @@ _FRAME: Final = re.compile(r'^ {2}File "(.*)", line (\d+) in (.*)$')
 _OWN: Final = re.compile(r"(?:^|/)(core/[A-Za-z0-9_/]+[.]py)$")
 _AT_THE_BOOK: Final = "core/journal/"
 # Where threads of ours stand when they have nothing to do.
-_IDLE: Final = frozenset({"_take", "run", "serve", "_forever", "_live", "main"})
+_IDLE: Final = frozenset({"_take", "live"})
 
 _Frame = tuple[str, str, bool]  # function, file:line, ours
 

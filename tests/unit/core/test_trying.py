@@ -152,7 +152,7 @@ def dumped(*threads: tuple[str, list[tuple[str, int, str]]]) -> str:
     return "\n".join(lines)
 
 
-MAIN = [("/opt/x/core/listening.py", 9, "serve"), ("/opt/x/core/main.py", 1, "main")]
+MAIN = [("/usr/lib/python3/asyncio/runners.py", 9, "run"), ("/opt/x/core/trying/life.py", 1, "live")]
 DECIDES = [("/usr/lib/python3/threading.py", 5, "acquire"), ("/opt/x/core/journal/batch.py", 88, "decide")]
 IDLE = [("/usr/lib/python3/threading.py", 7, "wait"), ("/opt/x/core/journal/writer.py", 3, "_take")]
 
