@@ -10,7 +10,7 @@ from tests.integration.house import WITH_SPARE, House, transaction
 from tests.integration.poisoning import Load, armed, house_story, letter_of, name_of, rules
 from tests.waiting import until
 
-KILLS = 12
+KILLS = 6
 
 
 @pytest.fixture(scope="module")
