@@ -11,14 +11,15 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from postmortem.bundle import is_incident_id
-from postmortem.views import Filter, Letter, Refusal
+from postmortem.incident import unique
+from postmortem.views import Filter, Refusal
 from postmortem.web import exports, story
 from postmortem.web.lobby import Lobby, field, lead_to, reader_of
 from postmortem.web.story import Story
 
 HERE: Final = "/admin/incidents"
 SIMILAR_MAX: Final = 6
-LETTERS_LOOKED_AT_MAX: Final = 200
+LETTERS_MAX: Final = 20
 OWNER_CHARACTERS_MAX: Final = 100
 NOTE_CHARACTERS_MAX: Final = 500
 VERBS: Final = ("accept", "decline", "done", "revoke")
@@ -71,7 +72,8 @@ async def _show(lobby: Lobby, request: Request, *, shown: bool) -> Response:
     similar = await lobby.read(
         lambda: lobby.reads.incidents(Filter(fingerprint=fingerprint), SIMILAR_MAX) if fingerprint else None
     )
-    letters = await lobby.read(lambda: lobby.reads.letters(Filter(), LETTERS_LOOKED_AT_MAX))
+    numbers = () if told is None else unique(trial.letter or "" for trial in told.report.incident.trials)
+    letters = await lobby.read(lambda: [lobby.reads.letter(one) for one in numbers[:LETTERS_MAX]])
     return lobby.show(
         request,
         "incident.html.j2",
@@ -82,7 +84,7 @@ async def _show(lobby: Lobby, request: Request, *, shown: bool) -> Response:
         proposals=proposals,
         group=await lobby.read(lambda: lobby.reads.group(fingerprint) if fingerprint else None),
         similar=[one for one in (similar.items if similar else ()) if one.id != incident_id],
-        letters=_letters_of(letters.items, incident_id),
+        letters=[one for one in letters if one is not None],
         exports=exports.FORMS,
         told=None if told is None else _facts(told, lang, shown=shown),
         story=told,
@@ -104,7 +106,3 @@ def _facts(told: Story, lang: str, *, shown: bool) -> Mapping[str, Any]:
         "requests": story.requests(report, lang, shown=shown),
         "crumbs": [story.crumb(one, lang, shown=shown) for one in reversed(told.crumbs)],
     }
-
-
-def _letters_of(letters: tuple[Letter, ...], incident_id: str) -> list[Letter]:
-    return [one for one in letters if incident_id in one.incident_ids]

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -23,7 +24,8 @@ from examples.sample_household import book, household
 from tests.browser.conftest import ARGUMENTS, PATIENCE_MS
 from tests.browser.outages import cores, held_start, outage
 from tests.browser.readers import first_sign, is_joined, overlay, send_now, write_entry
-from tests.integration.house import House
+from tests.integration.house import House, transaction
+from tests.integration.poisoning import armed, letter_of
 
 ROOT: Final = Path(__file__).parents[2]
 DESK: Final = {"width": 1280, "height": 800}
@@ -200,6 +202,39 @@ def asked_again(album: Album) -> None:
             album.house.running()
 
 
+def dashboard(album: Album) -> None:
+    """Every page of the dashboard, after a drill that has left something to look at."""
+    count = len(album.house.incidents())
+    assert album.house.order("drill", fault="deadlock", yes=True)["ok"]
+    newest = album.house.closed(count + 1)["id"]
+    album.house.running()
+    letter = _set_aside(album)
+    paths = {
+        "now": "",
+        "incidents": "incidents",
+        "incident": f"incidents/{newest}",
+        "letters": "dlq",
+        "letter": f"dlq/{letter}",
+        "snapshots": "snapshots",
+        "trends": "trends",
+        "settings": "settings",
+    }
+    for dark, phone in ((False, False), (True, False), (False, True)):
+        for name, path in paths.items():
+            with album.tab(f"/admin/{path}", dark=dark, phone=phone) as page:
+                kind = f"{'-dark' if dark else ''}{'-phone' if phone else ''}"
+                album.take(page, f"admin-{name}{kind}", whole=True)
+
+
+def _set_aside(album: Album) -> str:
+    """Have a request kill its core; the number of its letter."""
+    key = armed(album.house)
+    with ThreadPoolExecutor(1) as pool:
+        wish = transaction(album.say("점심 김치찌개", "Lunch, kimchi stew"))
+        pool.submit(album.house.ask, "POST", "/api/ledger/transactions", wish, key=key)
+        return letter_of(album.house, key)
+
+
 def short_break(album: Album) -> None:
     """A crash with a spare behind it: a strip."""
     with album.tab("/") as page:
@@ -312,6 +347,7 @@ def take_all(browser: Browser, folder: Path, only: str | None = None) -> None:
         ("full", [pages, crisis, reads_only, planned, demo], alone),
         ("patient", [promised], {**alone, "gateway": soon}),
         ("old", [asked_again], {**alone, "gateway": {**soon, "receipt_ask_after_ms": 1}}),
+        ("guarded", [dashboard], alone),
         ("ready", [short_break], {"spare": True, "gateway": {"overlay_after_ms": 60_000}}),
         ("weary", [stopped_trying], weary),
     ]

@@ -194,6 +194,12 @@ def test_the_redacted_bundle_is_shown_before_it_is_taken(visitor: Visitor) -> No
     assert "export.zip" in page
 
 
+def test_an_incident_leads_to_what_was_set_aside_by_it(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    trial = {"name": "a" * 32, "ordeal": "died", "letter": LETTER_ID}
+    assert LETTER in with_incident(visitor, trials=[trial]).get(ONE).text
+
+
 def test_proposals_are_decided_with_owner_and_note(visitor: Visitor) -> None:
     with_incident(visitor).archive.proposed.append(proposal())
     assert "Accept" in visitor.get(ONE).text
