@@ -190,8 +190,11 @@ def _is_stuck(c: Course) -> bool:
 
 
 def _hopeless(c: Course) -> bool:
-    """Whether no spare is going to be kept. As long as nobody has looked at the memory that is not known."""
-    return _is_stuck(c) or not (c.spare.comes or c.spare.unknown)
+    """Whether no spare is going to be kept. As long as nobody has looked at the memory that is not known.
+
+    Beside a core whose ledger a person has to look at there is none, however long that takes.
+    """
+    return _is_stuck(c) or c.safety.locked or not (c.spare.comes or c.spare.unknown)
 
 
 def _keeps(c: Course) -> bool:

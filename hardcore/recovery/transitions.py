@@ -33,6 +33,9 @@ killed, is still there and holds the store's lock. But that is a core that hangs
 disk that the reader would have to read; the sockets, receipts and look-ups of its clients wait for a core that may
 write, which its end alone lets begin; and a third kind of core beside the fence would double the questions above.
 
+Why a start that waits for the log's trial has no phase: it is a longer pause of BACKOFF (`hearing.py`), and everything
+that may end a pause ends it.
+
 Why a dead core has no phase for its evidence: its recorder page is never reused, so it can be read at the
 wake-up (1 ms) and copied beside the restart; a phase in which to wait would only make the outage longer.
 Why UNKILLABLE is a phase: a START given there would make two cores. Why FATAL has no process: for the same
