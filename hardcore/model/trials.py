@@ -68,7 +68,9 @@ class Letter:
 
 @dataclass(frozen=True, slots=True)
 class TrialNote:
-    """One trial as an incident tells it. `letter`: what came of it, empty if it was cleared."""
+    """One trial as an incident tells it. `letter`: what came of it, empty if it was cleared. What is known of the command
+    is told with it: an event of the log, or a row, need not have been in flight.
+    """
 
     name: str
     command_id: str
@@ -76,6 +78,10 @@ class TrialNote:
     letter: str
     took_ms: int
     why: str = ""
+    fingerprint: str = ""
+    kind: str = ""
+    account_ids: tuple[str, ...] = ()
+    transaction_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +92,7 @@ class Suspect:
     `ordeal`: what its last trial said, None while it is open. `letter`: it is set aside under this number. `at_ns`: of
     the death, monotonic; whoever was at work in the same one has the same. `blame`: what that death was called, None if
     nobody saw it. `company`: it only stood in the queue behind a suspect of its kind. `waits`: its accounts wait for its
-    trial. `tries`: trials that said nothing; `hung`: one in which it was slow. `seq`: it is an event of the log.
+    trial. `tries`: trials that said nothing; `hung`: it was slow in one. `seq`: it is an event of the log.
     """
 
     name: str

@@ -134,7 +134,18 @@ class Register:
     def notes(self, incident: str) -> tuple[TrialNote, ...]:
         """Return what came of the trials of an incident so far."""
         return tuple(
-            TrialNote(one.name, one.command_id, one.ordeal, one.letter, one.took_ms, one.why)
+            TrialNote(
+                one.name,
+                one.command_id,
+                one.ordeal,
+                one.letter,
+                one.took_ms,
+                one.why,
+                fingerprint=one.fingerprint,
+                kind=one.kind,
+                account_ids=one.account_ids,
+                transaction_id=one.transaction_id,
+            )
             for one in self
             if one.incident == incident and one.ordeal is not None
         )

@@ -76,6 +76,10 @@ def trials(notes: Iterable[TrialNote]) -> list[dict[str, Any]]:
             "letter": note.letter or None,
             "took_ms": note.took_ms,
             "why": note.why,
+            "fingerprint": note.fingerprint or None,
+            "kind": note.kind,
+            "account_ids": list(note.account_ids),
+            "transaction_id": note.transaction_id,
         }
         for note in notes
     ]

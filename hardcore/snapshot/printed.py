@@ -20,9 +20,13 @@ _POLL_S = 0.0005
 #: A traceback that has not grown for so long is taken for finished: its writer says no end.
 _SETTLED_NS = 3_000_000
 _FRAME = re.compile(r'\s*File "(?P<path>[^"]*)", line (?P<line>\d+|\?\?\?) in (?P<function>.*)')
+#: A frame in C, as the handler prints it from Python 3.14 on.
+_NATIVE = re.compile(
+    r'\s*Binary file "(?P<path>[^"]*)", at (?P<function>[A-Za-z_]\w{0,120})?\+0x(?P<at>[0-9a-f]{1,16}).*'
+)
 #: The handler's own sentences; any other line is somebody's text.
 _OWN_LINE = re.compile(
-    r"(?:Current thread|Thread) 0x[0-9a-f]+(?: \[[^\]]{0,64}\])? \(most recent call first\):|  <[\w ]{1,40}>"
+    r"Current thread's C stack trace \(most recent call first\):|(?:Current thread|Thread) 0x[0-9a-f]+(?: \[[^\]]{0,64}\])? \(most recent call first\):|  <[\w ]{1,40}>"
     r"|(?:Fatal Python error|Extension modules|Python runtime state): .*"
 )
 
@@ -85,6 +89,9 @@ def told(line: str) -> str:
     if frame := _FRAME.fullmatch(line):
         path, function = short_path(visible(frame["path"])), visible(frame["function"])
         return f'  File "{path}", line {frame["line"]} in {function}'
+    if frame := _NATIVE.fullmatch(line):
+        library = visible(frame["path"]).rpartition("/")[2]
+        return f'  Binary file "{library}", at {frame["function"] or ""}+0x{frame["at"]}'
     return visible(line if _OWN_LINE.fullmatch(line) else mask_line(line))
 
 
