@@ -160,6 +160,10 @@ def test_what_a_core_calls_its_threads_and_files_moves_no_terminal_and_names_no_
             "Current thread 0x00007f4718fedb80 (most recent call first):",
         ),
         ("Fatal Python error: Aborted", "Fatal Python error: Aborted"),
+        (
+            '  Binary file "/home/minji/lib/libsqlite3.so.0", at sqlite3_step+0x1c [0x7f00]',
+            '  Binary file "libsqlite3.so.0", at sqlite3_step+0x1c',
+        ),
         ("\x1b[2Jpassword: canary", "<masked>password: <masked>"),
         ("", ""),
     ],
