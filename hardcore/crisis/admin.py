@@ -236,16 +236,10 @@ class AdminDoor:
 
     # -- the client ------------------------------------------------------------------------------------
 
-    def left(self, exchange: Exchange) -> None:
-        """The client is gone."""
+    def left(self, exchange: Exchange, *, half: bool = False) -> None:
+        """The client is gone; `half`: he says no more, and may still read what has an end."""
         course = self._courses.get(exchange)
-        if course is not None:
-            self._end(course)
-
-    def half_left(self, exchange: Exchange) -> None:
-        """The client says no more: who only listens to what has no end would never be heard of again."""
-        course = self._courses.get(exchange)
-        if course is not None and course.endless and self._end(course):
+        if course is not None and (course.endless or not half) and self._end(course) and half:
             exchange.client.end()
 
     def limit(self, exchange: Exchange) -> None:

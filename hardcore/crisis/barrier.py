@@ -129,8 +129,12 @@ class Barrier:
         """The letter under which a name is set aside: by a rule, or by a verdict whose rule is still to be read."""
         return self._fresh.get(name, self.rules.names.get(name))
 
-    def refusal(self, exchange: Exchange) -> Refusal | None:
-        """Why a request must not reach a core; None: no rule names it."""
+    def bars(self, exchange: Exchange) -> bool:
+        """Whether a request must not reach a core; why is written down with it."""
+        exchange.refusal = self._refusal(exchange)
+        return exchange.refusal is not None
+
+    def _refusal(self, exchange: Exchange) -> Refusal | None:
         rules = self.rules
         if exchange.head.safe or not (rules.names or rules.digests or rules.sources or self._fresh):
             return None

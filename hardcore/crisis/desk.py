@@ -5,7 +5,8 @@ request it concerns. Everything runs in one thread, and nothing here waits.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections import Counter as Tally
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import assert_never
@@ -14,7 +15,15 @@ from hardcore.crisis.admin import AdminDoor
 from hardcore.crisis.counter import Counter
 from hardcore.crisis.drills import DrillDoor
 from hardcore.crisis.exchange import Exchange
-from hardcore.crisis.feed import Heard, PhaseHeard, ReleaseHeard, Teller
+from hardcore.crisis.feed import (
+    Heard,
+    PhaseHeard,
+    QuarantineHeard,
+    ReleaseHeard,
+    SuspectsHeard,
+    Teller,
+    VerdictHeard,
+)
 from hardcore.crisis.heads import RequestHead, browser_of
 from hardcore.crisis.history import History
 from hardcore.crisis.holding import OVER, WAITING, Life, Trigger, WaitingRoom
@@ -55,7 +64,7 @@ class Desk:
         self.promises = self.moves.promises
         outlook, demo = self.moves.outlook, drills is not None
         self.history = history or History(loop, None)
-        waiting, on_trial = self.moves.waiting, self.moves.on_trial
+        waiting, on_trial = self.moves.waiting, lambda: _by_browser(self.moves.dock.waiting())
         self.live = Live(loop, limits, self.history, waiting, on_trial, now_ns, self.promises, demo=demo)
         self.promises.told = self._told
         self.sockets = Sockets(loop, outlook, self.live, limits, now_ns)
@@ -74,7 +83,7 @@ class Desk:
         way = self.moves.way(exchange.head.path)
         if way in _TO_CORE:
             _read_key(exchange)
-            if self.moves.bars(exchange):
+            if self.moves.barrier.bars(exchange):
                 self.moves.move(exchange, Trigger.BARRED)
                 return
         if way in _TO_CORE and self._comes_early(exchange):
@@ -92,7 +101,7 @@ class Desk:
             case Route.RECEIPT:
                 self._is_ours(exchange)
                 self.promises.asked(exchange)
-            case Route.FORWARD if self.moves.passes(exchange):
+            case Route.FORWARD if self._passes(exchange):
                 self.moves.move(exchange, Trigger.PASS)
             case Route.FORWARD | Route.HOLD:
                 self.moves.keep(exchange)
@@ -147,7 +156,7 @@ class Desk:
 
     def half_left(self, exchange: Exchange) -> None:
         """The client says no more, but may still read: whoever waits is told at once, in case he does."""
-        self.admin.half_left(exchange)
+        self.admin.left(exchange, half=True)
         if exchange.life in WAITING:
             self.moves.move(exchange, Trigger.CLIENT_LEFT)
 
@@ -186,7 +195,27 @@ class Desk:
         current = message.generation >= self.moves.outlook.standing.generation
         self.moves.outlook.hear(message)
         if current:
-            contained("seeing to suspects", lambda: self.moves.heard(message))
+            contained("seeing to suspects", lambda: self._heard_of_suspects(message))
+
+    def _passes(self, exchange: Exchange) -> bool:
+        """Whether a request that has just come may go to the core at once."""
+        moves = self.moves
+        return moves.core_has_room() and not moves.dock.suspects(exchange) and moves.precedence.lets(exchange)
+
+    def _heard_of_suspects(self, message: Heard) -> None:
+        """A line that is about suspects or rules, once the outlook has taken it in."""
+        match message:
+            case SuspectsHeard():
+                self.moves.dock.suspected(message)
+            case VerdictHeard():
+                self.moves.dock.judged(message)
+                self.moves.precedence.freed()
+                self.promises.look(message.name)
+            case QuarantineHeard():
+                self.moves.barrier.look()
+            case _:
+                return
+        self.moves.precedence.suspected()
 
     def _told(self, receipt: Receipt) -> None:
         """A promise was given, or something became of it: pages hear of it, and whoever waits behind it may go on."""
@@ -196,7 +225,7 @@ class Desk:
     def upkeep(self) -> None:
         """What is due now and then."""
         self.moves.outlook.upkeep()
-        self.moves.dock.upkeep()
+        self.moves.dock.departed.upkeep()
         self.admin.upkeep()
         self.live.upkeep()
         self.sockets.upkeep()
@@ -207,6 +236,10 @@ class Desk:
         contained("telling pages", lambda: self.live.look(was, self.moves.outlook.standing))
         contained("moving sockets", self.sockets.look)
         contained("running receipts", self.promises.look)
+
+
+def _by_browser(exchanges: Iterable[Exchange]) -> dict[bytes, int]:
+    return Tally(one.browser for one in exchanges if one.browser is not None)
 
 
 def _read_key(exchange: Exchange) -> None:

@@ -47,6 +47,38 @@ def draft_of(exchange: Exchange) -> Draft | None:
     )
 
 
+class Departed:
+    """Requests that a core may have and whose client waits no longer, for a moment: any of them may be named yet."""
+
+    def __init__(self, now_ns: Callable[[], int]) -> None:
+        self._now_ns = now_ns
+        self._drafts: dict[str, tuple[Draft, int]] = {}  # and when, the oldest first
+
+    def put(self, draft: Draft) -> None:
+        """Remember one more."""
+        self._drafts.pop(draft.name, None)
+        self._drafts[draft.name] = (draft, self._now_ns())
+        self._forget(0)
+
+    def take(self, name: str) -> Draft | None:
+        """The one of this name, which is forgotten here."""
+        found = self._drafts.pop(name, None)
+        return None if found is None else found[0]
+
+    def upkeep(self) -> None:
+        """Now and then: let go of what nobody asked for."""
+        if self._drafts:
+            self._forget(self._now_ns() - GONE_MS * 1_000_000)
+
+    def _forget(self, before_ns: int) -> None:
+        size = sum(draft.body_bytes for draft, _ in self._drafts.values())
+        for name, (draft, at_ns) in list(self._drafts.items()):
+            if at_ns >= before_ns and len(self._drafts) <= GONE_MAX and size <= GONE_BYTES_MAX:
+                return
+            del self._drafts[name]
+            size -= draft.body_bytes
+
+
 class Dock:
     """`step` moves a request along its table."""
 
@@ -63,10 +95,9 @@ class Dock:
         self._outlook = outlook
         self._barrier = barrier
         self._teller = teller
-        self._now_ns = now_ns
         self._step = step
         self._waiting: dict[str, dict[Exchange, None]] = {}
-        self._gone: dict[str, tuple[Draft, int]] = {}  # and when, the oldest first
+        self.departed = Departed(now_ns)
 
     def suspects(self, exchange: Exchange) -> bool:
         """Whether a request may only be looked up now."""
@@ -80,10 +111,6 @@ class Dock:
         return judged or self.suspects(exchange)
 
     # -- what is promised ------------------------------------------------------------------------------
-
-    def names(self, name: str) -> bool:
-        """Whether a name is one of an open suspect."""
-        return name in self._outlook.standing.suspects
 
     def letter(self, wish: Wish) -> str | None:
         """The letter under which a promised wish is set aside now."""
@@ -149,7 +176,7 @@ class Dock:
         """The ledger has it."""
         name = exchange.name
         if name is not None and self.suspects(exchange):
-            self._gone.pop(name, None)
+            self.departed.take(name)
             self._teller.say_or_keep(settled_line((name,)))
             self._outlook.unsuspected((name,))
 
@@ -160,13 +187,13 @@ class Dock:
         self._barrier.suspected(heard.keys)
         self.cases.tell(heard.keys)
         for name in heard.keys:
-            if (kept := self._gone.pop(name, None)) is not None:
-                self.cases.file(kept[0])
+            if (draft := self.departed.take(name)) is not None:
+                self.cases.file(draft)
 
     def judged(self, verdict: VerdictHeard) -> None:
         """A trial is over: whoever waited for it goes his way."""
         self._barrier.heard(verdict)
-        self._gone.pop(verdict.name, None)
+        self.departed.take(verdict.name)
         for exchange in list(self._waiting.get(verdict.name, ())):
             if exchange.life is Life.ON_TRIAL:
                 self._judge(exchange, verdict)
@@ -182,20 +209,5 @@ class Dock:
             return
         if self.suspects(exchange):
             self.cases.file(draft)
-            return
-        self._gone.pop(draft.name, None)
-        self._gone[draft.name] = (draft, self._now_ns())
-        self._forget(0)
-
-    def upkeep(self) -> None:
-        """Now and then: let go of what nobody asked for."""
-        if self._gone:
-            self._forget(self._now_ns() - GONE_MS * 1_000_000)
-
-    def _forget(self, before_ns: int) -> None:
-        size = sum(draft.body_bytes for draft, _ in self._gone.values())
-        for name, (draft, at_ns) in list(self._gone.items()):
-            if at_ns >= before_ns and len(self._gone) <= GONE_MAX and size <= GONE_BYTES_MAX:
-                return
-            del self._gone[name]
-            size -= draft.body_bytes
+        else:
+            self.departed.put(draft)

@@ -18,7 +18,7 @@ from hardcore.crisis.barrier import Barrier
 from hardcore.crisis.cases import Cases
 from hardcore.crisis.dock import Dock
 from hardcore.crisis.exchange import Exchange
-from hardcore.crisis.feed import Heard, QuarantineHeard, Settled, SuspectsHeard, Teller, VerdictHeard
+from hardcore.crisis.feed import Settled, Teller
 from hardcore.crisis.holding import (
     OVER,
     TABLE,
@@ -82,7 +82,7 @@ class Moves:
         self.room = WaitingRoom(limits)
         self.book = OutageBook()
         self.outlook = Outlook(loop, limits, Ties(self._changed, self._pump_soon, teller, now_ns))
-        self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits))
+        self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits, self._accuses))
         self.barrier = Barrier(loop, state)
         self.outlook.ruled = self.barrier.hit
         self.barrier.renewed = self._ruled_anew
@@ -114,10 +114,6 @@ class Moves:
         """How many requests of each browser wait here."""
         here = (*self._held, *self._lost, *self._keeping, *self.dock.waiting())
         return Counter(one.browser for one in here if one.browser is not None)
-
-    def on_trial(self) -> dict[bytes, int]:
-        """How many requests of each browser wait for a verdict."""
-        return Counter(one.browser for one in self.dock.waiting() if one.browser is not None)
 
     def leave(self) -> None:
         """The gateway is being stopped: whoever waits is answered now, what is at the core may finish."""
@@ -182,40 +178,15 @@ class Moves:
 
     def _let_go(self, exchange: Exchange, ahead: Collection[bytes]) -> None:
         """Give the core a request that waits, unless something has been said of it or goes before it."""
-        if self.bars(exchange):
+        if self.barrier.bars(exchange):
             self.step(exchange, Trigger.BARRED)
         elif self.dock.suspects(exchange):
             self.step(exchange, Trigger.ASK)
         elif self.precedence.lets(exchange, ahead):
             self.step(exchange, Trigger.PASS)
 
-    def bars(self, exchange: Exchange) -> bool:
-        """Whether a rule of the quarantine names it."""
-        exchange.refusal = self.barrier.refusal(exchange)
-        return exchange.refusal is not None
-
-    def passes(self, exchange: Exchange) -> bool:
-        """Whether a request that has just come may go to the core at once."""
-        return self.core_has_room() and not self.dock.suspects(exchange) and self.precedence.lets(exchange)
-
-    def accuses(self, exchange: Exchange) -> bool:
-        """Whether a request that the ledger does not have is a suspect."""
+    def _accuses(self, exchange: Exchange) -> bool:
         return self.dock.accuses(exchange)
-
-    def heard(self, message: Heard) -> None:
-        """A line of the feed that is about suspects or rules, once the outlook has taken it in."""
-        match message:
-            case SuspectsHeard():
-                self.dock.suspected(message)
-            case VerdictHeard():
-                self.dock.judged(message)
-                self._pump_soon()
-                self.promises.judged(message.name)
-            case QuarantineHeard():
-                self.barrier.look()
-            case _:
-                return
-        self.precedence.suspected()
 
     def _ruled_anew(self) -> None:
         """Other rules are in force: whoever waits may be named by one."""

@@ -387,10 +387,6 @@ class Book:
                 room -= 1
                 yield one
 
-    def named(self, name: str) -> list[Receipt]:
-        """The open ones that a suspect's name means."""
-        return [one for one in self._by_key.values() if one.open and one.wish.key_hash == name]
-
     def stale(self, now: Moment, limit_ms: int) -> tuple[list[Receipt], list[Receipt]]:
         """Those that a person was asked about for too long; and settled ones that are too old, or too many, to keep."""
         unanswered = [

@@ -126,15 +126,13 @@ class Promises:
                     self.told(receipt)
         self._runner.pump()
 
-    def look(self) -> None:
-        """Something was learned about the core."""
-        if self._runner is not None and self.usable:
-            self._runner.look()
-
-    def judged(self, name: str) -> None:
-        """There is a verdict on a suspect."""
-        if self._runner is not None and self.usable:
-            self._runner.judged(name)
+    def look(self, judged: str | None = None) -> None:
+        """Something was learned about the core, or there is a verdict on the suspect `judged`."""
+        if self._runner is None or not self.usable:
+            return
+        if judged is not None:
+            self._runner.judged(judged)
+        self._runner.look()
 
     def upkeep(self) -> None:
         """Now and then: see what another gateway has done, and let go of what is too old."""

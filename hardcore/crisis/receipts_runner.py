@@ -160,7 +160,7 @@ class Runner:
 
     def judged(self, name: str) -> None:
         """There is a verdict on a suspect: if it was promised, it waits for nothing more."""
-        for receipt in self.book.named(name):
+        for receipt in [one for one in self.book.open() if one.wish.key_hash == name]:
             self._past_of(receipt.wish.key).rests = 0
             if receipt.wish.key in self._resting:
                 self._resting.pop(receipt.wish.key).cancel()
@@ -232,7 +232,7 @@ class Runner:
             return
         case = Case(
             old=is_old(receipt.since, self._now(), self._limits.receipt_ask_after_ms),
-            suspected=self._dock.names(receipt.wish.key_hash),
+            suspected=receipt.wish.key_hash in self._outlook.standing.suspects,
             sendable=pool is self._outlook.pool and self._is_let_go(receipt, past, pool),
             weary=past.turned is not None or past.odd >= ODD_ANSWERS_MAX,
             aside=self._dock.letter(receipt.wish) is not None,

@@ -5,6 +5,7 @@ judged here for what it says about the core too (a core that hung up is doubted,
 sent anything more), and then the request is moved on.
 """
 
+from collections.abc import Callable
 from typing import Protocol
 
 from hardcore.crisis import pages
@@ -22,17 +23,17 @@ class Mover(Protocol):
     def step(self, exchange: Exchange, trigger: Trigger, answer: pages.Answer | None = None) -> None:
         """Take one step; `answer` comes with those triggers that bring one."""
 
-    def accuses(self, exchange: Exchange) -> bool:
-        """Whether a request that the ledger does not have is a suspect."""
-
 
 class Returns:
     """The `sending.Sender` of the house."""
 
-    def __init__(self, mover: Mover, outlook: Outlook, limits: GatewayLimits) -> None:
+    def __init__(
+        self, mover: Mover, outlook: Outlook, limits: GatewayLimits, accuses: Callable[[Exchange], bool]
+    ) -> None:
         self._mover = mover
         self._outlook = outlook
         self._limits = limits
+        self._accuses = accuses  # whether a request that the ledger does not have is a suspect
 
     def answered(self, exchange: Exchange, head: AnswerHead, body: bytes) -> None:
         """The answer is whole."""
@@ -92,8 +93,7 @@ class Returns:
         elif pool.epoch <= exchange.lost_epoch:
             self._mover.step(exchange, Trigger.NOT_YET)
         else:
-            accused = self._mover.accuses(exchange)
-            self._mover.step(exchange, Trigger.SUSPECTED if accused else Trigger.ABSENT)
+            self._mover.step(exchange, Trigger.SUSPECTED if self._accuses(exchange) else Trigger.ABSENT)
 
     def not_told(self, exchange: Exchange, pool: Pool) -> None:
         """No word of the contract came: the last one of a later core, but one that had it may die and leave it to the next."""
