@@ -13,9 +13,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from frontend.admin_paper import knows, shortened
+from postmortem.reports.evidence_words import command_word
 from postmortem.views import DryRun, Letter, LetterState, Refusal
 from postmortem.web.letters import HERE, REASON_CHARACTERS_MAX, reason_words
-from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, words_of
+from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reader_of, words_of
 
 NOTE_CHARACTERS_MAX: Final = 2_000
 PAYLOAD_SHOWN_CHARACTERS_MAX: Final = 4_000
@@ -46,6 +47,7 @@ async def letter(lobby: Lobby, request: Request) -> Response:
         "letter.html.j2",
         HERE,
         letter=found,
+        kind=command_word(found.kind, reader_of(request).lang),
         reason=reason_words(words, found.reason),
         next=words(step if knows(step) else "next_other"),
         fields=_fields(found.payload),

@@ -13,9 +13,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from frontend.admin_paper import knows
+from postmortem.reports.evidence_words import command_word
 from postmortem.views import Bulk, Filter, Letter, LetterState, Refusal
 from postmortem.web.incidents import FILTER_CHARACTERS_MAX, PAGE_LINES_MAX, address, day_of, filter_of
-from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, words_of
+from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reader_of, words_of
 
 HERE: Final = "/admin/dlq"
 LETTERS_MAX: Final = 500
@@ -43,6 +44,7 @@ async def letters(lobby: Lobby, request: Request) -> Response:
         counts=[(code, reason_words(words, code), count) for code, count in counts.items() if count],
         oldest=min((one.quarantined_at for one in page.items), default=""),
         states=[str(state) for state in LetterState],
+        kind_of=lambda kind: command_word(kind, reader_of(request).lang),
         reason_of=lambda code: reason_words(words, code),
         verbs=VERBS,
         more=address(HERE, wanted, cursor=page.more) if page.more else "",
