@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
 from postmortem.reports.report import Report
 from postmortem.reports.telling import telling
@@ -27,7 +28,8 @@ def as_html(report: Report, language: str) -> str:
     sheet = style()
     digest = base64.b64encode(hashlib.sha256(sheet.encode()).digest()).decode()
     page = _environment().get_template("report.html.j2")
-    return page.render(**telling(report, language), style=sheet, style_hash=f"sha256-{digest}")
+    ours = Markup(sheet)  # noqa: S704  two files of the checkout, word for word: their hash is what the policy allows
+    return page.render(**telling(report, language), style=ours, style_hash=f"sha256-{digest}")
 
 
 @cache
