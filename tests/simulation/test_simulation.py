@@ -56,6 +56,7 @@ def _broken(seeds: range) -> list[str]:
     return [str(result) for seed in seeds if (result := run(seed)).broken]
 
 
+@pytest.mark.timeout(180)
 def test_every_law_holds_in_the_worlds_of_the_fixed_seeds() -> None:
     assert _broken(range(SEEDS)) == []
 
@@ -64,6 +65,7 @@ def test_a_checkout_has_seeds_of_its_own() -> None:
     assert (_fresh_seed() != UNKNOWN) == (ROOT / ".git").exists()
 
 
+@pytest.mark.timeout(180)
 def test_every_law_holds_in_worlds_that_nobody_has_seen() -> None:
     first = _fresh_seed()
     assert _broken(range(first, first + FRESH_SEEDS)) == []
