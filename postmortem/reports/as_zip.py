@@ -25,7 +25,7 @@ from postmortem.reports.as_html import as_html
 from postmortem.reports.as_json import as_story
 from postmortem.reports.as_markdown import as_markdown
 from postmortem.reports.redaction import MASK, Sieve
-from postmortem.reports.report import Change, Contents, Report, summarise
+from postmortem.reports.report import Change, Contents, Report, group_title, summarise
 
 #: Evidence that has a structure to show; all else is left out.
 STRUCTURED = (
@@ -106,20 +106,18 @@ def as_zip(files: Sequence[tuple[str, bytes]]) -> bytes:
 def redacted(report: Report, sieve: Sieve) -> Report:
     """Return a report in which every text that came from evidence has gone through the sieve."""
     incident = _incident(report.incident, sieve)
+    made = replace(report.print_of, why=tuple(map(sieve.sentence, report.print_of.why)))
     return replace(
         report,
         incident=incident,
         summary={language: summarise(incident, language) for language in report.summary},
-        title={
-            language: sieve.sentence(title) if language == "en" else incident.diagnosis
-            for language, title in report.title.items()
-        },
+        title={language: group_title(incident, made, language) for language in report.title},
         findings=tuple(_finding(finding, sieve) for finding in report.findings),
         account_ids=tuple(map(sieve.identifier, report.account_ids)),
         transaction_ids=tuple(map(sieve.identifier, report.transaction_ids)),
         command_ids=tuple(map(sieve.identifier, report.command_ids)),
         contents=_contents(report.contents, sieve),
-        print_of=replace(report.print_of, why=tuple(map(sieve.sentence, report.print_of.why))),
+        print_of=made,
         changes=None if report.changes is None else tuple(_change(one, sieve) for one in report.changes),
         culprit=_culprit(report.culprit, sieve),
         proposals=tuple(_proposal(proposed, sieve) for proposed in report.proposals),

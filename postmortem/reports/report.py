@@ -177,23 +177,14 @@ def _number_text(value: int | None) -> str | None:
 
 def group_title(incident: Incident, made: Fingerprint, language: str) -> str:
     """Return what equal deaths are called: what happened, and where if that is known."""
-    what = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])["en"]
-    name = incident.diagnosis if language == "ko" else what[0].upper() + what[1:]
+    cause = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])[language]
+    # The Korean one leads on ("…고"); as a sentence of its own it ends politely.
+    what = f"{cause.removesuffix('고')}어요" if language == "ko" else cause[0].upper() + cause[1:]
     facts = [one.partition(" ") for one in made.why]
     frame = next((rest for kind, _, rest in facts if kind == "frame"), "")
     other = next((rest for kind, _, rest in facts if kind in {"lock", "holder", "command", "component"}), "")
     form = "in" if frame else "with" if other else "plain"
-    return prevention.TITLES[form][language].format(
-        what=_cause_word(incident, language, name), place=frame or other
-    )
-
-
-def _cause_word(incident: Incident, language: str, otherwise: str) -> str:
-    """Return the cause as a sentence of its own: the Korean one is cut before the ending that leads on."""
-    if language != "ko":
-        return otherwise
-    cause = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])["ko"]
-    return f"{cause.removesuffix('고')}음" if cause.endswith("었고") else otherwise
+    return prevention.TITLES[form][language].format(what=what, place=frame or other)
 
 
 def change_line(change: Change, language: str) -> str:

@@ -190,6 +190,16 @@ def test_every_diagnosis_and_outcome_has_its_words(diagnosis: str, outcome: str)
     for language, sentence in report(diagnosis=diagnosis, outcome=outcome).summary.items():
         assert "{" not in sentence, language
         assert sentence.endswith(".")
+    title = report(diagnosis=diagnosis, outcome=outcome).title
+    assert "요" in title["ko"]
+    assert title["en"][0].isupper()
+
+
+def test_every_cause_in_korean_can_stand_alone_and_lead_on() -> None:
+    for diagnosis, cause in texts.CAUSES.items():
+        stem = cause["ko"].removesuffix("고")
+        assert stem != cause["ko"], diagnosis
+        assert (ord(stem[-1]) - ord("가")) % 28 == 20, f"{diagnosis}: {stem} takes no -어요"
 
 
 def test_no_text_lacks_a_language() -> None:
