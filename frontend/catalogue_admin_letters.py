@@ -180,7 +180,8 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
         "One at a time; stops at once if the server goes down.",
     ),
     "bulk_capped": _text(
-        "한 번에 할 수 있는 최대: {cap}건. 더 좁혀 주세요.", "At most {cap} at a time. Please narrow the filter."
+        "한 번에 할 수 있는 최대: {cap}건. 더 좁혀 주세요.",
+        "At most {cap} at a time. Please narrow the filter.",
     ),
     "refused_bulk_nothing": _text("먼저 요청을 골라 주세요.", "Please select requests first."),
     "bulk_title": _text("여러 요청을 한꺼번에", "Many at once"),
