@@ -289,7 +289,9 @@ def test_a_file_that_gives_no_rows_is_refused_with_its_reason(
     assert reason in {None, answer.body.get("reason")}
 
 
-@pytest.mark.parametrize("import_id", [str(uuid.uuid4()), "..", "%2e%2e", "a" * 300, "x"])
+@pytest.mark.parametrize(
+    "import_id", ["5c0f3d4e-8a34-4e0e-9d53-1b1f6c2a7e90", "..", "%2e%2e", "a" * 300, "x"]
+)
 def test_an_import_that_is_none_is_not_found(house: House, import_id: str) -> None:
     assert house.ask("GET", f"/api/ledger/imports/{import_id}").status == 404
 

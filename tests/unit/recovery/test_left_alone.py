@@ -12,7 +12,9 @@ BLOCKED = Diagnosis.LOOP_BLOCKED
 
 
 @pytest.mark.parametrize(
-    "words", [{Word.SEND_ALERT}, {Word.SEND_ALERT, Word.AWAIT_OPERATOR}, {Word.NONE}], ids=str
+    "words",
+    [{Word.SEND_ALERT}, {Word.SEND_ALERT, Word.AWAIT_OPERATOR}, {Word.NONE}],
+    ids=["told", "told and waited for", "nothing"],
 )
 def test_a_hang_that_nothing_is_done_about_waits_for_a_person(words: set[Word]) -> None:
     play = Play(Policy(actions={BLOCKED: frozenset(words)})).begin().running()
