@@ -7,6 +7,8 @@ one where there is none. A Korean particle never stands right after a value, bec
 from collections.abc import Mapping
 from typing import Final
 
+from frontend import catalogue_prevention, catalogue_reports
+
 Text = Mapping[str, str]
 
 
@@ -20,7 +22,7 @@ TEXTS: Final[Mapping[str, Text]] = {
     "nav_label": _text("관리 화면", "Dashboard"),
     "nav_now": _text("지금", "Now"),
     "nav_incidents": _text("사건", "Incidents"),
-    "nav_dlq": _text("보관함", "Letters"),
+    "nav_dlq": _text("보관함", "Dead letters"),
     "nav_snapshots": _text("증거", "Snapshots"),
     "nav_trends": _text("추세", "Trends"),
     "nav_settings": _text("설정", "Settings"),
@@ -236,7 +238,7 @@ TEXTS: Final[Mapping[str, Text]] = {
     "account": _text("계좌", "Account"),
     "transaction": _text("거래", "Transaction"),
     "stage": _text("어디까지", "How far"),
-    "blamed": _text("원인으로 지목", "named by the evidence"),
+    "blamed": catalogue_reports.WORDS["blamed"],
     "ring": _text("서로를 기다린 고리", "The ring of waiting"),
     "stacks": _text("모든 스레드의 위치", "Where every thread was"),
     "stacks_none": _text("스택이 기록되지 않았어요.", "No stacks were recorded."),
@@ -248,11 +250,11 @@ TEXTS: Final[Mapping[str, Text]] = {
     "memory_types": _text("가장 많은 것", "What there was most of"),
     "crumbs": _text("그 직전의 명령들", "The last commands before"),
     "crumbs_none": _text("직전에 끝난 명령이 기록되지 않았어요.", "No finished command on record before it."),
-    "requests": _text("요청은 어떻게 됐나요", "What became of the requests"),
+    "requests": catalogue_reports.WORDS["requests"],
     "request": _text("요청", "Request"),
     "waited": _text("기다린 시간", "Waited"),
     "answer": _text("응답", "Answer"),
-    "changed": _text("이전 시작과 달라진 것", "What changed since the start before"),
+    "changed": catalogue_prevention.WORDS["changes"],
     "changed_none": _text("달라진 것이 기록되지 않았어요.", "No change is on record."),
     "similar": _text("같은 원인의 사건", "The same cause before"),
     "similar_none": _text("처음 있는 일이에요.", "This is the first of its kind."),

@@ -58,7 +58,7 @@ REFUSALS: Final[Mapping[str, Text]] = {
     ),
     "reason_needed": _text("이유를 적어 주세요.", "Please give a reason."),
     "too_late": _text("{seconds}초가 지나 되돌릴 수 없어요.", "It can be undone for {seconds} seconds only."),
-    "nothing_matches": _text("이 조건에 맞는 요청이 없어요.", "No request fits this filter."),
+    "nothing_matches": LETTER_TEXTS["dlq_no_match"],
     "too_many": _text(
         "한 번에 {max}건까지예요. 더 좁혀 주세요.", "At most {max} at a time. Please narrow it down."
     ),
@@ -78,7 +78,7 @@ REFUSALS: Final[Mapping[str, Text]] = {
     ),
     "group_unknown": _text("이런 묶음은 없어요.", "There is no such group."),
     "not_found": _text("이 주소에는 아무것도 없어요.", "There is nothing at this address."),
-    "incident_unknown": _text("이 번호의 사고는 없어요.", "There is no incident of this number."),
+    "incident_unknown": _text("이 번호의 사건은 없어요.", "There is no incident of this number."),
     "our_fault": _text(
         "프로그램의 잘못으로 답하지 못했어요. 로그에 적어 뒀어요.",
         "This could not be answered, by a fault of ours. It stands in the log.",
@@ -133,11 +133,8 @@ WORDS: Final[Mapping[str, Text]] = {
     "progress": _text(
         "{total}건 중 {done}건, 안 된 것 {failed}건", "{done} of {total}, {failed} did not work"
     ),
-    "ended_done": _text("모두 끝났어요.", "All are finished."),
-    "ended_cancelled": _text(
-        "중간에 멈췄어요. 나머지는 보관함에 그대로 있어요.",
-        "Stopped half-way; the others are where they were.",
-    ),
+    "ended_done": LETTER_TEXTS["bulk_ended_done"],
+    "ended_cancelled": LETTER_TEXTS["bulk_ended_cancelled"],
     "ended_stopped": _text(
         "장부가 멈춰서 중단했어요. 나머지는 보관함에 그대로 있어요.",
         "The ledger went down, so it stopped; the others are where they were.",
