@@ -25,7 +25,9 @@ _BAR_HEIGHT, _BAR_TOP = 28, 8
 #: A piece of the bar is at least so wide that it can be seen, and numbered from the second width on.
 _PIECE_MIN, _NUMBERED_MIN = 3, 22
 _CURVE_HEIGHT, _CURVE_LEFT, _CURVE_FOOT = 200, 64, 24
-_RING_HEIGHT, _RING_RADIUS = 320, 110
+_RING_HEIGHT, _RING_RADIUS = 352, 110
+#: Two lie beside each other: no height is needed for those above and below.
+_PAIR_HEIGHT = 144
 _NAME_CHARS_MAX = 28
 _MIB = 1 << 20
 
@@ -150,7 +152,8 @@ def draw_ring(waits: Sequence[Wait], lang: str) -> Drawing | None:
     names = list(dict.fromkeys(name for one in kept for name in (one.who, one.holder)))
     if len(names) < 2:
         return None
-    places = {name: _on_circle(_RING_RADIUS, number / len(names), 2.2) for number, name in enumerate(names)}
+    height = _PAIR_HEIGHT if len(names) == 2 else _RING_HEIGHT
+    places = {name: _on_circle(number / len(names), height) for number, name in enumerate(names)}
     parts: list[Markup] = [
         Markup(
             '<defs><marker id="d-tip" viewBox="0 0 8 8" refX="8" refY="4" markerWidth="8" markerHeight="8" '
@@ -170,7 +173,7 @@ def draw_ring(waits: Sequence[Wait], lang: str) -> Drawing | None:
     title = " · ".join(
         _word("waits", lang).format(who=visible(one.who), holder=visible(one.holder)) for one in kept
     )
-    return Drawing(title, _svg(title, _RING_HEIGHT, parts), _words("ring_head", lang), rows)
+    return Drawing(title, _svg(title, height, parts), _words("ring_head", lang), rows)
 
 
 def draw_day(spans: Sequence[Span], lang: str, day_s: float = DAY_S) -> Drawing | None:
@@ -253,7 +256,8 @@ def _arrow(start: tuple[float, float], end: tuple[float, float], lock: str) -> l
         Markup(
             '<path class="d-wait" d="M{:.1f},{:.1f} Q{:.1f},{:.1f} {:.1f},{:.1f}" marker-end="url(#d-tip)"/>'
         ).format(*from_edge, *bend, *to_edge),
-        _text("d-lock", middle[0], middle[1] - 6, _cut(lock)),
+        # Outside of the ring, on the side that the arrow bends to.
+        _text("d-lock", middle[0], middle[1] + (18 if aside[1] > 0 else -6), _cut(lock)),
     ]
 
 
@@ -264,9 +268,10 @@ def _edge(place: tuple[float, float], towards: tuple[float, float]) -> tuple[flo
     return place[0] + across * scale, place[1] + down * scale
 
 
-def _on_circle(radius: float, share: float, wide: float) -> tuple[float, float]:
+def _on_circle(share: float, height: float) -> tuple[float, float]:
+    """Return a place on the ring, which is wider than high as its boxes are."""
     turn = 2 * math.pi * share - math.pi
-    return WIDTH / 2 + wide * radius * math.cos(turn), _RING_HEIGHT / 2 + radius * math.sin(turn)
+    return WIDTH / 2 + 2.2 * _RING_RADIUS * math.cos(turn), height / 2 + _RING_RADIUS * math.sin(turn)
 
 
 def _thinned(points: Sequence[tuple[float, int]], most: int = POINTS_MAX) -> list[tuple[float, int]]:

@@ -5,6 +5,7 @@ archive knows even where the folder is gone, because the list that led here stil
 """
 
 from collections.abc import Mapping
+from http import HTTPStatus
 from typing import Any, Final
 
 from starlette.requests import Request
@@ -35,11 +36,10 @@ async def reveal(lobby: Lobby, request: Request) -> Response:
     form = await lobby.form(request)
     if isinstance(form, Response):
         return form
-    incident_id = request.path_params["id"]
-    if not is_incident_id(incident_id):
-        return lobby.lost(request, HERE, HERE)
-    await lobby.places.write_down("reveal", incident_id, "", "shown")
-    return await _show(lobby, request, shown=True)
+    answer = await _show(lobby, request, shown=True)
+    if answer.status_code != HTTPStatus.NOT_FOUND:  # of what is not there nothing was shown
+        await lobby.places.write_down("reveal", request.path_params["id"], "", "shown")
+    return answer
 
 
 async def decide(lobby: Lobby, request: Request) -> Response:

@@ -1,6 +1,5 @@
 """The list of incidents, as groups of equal deaths or one by one, and the mark that a group is mended."""
 
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any, Final
 from urllib.parse import urlencode
@@ -9,7 +8,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from frontend import catalogue_reports
-from postmortem.views import Filter, Group, Refusal
+from postmortem.views import Filter, Refusal
 from postmortem.web.lobby import Lobby, field, lead_to, reader_of
 
 PAGE_LINES_MAX: Final = 50
@@ -26,14 +25,12 @@ async def incidents(lobby: Lobby, request: Request) -> Response:
     seek = lobby.reads.incidents if every else lobby.reads.groups
     page = await lobby.read(lambda: seek(wanted, PAGE_LINES_MAX, cursor))
     lang = reader_of(request).lang
-    heads = {} if every else await lobby.read(lambda: _sentences(lobby, page.items, lang))
     words = {code: texts[lang] for code, texts in catalogue_reports.OUTCOME_WORDS.items()}
     return lobby.show(
         request,
         "incidents.html.j2",
         HERE,
         every=every,
-        heads=heads,
         wanted=wanted,
         narrowed=wanted != Filter(drills=wanted.drills),
         since=day_of(wanted.since),
@@ -56,12 +53,6 @@ async def mark_fixed(lobby: Lobby, request: Request) -> Response:
         return lead_to(HERE, "refused")
     told = await lobby.acts.mark_fixed(request.path_params["fingerprint"], version)
     return lobby.refuse(request, HERE, told, HERE) if isinstance(told, Refusal) else lead_to(HERE, "done")
-
-
-def _sentences(lobby: Lobby, groups: Sequence[Group], lang: str) -> dict[str, str]:
-    """Return what the newest incident of each group says in one sentence: a group's own title is for programmers."""
-    newest = (lobby.reads.incident(group.newest) for group in groups)
-    return {line.id: line.summary[lang] for line in newest if line is not None}
 
 
 def filter_of(asked: Any) -> Filter:

@@ -21,6 +21,7 @@ from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reade
 NOTE_CHARACTERS_MAX: Final = 2_000
 PAYLOAD_SHOWN_CHARACTERS_MAX: Final = 4_000
 PAYLOAD_FIELDS_MAX: Final = 40
+POSTINGS_SHOWN_MAX: Final = 50
 FRESH: Final = timedelta(minutes=10)
 #: What may be done in which state; the table of a letter's life decides, these are only the buttons.
 _OFFERED: Final[Mapping[LetterState, tuple[str, ...]]] = {
@@ -51,6 +52,7 @@ async def letter(lobby: Lobby, request: Request) -> Response:
         reason=reason_words(words, found.reason),
         next=words(step if knows(step) else "next_other"),
         fields=_fields(found.payload),
+        postings=_postings(found.payload),
         payload=shortened(whole, PAYLOAD_SHOWN_CHARACTERS_MAX),
         is_cut=len(whole) > PAYLOAD_SHOWN_CHARACTERS_MAX,
         row=shortened(json.dumps(found.row, ensure_ascii=False, indent=1, default=str)) if found.row else "",
@@ -153,9 +155,10 @@ def _question(words: Any, letter: Letter, verb: str, *, was_asked: bool) -> Ques
 
 
 def _fields(payload: Any) -> list[tuple[str, str]]:
-    """Return the contents as a form would show them: the first fields, each cut."""
+    """Return the contents as a form would show them: the first fields, each cut; postings have their own table."""
     if not isinstance(payload, Mapping):
         return []
+    tabled = {"postings"} if _postings(payload) else set()
     return [
         (
             shortened(name, 64),
@@ -164,4 +167,20 @@ def _fields(payload: Any) -> list[tuple[str, str]]:
             ),
         )
         for name, value in list(payload.items())[:PAYLOAD_FIELDS_MAX]
+        if name not in tabled
+    ]
+
+
+def _postings(payload: Any) -> list[tuple[str, str, str]]:
+    """Return the account, the amount and the currency of each posting; nothing where one has another shape."""
+    given = payload.get("postings") if isinstance(payload, Mapping) else None
+    rows = [
+        tuple(one.get(name) for name in ("account", "amount", "currency")) if isinstance(one, Mapping) else ()
+        for one in (given[:POSTINGS_SHOWN_MAX] if isinstance(given, list) else [])
+    ]
+    if not all(len(row) == 3 and all(isinstance(cell, str) for cell in row) for row in rows):
+        return []
+    return [
+        (shortened(account, 120), shortened(amount, 60), shortened(currency, 16))
+        for account, amount, currency in rows
     ]

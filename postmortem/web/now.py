@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any, Final
 
+import psutil
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -45,7 +46,9 @@ async def now(lobby: Lobby, request: Request) -> Response:
     status = mapping(await lobby.places.ask_guard({"verb": "status"}))
     at = datetime.now(UTC)
     lang = reader_of(request).lang
-    known = await lobby.read(lambda: lobby.reads.incidents(Filter(drills=False), DAY_INCIDENTS_MAX))
+    known = await lobby.read(lambda: lobby.reads.incidents(Filter(drills=False), 1))
+    lately = await lobby.read(lambda: lobby.reads.incidents(Filter(), DAY_INCIDENTS_MAX))
+    watched_s = await lobby.read(lambda: _watched_s(status, at))
     drills = await lobby.read(lambda: lobby.reads.drills(1))
     counts = await lobby.read(lobby.reads.counts)
     lines: Sequence[IncidentLine] = known.items
@@ -62,7 +65,7 @@ async def now(lobby: Lobby, request: Request) -> Response:
         worries=texts(status.get("worries"))[:10],
         calm=_calm(words_of(request), lines, at),
         proof=_proof(words_of(request), drills[0] if drills else None, lang),
-        day=_day(lines, at, lang, is_known=bool(status)),
+        day=_day(lately.items, at, lang, watched_s),
         last=lines[0] if lines else None,
         facts=_facts(words_of(request), status, sum(counts.values()), lang),
         faults=FAULTS,
@@ -178,22 +181,47 @@ def _proof(words: Any, last: Drill | None, lang: Language) -> str:
     return str(words("now_proof", at=at, took=took(last.outage_ms, lang=lang)))
 
 
-def _day(lines: Sequence[IncidentLine], at: datetime, lang: Language, *, is_known: bool) -> Drawing | None:
-    """Return the strip of the last day: what no incident covers was served, as far as a guard that answers knows."""
-    spans = [Span(0.0, float(DAY_S), "up")] if is_known else []
+def _watched_s(status: Mapping[str, Any], at: datetime) -> float:
+    """Return for how long a guard has watched without a break; 0: none answers, or nobody can tell.
+
+    The launcher stays while guards come and go, so its age is theirs.
+    """
+    for name in ("launcher", "sentinel"):
+        pid = number(mapping(status.get(name)).get("pid"))
+        if pid is None or pid <= 0:
+            continue
+        try:
+            return max(0.0, at.timestamp() - psutil.Process(pid).create_time())
+        except psutil.Error:
+            continue
+    return 0.0
+
+
+def _day(lines: Sequence[IncidentLine], at: datetime, lang: Language, watched_s: float) -> Drawing | None:
+    """Return the strip of the last day: what no incident covers was served, for as long as somebody watched it."""
+    spans = [Span(max(0.0, DAY_S - watched_s), float(DAY_S), "up")] if watched_s else []
     for line in lines:
         began, ended = _instant(line.opened_at), _instant(line.closed_at)
         if began is None:
             continue
         from_s = DAY_S - (at - began).total_seconds()
-        kind = "down" if line.outage_ms is not None or line.closed_at is None else "reads"
+        kind = _kind(line)
         if line.outage_ms is not None:
             to_s = from_s + line.outage_ms / 1_000
         else:
             to_s = float(DAY_S) if ended is None else DAY_S - (at - ended).total_seconds()
-        if to_s > 0:
+        if to_s > 0 and kind:
             spans.append(Span(from_s, to_s, kind, line.summary.get(lang, line.diagnosis)))
     return draw_day(spans, lang)
+
+
+def _kind(line: IncidentLine) -> str:
+    """Return what an incident was for whoever used the ledger; empty: it went on, and nobody noticed."""
+    if line.outage_ms is not None or line.closed_at is None:
+        return "down"
+    if line.outcome == "safe_mode":
+        return "reads"
+    return "" if line.outcome == "recovered" else "unknown"
 
 
 def _instant(at: str | None) -> datetime | None:

@@ -283,6 +283,9 @@ def test_a_ring_of_any_size_is_drawn_within_its_frame(many: int) -> None:
     assert drawn is not None
     assert "<b>" not in drawn.svg
     assert len(drawn.rows) == min(many, 12)
+    frame = re.search(r'viewBox="0 0 \d+ (\d+)"', drawn.svg)
+    assert frame is not None
+    assert all(0 <= float(down) <= float(frame[1]) for down in re.findall(r' y="([\d.-]+)"', drawn.svg))
 
 
 def test_the_strip_of_a_day_shows_an_outage_of_a_second() -> None:

@@ -1,6 +1,7 @@
 """The dashboard's pages on an archive that was filled by hand; the real one is looked at in the contract tests."""
 
 import json
+import os
 import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -83,6 +84,34 @@ def test_what_the_guard_does_not_say_is_left_out(visitor: Visitor) -> None:
     assert "The guard does not answer" in visitor.get("/admin/").text
 
 
+def test_the_strip_of_the_day_claims_nothing_for_the_time_before_somebody_watched(visitor: Visitor) -> None:
+    assert "d-up" not in visitor.get("/admin/").text
+    visitor.status = {"state": "OPERATIONAL", "launcher": {"pid": os.getpid()}}
+    widths = re.findall(r'd-span d-up" x="([\d.]+)"', visitor.get("/admin/").text)
+    assert len(widths) == 1
+    assert float(widths[0]) > 300, "this test has not run for half a day"
+
+
+def test_a_drill_is_an_outage_on_the_strip_and_no_incident_in_the_calm(visitor: Visitor) -> None:
+    at = (datetime.now(UTC) - timedelta(hours=1)).isoformat()
+    visitor.archive.lines.append(line(opened_at=at, drill="crash"))
+    page = visitor.get("/admin/").text
+    assert "d-down" in page
+    assert "No incident on record yet" in page
+
+
+@pytest.mark.parametrize(
+    ("outcome", "kind"), [("safe_mode", "reads"), ("manual", "unknown"), ("recovered", "")]
+)
+def test_an_incident_without_an_outage_is_not_drawn_as_one(visitor: Visitor, outcome: str, kind: str) -> None:
+    at = datetime.now(UTC) - timedelta(hours=1)
+    closed_at = (at + timedelta(minutes=10)).isoformat()
+    told = line(opened_at=at.isoformat(), closed_at=closed_at, outage_ms=None, outcome=outcome)
+    visitor.archive.lines.append(told)
+    drawn = set(re.findall(r"d-span d-(\w+)", visitor.get("/admin/").text)) - {"unknown"}
+    assert drawn == ({kind} - {"", "unknown"})
+
+
 def test_an_incident_is_told_with_its_sentence_its_course_and_its_money(visitor: Visitor) -> None:
     page = with_incident(visitor).get(ONE).text
     assert "the ledger was killed from outside" in page.lower()
@@ -100,6 +129,11 @@ def test_an_account_is_masked_until_somebody_asks_and_that_is_written_down(visit
     shown = visitor.post(f"{ONE}/reveal")
     assert "assets:bank:kb" in shown.text
     assert visitor.written == [("reveal", story.ID, "", "shown")]
+
+
+def test_what_is_not_there_is_not_written_down_as_shown(visitor: Visitor) -> None:
+    assert visitor.post(f"{ONE}/reveal").status == 404
+    assert visitor.written == []
 
 
 def test_frames_of_ours_come_first_and_those_of_the_system_are_folded(visitor: Visitor) -> None:
@@ -334,6 +368,20 @@ def test_a_payload_is_an_attackers_text(visitor: Visitor) -> None:
     assert len(whole.body) > 1_000_000
     assert whole.headers["content-disposition"].startswith("attachment")
     assert whole.headers["content-type"].startswith("text/plain")
+
+
+def test_postings_are_a_table_and_the_rest_a_form(visitor: Visitor) -> None:
+    payload = {
+        "date": "2026-11-21",
+        "postings": [{"account": HOSTILE, "amount": "-12000", "currency": "KRW"}],
+    }
+    visitor.archive.kept.append(letter(payload=payload))
+    page = visitor.get(LETTER).text
+    assert "-12000 KRW</td>" in page
+    assert "<dt>postings</dt>" not in page
+    assert "<script>alert" not in page
+    visitor.archive.kept[0] = letter(payload={"postings": [{"account": 5}]})
+    assert "<dt>postings</dt>" in visitor.get(LETTER).text
 
 
 def test_many_are_asked_about_with_number_accounts_and_sum(visitor: Visitor) -> None:
