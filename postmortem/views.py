@@ -59,11 +59,12 @@ class IncidentLine:
     account_ids: tuple[str, ...]
     planned: bool
     drill: str | None
+    note: str = ""  # a person's
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Equal deaths. `why`: what they have in common, as facts."""
+    """Equal deaths. `why`: what they have in common, as facts; `merged`: the fingerprints that a person put into it."""
 
     fingerprint: str
     title: Texts
@@ -77,6 +78,7 @@ class Group:
     fixed_in: str | None
     why: tuple[str, ...]
     newest: str  # the id of its last incident
+    merged: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +132,7 @@ class Letter:
     note: str
     discarded_because: str | None
     sums: tuple[str, ...] = ()
+    corrected_by: str = ""  # the key of the request that a person sent instead
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,8 +273,33 @@ class Reads(Protocol):
         ...
 
 
+class IncidentActs(Protocol):
+    """What may be done with incidents and their groups, with a line in the audit log as all `Acts`."""
+
+    async def merge(self, fingerprint: str, into: str) -> Group | Refusal:
+        """Put a group into another one, its later deaths too; what is then the group."""
+        ...
+
+    async def split(self, fingerprint: str, incident_id: str = "") -> Group | Refusal:
+        """Take a group apart into those it was put together of, or one incident out of it; what is left, or the new one."""
+        ...
+
+    async def note(self, incident_id: str, text: str) -> IncidentLine | Refusal:
+        """Write a note beside an incident; it replaces the one before."""
+        ...
+
+    async def remove_evidence(self, incident_id: str) -> IncidentLine | Refusal:
+        """Remove the folder of an incident that is over; its line, its group and its proposals stay."""
+        ...
+
+
 class Acts(Protocol):
     """What may be done. Each writes a line of the audit log, and answers with what is now or why not."""
+
+    @property
+    def incidents(self) -> IncidentActs:
+        """What may be done with incidents and their groups."""
+        ...
 
     async def dry_run(self, letter_id: str) -> Letter | Refusal:
         """Try it in a throw-away core; the letter has what that said."""
@@ -295,6 +323,10 @@ class Acts(Protocol):
 
     async def undo_discard(self, letter_id: str) -> Letter | Refusal:
         """Take a discard back within its time."""
+        ...
+
+    async def correct(self, letter_id: str, body: str) -> Letter | Refusal:
+        """Send the changed contents, JSON, as a new request under a key of its own; this one is discarded with the link."""
         ...
 
     async def bulk(self, verb: str, wanted: Filter | Sequence[str], reason: str = "") -> Bulk | Refusal:

@@ -184,10 +184,37 @@ def _page(found: Sequence[Any], limit: int, cursor: str) -> Page:
 
 
 @dataclass
+class IncidentActs:
+    """Acts on incidents and groups, written into the archive's list."""
+
+    archive: Archive
+
+    async def merge(self, fingerprint: str, into: str) -> Group | Refusal:
+        self.archive.done.append(("merge", fingerprint, into))
+        return self.archive.group(into) or Refusal("group_unknown", {})
+
+    async def split(self, fingerprint: str, incident_id: str = "") -> Group | Refusal:
+        self.archive.done.append(("split", fingerprint, incident_id))
+        return self.archive.group(fingerprint) or Refusal("group_unknown", {})
+
+    async def note(self, incident_id: str, text: str) -> IncidentLine | Refusal:
+        self.archive.done.append(("note", text, incident_id))
+        return self.archive.incident(incident_id) or Refusal("incident_unknown", {})
+
+    async def remove_evidence(self, incident_id: str) -> IncidentLine | Refusal:
+        self.archive.done.append(("remove", incident_id))
+        return self.archive.incident(incident_id) or Refusal("incident_unknown", {})
+
+
+@dataclass
 class Acts:
     """Acts that are done on the archive's rows, and written into its list."""
 
     archive: Archive
+
+    @property
+    def incidents(self) -> IncidentActs:
+        return IncidentActs(self.archive)
 
     def _did(self, letter_id: str, *what: Any, **change: Any) -> Letter | Refusal:
         self.archive.done.append((*what, letter_id))
@@ -215,6 +242,9 @@ class Acts:
 
     async def undo_discard(self, letter_id: str) -> Letter | Refusal:
         return self._did(letter_id, "undo", state=LetterState.QUARANTINED, discarded_because=None)
+
+    async def correct(self, letter_id: str, body: str) -> Letter | Refusal:
+        return self._did(letter_id, "correct", body, state=LetterState.DISCARDED, corrected_by="key-2")
 
     async def bulk(self, verb: str, wanted: Filter | Sequence[str], reason: str = "") -> Bulk | Refusal:
         self.archive.done.append(("bulk", verb, wanted, reason))
