@@ -92,7 +92,8 @@ class Suspect:
     `ordeal`: what its last trial said, None while it is open. `letter`: it is set aside under this number. `at_ns`: of
     the death, monotonic; whoever was at work in the same one has the same. `blame`: what that death was called, None if
     nobody saw it. `company`: it only stood in the queue behind a suspect of its kind. `waits`: its accounts wait for its
-    trial. `tries`: trials that said nothing; `hung`: it was slow in one. `seq`: it is an event of the log.
+    trial. `tries`: trials that said nothing; `hung`: it was slow in one. `survived`: it did no harm on trial, and who else
+    was at work in its death has yet to be tried; `cleared`: it did none after an earlier death. `seq`: an event of the log.
     """
 
     name: str
@@ -116,6 +117,8 @@ class Suspect:
     closed_ns: int = 0
     tries: int = 0
     hung: bool = False
+    survived: bool = False
+    cleared: bool = False
     fingerprint: str = ""
     took_ms: int = 0
     why: str = ""
@@ -139,12 +142,12 @@ class Conviction:
 class CourtMemory:
     """What a successor of this guard has to know of suspects: the open ones, and those tried in the last day.
 
-    `settled_seq`: the head of the ledger under the last core that outlived its probation. `parked`: events left out.
+    `settled_seq`: the head of the ledger under the last core that outlived its probation. Which events are left out is
+    not remembered here: the rules in force say so, and a trial leaves out what they name.
     """
 
     suspects: tuple[Suspect, ...] = ()
     settled_seq: int = 0
-    parked: tuple[int, ...] = ()
     convictions: tuple[Conviction, ...] = ()
 
 
@@ -189,6 +192,13 @@ class Tried:
 
 
 @dataclass(frozen=True, slots=True)
+class CourtAtWork:
+    """The court's process has said how far it is: its copy is made, or a case is begun. It is not silent."""
+
+    at_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class TrialsOver:
     """The court's process has ended, once for each `Try` or `TryLog`, also after `EndTrials` and if none could be made.
 
@@ -207,7 +217,7 @@ class RuleRemoved:
     rule: str
 
 
-TrialObservation = CaseFiled | SuspectsSettled | Tried | TrialsOver | RuleRemoved
+TrialObservation = CaseFiled | SuspectsSettled | Tried | CourtAtWork | TrialsOver | RuleRemoved
 
 
 # ---- orders ----
@@ -240,10 +250,11 @@ class EndTrials:
 class SetAside:
     """Refuse it from now on, wherever it comes from, tell whoever waits for it, and write its letter.
 
-    May be said again with the same id, when its request has come again: then whoever waits is told again.
+    `again`: it was said before, and its request has come again: whoever waits is told again, and nobody is convicted anew.
     """
 
     letter: Letter
+    again: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,8 @@
 
 A death convicts nobody. It makes suspects; each is tried once in a throw-away core, and only doing it again there
 makes it a poison. Everything unclear (a trial that could not be held, one that somebody ended from outside, a first slowness)
-is tried once more and then left to a person, never called poison. Not chosen: strikes,
+is tried once more; then it is run, because what we can't do is no suspect's fault, and only what was at work in two deaths
+that nothing explains is left to a person, never called poison. Not chosen: strikes,
 counted by command (they convicted 79 innocents in 150 deaths), and trials in the core that serves (a poison would cost
 it two deaths).
 
@@ -34,12 +35,16 @@ from hardcore.model.trials import (
 )
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.letters import is_its_own, letter
-from hardcore.recovery.register import Death, Register
+from hardcore.recovery.register import BEFORE_MAX, REMEMBERED_NS, Death, Register, event_key
 
 #: Cases of one death come within milliseconds of each other: they are waited for, so that they share one court.
 GATHER_NS = 100 * NS_PER_MS
 #: As long as a gateway holds a request. Then company goes, and nobody's account waits for a case that does not come.
 PATIENCE_NS = 10 * NS_PER_S
+#: The copy of a large ledger on a slow disk: whoever holds the court gives it up after this (`sitting.COPY_S`).
+COPY_NS = 180 * NS_PER_S
+#: The search in a log starts a core for each half of it (`sitting.STARTS_OF_A_SEARCH`).
+STARTS_OF_A_SEARCH = 24
 #: A court that was told to end is taken for gone after this, whatever its process does.
 ENDING_NS = 5 * NS_PER_S
 #: A trial that says nothing is held once more.
@@ -58,7 +63,10 @@ Orders = list[TrialAction]
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """The numbers of the policy that the court goes by. `begin_ms`: time to make the copy and the first core."""
+    """The numbers of the policy that the court goes by. `begin_ms`: time to start a core for a case.
+
+    `trial_limit`: how many who were at work in one death are tried, and how many of their company.
+    """
 
     limit_ms: int
     memory_bytes: int
@@ -70,15 +78,12 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Docket:
-    """What is on trial. `names`: who has yet to be tried; `doubted`: survivors for whom it matters whether another is
-    convicted. `log`: it is the events.
-    """
+    """What is on trial. `names`: who has yet to be tried. `log`: it is the events."""
 
     names: tuple[str, ...]
     due_ns: int
     log: bool = False
     ending: bool = False
-    doubted: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -100,7 +105,8 @@ class Court:
     def inherit(self, memory: CourtMemory, names: Iterable[str], now_ns: int) -> None:
         """Go on where an earlier guard's court was: what was on trial is tried again."""
         self.register.inherit(memory, names, now_ns)
-        self.convictions = memory.convictions[-CONVICTIONS_MAX:]
+        # Of another boot nobody knows how long ago it was.
+        self.convictions = tuple(c for c in memory.convictions if c.at_ns <= now_ns)[-CONVICTIONS_MAX:]
 
     def clear(self, now_ns: int) -> Orders:
         """A core died though no suspect was at work in it: it was none of them. Whoever is open is run."""
@@ -124,19 +130,25 @@ class Court:
         if one is None or not (one.open or one.letter):
             return [Acquit(name, run=True)]  # nobody suspects it, or does not any more
         if not one.open:
-            return [SetAside(letter(one))]
+            return [SetAside(letter(one), again=True)]
         filed_ns = one.filed_ns if one.filed else now_ns
         self.register.put(
             dataclasses.replace(one, filed=True, source=source, digest=digest, filed_ns=filed_ns, waits=True)
         )
         return []
 
+    def at_work(self, now_ns: int) -> None:
+        """The court has said how far it is: from now on it has the time of one case more."""
+        if self.docket is not None and not self.docket.ending:
+            due_ns = self._due_ns(now_ns, log=self.docket.log)
+            self.docket = dataclasses.replace(self.docket, due_ns=due_ns)
+
     def tried(self, fact: Tried, new_id: Callable[[], str]) -> Orders:
         """One case was tried."""
         if self.docket is not None:
-            due_ns = self.docket.due_ns if self.docket.ending else self._due_ns(fact.at_ns)
             names = tuple(name for name in self.docket.names if name != fact.name)
-            self.docket = dataclasses.replace(self.docket, due_ns=due_ns, names=names)
+            self.docket = dataclasses.replace(self.docket, names=names)
+            self.at_work(fact.at_ns)
         if self.docket is not None and self.docket.log:
             return self._tried_log(fact, new_id)
         one = self.register.by_key.get(fact.name)
@@ -162,8 +174,6 @@ class Court:
         if docket.log and (fault or docket.ending):
             self.log = None  # it was not tried: the next such death may have it tried
         given: Orders = []
-        for one in self._open(dict.fromkeys(docket.doubted)):
-            given += self._survived(one, now_ns, new_id)
         for one in [] if docket.ending else self._open(docket.names):
             given += self._unclear(one, fault or "its trial was not held", now_ns, new_id)
         return given
@@ -180,14 +190,18 @@ class Court:
                 given += self.over("it did not end", now_ns, new_id)
             else:
                 given += self._time_is_over(now_ns, new_id)
+        given += self._judge_survivors(now_ns, new_id)
         given += self._dismiss_company(now_ns)
         self._doubt_log()
         if self.docket is None and self.log_after is not None:
             after, self.log_after = self.log_after, None
-            self.docket = Docket((), self._due_ns(now_ns), log=True)
+            self.docket = Docket((), self._due_ns(now_ns, log=True) + COPY_NS, log=True)
             given.append(TryLog(after, self.rules.limit_ms, self.rules.memory_bytes))
         elif self.docket is None and self.served_ns is not None and now_ns >= self._gathered_ns(now_ns):
-            given += self._try(now_ns, new_id)
+            judged = self._try(now_ns, new_id)
+            given += judged
+            if judged and self.docket is None:  # nobody is left to be tried: that may decide about who was
+                given += self.convene(now_ns, new_id)
         return given
 
     def next_ns(self) -> int | None:
@@ -207,7 +221,7 @@ class Court:
         if self.register.changed:
             self.register.changed = False
             known = tuple(self.register)
-            memory = CourtMemory(known, self.register.settled_seq, self.register.parked, self.convictions)
+            memory = CourtMemory(known, self.register.settled_seq, self.convictions)
             given.append(KeepCourt(self.register.suspected(), memory))
         given += (AddTrials(incident, self.register.notes(incident)) for incident in told)
         return given
@@ -229,7 +243,7 @@ class Court:
             # Run: a core that has its key answers what it answered then.
             return self._acquit(one, Ordeal.COMMITTED, fact.why, fact.at_ns)
         if fact.ordeal is Ordeal.SURVIVED:
-            return self._survived(one, fact.at_ns, new_id)
+            return self._survived(one, fact.at_ns)
         if not is_its_own(fact):
             return self._unclear(one, fact.why or "its trial was ended from outside", fact.at_ns, new_id)
         if fact.ordeal is Ordeal.HUNG and not one.hung:
@@ -237,25 +251,42 @@ class Court:
             return self._unclear(slow, "its trial took too long", fact.at_ns, new_id)
         return self._convict(one, fact.ordeal, fact.at_ns, new_id)
 
-    def _survived(self, one: Suspect, now_ns: int, new_id: Callable[[], str]) -> Orders:
-        """Run it, unless it was at work in too many deaths: then the court's end decides, when all are explained."""
+    def _survived(self, one: Suspect, now_ns: int) -> Orders:
+        """Run it, unless it was at work in too many deaths: then it waits for who else may explain the last one."""
         if one.company or one.deaths < HELD_DEATHS:
             return self._acquit(one, Ordeal.SURVIVED, one.why, now_ns)
-        if self.docket is None:
-            return self._hold(one, Ordeal.SURVIVED, one.why, now_ns, new_id)
-        self.docket = dataclasses.replace(self.docket, doubted=(*self.docket.doubted, one.name))
+        self.register.put(dataclasses.replace(one, survived=True))
         return []
+
+    def _judge_survivors(self, now_ns: int, new_id: Callable[[], str]) -> Orders:
+        given: Orders = []
+        for one in self.register:
+            if not (one.open and one.survived):
+                continue
+            if one.deaths < HELD_DEATHS:
+                given += self._acquit(one, Ordeal.SURVIVED, one.why, now_ns)
+            elif not any(_may_explain(other, one) for other in self.register):
+                given += self._hold(one, Ordeal.SURVIVED, one.why, now_ns, new_id)
+        return given
 
     def _unclear(self, one: Suspect, why: str, now_ns: int, new_id: Callable[[], str]) -> Orders:
         if one.company:
             return self._acquit(one, Ordeal.UNTRIED, why, now_ns)
         one = dataclasses.replace(one, tries=one.tries + 1, why=why)
         self.register.put(one)
-        return [] if one.tries < TRIES_MAX else self._hold(one, Ordeal.UNTRIED, one.why, now_ns, new_id)
+        return [] if one.tries < TRIES_MAX else self._untried(one, why, now_ns, new_id)
+
+    def _untried(self, one: Suspect, why: str, now_ns: int, new_id: Callable[[], str]) -> Orders:
+        """Nobody will try it any more. That is not its fault: it is run, but after a second death that nothing explains."""
+        if one.company or one.deaths < HELD_DEATHS or self.register.explains(one.at_ns):
+            return self._acquit(one, Ordeal.UNTRIED, why, now_ns)
+        return self._hold(one, Ordeal.UNTRIED, why, now_ns, new_id)
 
     def _convict(self, one: Suspect, ordeal: Ordeal, now_ns: int, new_id: Callable[[], str]) -> Orders:
         self.register.explain(one)
-        closed = self.register.close(dataclasses.replace(one, letter=new_id()), ordeal, one.why, now_ns)
+        closed = self.register.close(
+            dataclasses.replace(one, letter=one.letter or new_id()), ordeal, one.why, now_ns
+        )
         return [SetAside(letter(closed)), *self._count(closed, now_ns)]
 
     def _hold(self, one: Suspect, ordeal: Ordeal, why: str, now_ns: int, new_id: Callable[[], str]) -> Orders:
@@ -283,11 +314,16 @@ class Court:
         death = self.log
         if fact.ordeal is Ordeal.UNTRIED or (fact.ordeal is Ordeal.DIED and not is_its_own(fact)):
             self.log = None  # it was not tried, as in `over`
-        if death is None or fact.seq is None or fact.seq in self.register.parked or not is_its_own(fact):
+        if death is None or fact.seq is None or not is_its_own(fact):
             return []
+        # What was set aside is found again if its rule is not in force: never written, or lost. It has one letter.
+        known = self.register.by_key.get(event_key(fact.seq))
         found = Suspect(
             fact.name,
             death.incident,
+            deaths=known.deaths + 1 if known else 1,
+            letter=known.letter if known else "",
+            before=(*known.before, known.incident)[-BEFORE_MAX:] if known else (),
             kind=fact.kind,
             account_ids=fact.account_ids,
             transaction_id=fact.transaction_id,
@@ -298,7 +334,6 @@ class Court:
             why=fact.why,
             seq=fact.seq,
         )
-        self.register.parked = (*self.register.parked, fact.seq)
         self.log = None  # the next death may be another event's
         return self._convict(found, fact.ordeal, fact.at_ns, new_id)
 
@@ -307,29 +342,26 @@ class Court:
     def _try(self, now_ns: int, new_id: Callable[[], str]) -> Orders:
         names: list[str] = []
         left: list[Suspect] = []
-        taken: dict[tuple[str, bool], int] = {}
-        for one in sorted(filter(_ready, self.register), key=lambda one: one.company):
-            place = (one.incident, one.company)
+        taken: dict[tuple[int, bool], int] = {}
+        for one in sorted(filter(_ready, self.register), key=lambda one: (one.company, one.cleared)):
+            place = (one.at_ns, one.company)
             taken[place] = taken.get(place, self._tried_in(place)) + (one.tries == 0)
             if taken[place] <= self.rules.trial_limit:
                 names.append(one.name)
             else:
                 left.append(one)
         if names:
-            self.docket = Docket(tuple(names[:DOCKET_MAX]), self._due_ns(now_ns))
+            self.docket = Docket(tuple(names[:DOCKET_MAX]), self._due_ns(now_ns) + COPY_NS)
             return [Try(self.docket.names, self.rules.limit_ms, self.rules.memory_bytes)]
         given: Orders = []
         for one in left:
-            why = "more were suspected than are tried in one incident"
-            if one.company or self.register.explains(one.at_ns):
-                given += self._acquit(one, Ordeal.UNTRIED, why, now_ns)
-            else:
-                given += self._hold(one, Ordeal.UNTRIED, why, now_ns, new_id)
+            given += self._untried(one, "more were suspected than are tried of one death", now_ns, new_id)
         return given
 
-    def _tried_in(self, place: tuple[str, bool]) -> int:
+    def _tried_in(self, place: tuple[int, bool]) -> int:
         return sum(
-            (one.incident, one.company) == place and (not one.open or one.tries > 0) for one in self.register
+            (one.at_ns, one.company) == place and (not one.open or one.survived or one.tries > 0)
+            for one in self.register
         )
 
     def _doubt_log(self) -> None:
@@ -377,7 +409,7 @@ class Court:
                 continue
             if one.company:
                 given += self._acquit(one, Ordeal.UNTRIED, "there was no time to try it", now_ns)
-            elif one.deaths == 0:
+            elif one.deaths == 0 or not one.waits:
                 self.register.settle((one.name,))
                 given.append(Acquit(one.name, run=False))
             else:
@@ -386,9 +418,14 @@ class Court:
         return given
 
     def _impatient_ns(self, one: Suspect) -> int | None:
-        """Return when nobody waits for this suspect any longer; None: that is not a question of time."""
-        if not one.open or self.served_ns is None or not one.waits or (one.filed and not one.company):
+        """Return when nobody waits for this suspect any longer, or when whoever has not come in a day is forgotten.
+
+        None: that is not a question of time.
+        """
+        if not one.open or self.served_ns is None or (one.filed and not one.company):
             return None
+        if not one.waits:
+            return one.at_ns + REMEMBERED_NS
         return max(one.at_ns, self.served_ns) + PATIENCE_NS
 
     def _gathered_ns(self, now_ns: int) -> int:
@@ -397,8 +434,9 @@ class Court:
             return now_ns
         return min((one.filed_ns for one in self.register if _ready(one)), default=now_ns) + GATHER_NS
 
-    def _due_ns(self, now_ns: int) -> int:
-        return now_ns + (self.rules.begin_ms + self.rules.limit_ms) * NS_PER_MS
+    def _due_ns(self, now_ns: int, *, log: bool = False) -> int:
+        each_ns = (self.rules.begin_ms + self.rules.limit_ms) * NS_PER_MS
+        return now_ns + (each_ns * STARTS_OF_A_SEARCH if log else each_ns)
 
     def _open(self, names: Iterable[str]) -> list[Suspect]:
         known = (self.register.by_key.get(name) for name in names)
@@ -406,4 +444,10 @@ class Court:
 
 
 def _ready(one: Suspect) -> bool:
-    return one.open and one.filed
+    return one.open and one.filed and not one.survived
+
+
+def _may_explain(other: Suspect, one: Suspect) -> bool:
+    """Whether `other` has yet to be tried for the death that is held against `one`."""
+    comes = other.filed or (other.waits and not other.company)
+    return other.open and comes and not other.survived and other.at_ns == one.at_ns

@@ -89,6 +89,7 @@ class FailoverManager:
                 trials.CaseFiled()
                 | trials.SuspectsSettled()
                 | trials.Tried()
+                | trials.CourtAtWork()
                 | trials.TrialsOver()
                 | trials.RuleRemoved()
             ):

@@ -112,6 +112,8 @@ def heard(c: Course, fact: trials.TrialObservation) -> None:
             court.register.settle(fact.names)
         case trials.Tried():
             give(c, court.tried(fact, c.given.new_id), now_ns)
+        case trials.CourtAtWork():
+            court.at_work(now_ns)
         case trials.TrialsOver():
             give(c, court.over(fact.fault, now_ns, c.given.new_id), now_ns)
         case trials.RuleRemoved():
@@ -143,7 +145,7 @@ def give(c: Course, given: list[TrialAction], now_ns: int) -> None:
     """Give the court's orders, and do what a conviction means for everything else."""
     for one in given:
         order(c, one)
-        if isinstance(one, SetAside) and not one.letter.held:
+        if isinstance(one, SetAside) and not (one.letter.held or one.again):
             _convicted(c, one, now_ns)
 
 

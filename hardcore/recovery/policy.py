@@ -243,7 +243,10 @@ class Policy:
         high=1 << 20,
     )
     trial_limit: int = setting(
-        64, "suspects tried in one incident; more are left to a person", low=0, high=10_000
+        64,
+        "suspects of one death that are tried; more are run, or after a second death left to a person",
+        low=0,
+        high=10_000,
     )
     max_convictions: int = setting(
         10, "convictions in 60 s of what one source sent; more stop that source", low=1, high=1000

@@ -30,13 +30,17 @@ class Death:
     blame: Diagnosis
 
 
+def event_key(seq: int) -> str:
+    """Return under which key an event of the log stands in the list."""
+    return f"event {seq}"
+
+
 @dataclass(slots=True)
 class Register:
     """See the module. `by_key`: suspects by name, in the order in which they came. Times are monotonic."""
 
     by_key: dict[str, Suspect] = field(default_factory=dict)
     settled_seq: int = 0
-    parked: tuple[int, ...] = ()
     changed: bool = False
     open_count: int = 0  # at most times nobody is suspect, and a tick has better things to do than to look
     untold: tuple[str, ...] = ()  # incidents that have yet to be told what came of their trials
@@ -48,13 +52,16 @@ class Register:
     def inherit(self, memory: CourtMemory, names: Iterable[str], now_ns: int) -> None:
         """Go on with an earlier guard's list; `names`: whom it may not have had the time to write down.
 
-        Stamps of another boot lie in the future at worst: they count as fresh. Nobody knows what those names did; they
-        are tried before they are run, and no death counts against them.
+        Stamps of another boot lie in the future at worst: then the last of them counts as fresh, and what lay between
+        them stays, because one moment is one death. Nobody knows what those names did; they are tried before they are
+        run, and no death counts against them.
         """
         self.by_key, self.open_count = {}, 0
-        for one in memory.suspects[-SUSPECTS_MAX:]:
-            self.put(dataclasses.replace(one, at_ns=min(one.at_ns, now_ns), waits=True))
-        self.settled_seq, self.parked, self.changed = memory.settled_seq, memory.parked, True
+        kept = memory.suspects[-SUSPECTS_MAX:]
+        ahead_ns = max((at_ns - now_ns for one in kept for at_ns in _stamps(one)), default=0)
+        for one in kept:
+            self.put(dataclasses.replace(_earlier(one, max(0, ahead_ns)), waits=True))
+        self.settled_seq, self.changed = memory.settled_seq, True
         for name in names:
             old = self.by_key.get(name, Suspect(name, "", deaths=0, ordeal=Ordeal.UNTRIED))
             if not (old.open or old.letter):  # it may have been cleared, and have been run again since
@@ -78,7 +85,7 @@ class Register:
 
     def put(self, one: Suspect) -> None:
         """Let this be what is known of it from now on."""
-        key = one.name if one.seq is None else f"event {one.seq}"
+        key = one.name if one.seq is None else event_key(one.seq)
         old = self.by_key.get(key)
         if old != one:
             self.open_count += one.open - (old is not None and old.open)
@@ -109,7 +116,6 @@ class Register:
         for key, one in tuple(self.by_key.items()):
             if one.letter == rule:
                 self._forget(key)
-                self.parked = tuple(seq for seq in self.parked if seq != one.seq)
 
     def explain(self, culprit: Suspect) -> None:
         """It is convicted: take its death off everybody else who was at work in it."""
@@ -159,13 +165,30 @@ class Register:
         self.changed = True
 
     def _bound(self, now_ns: int) -> None:
-        """Forget what is over for long enough; where there are still too many, the oldest that is over."""
-        over = [key for key, one in self.by_key.items() if not one.open]
-        old = [key for key in over if now_ns - self.by_key[key].closed_ns > REMEMBERED_NS]
-        spare = len(self.by_key) - len(old) - SUSPECTS_MAX
-        more = [key for key in (*over, *self.by_key) if key not in old][: max(0, spare)]
-        for key in dict.fromkeys((*old, *more)):
-            self._forget(key)
+        """Forget what is over for long enough; where there are still too many, the oldest of those that matter least."""
+        for key, one in tuple(self.by_key.items()):
+            if not one.open and now_ns - one.closed_ns > REMEMBERED_NS:
+                self._forget(key)
+        too_many = len(self.by_key) - SUSPECTS_MAX
+        if too_many > 0:
+            for key in sorted(self.by_key, key=lambda key: _matters(self.by_key[key]))[:too_many]:
+                self._forget(key)
+
+
+def _matters(one: Suspect) -> int:
+    """Return how much would be lost if it were forgotten: of a letter, that its request is refused at once."""
+    if one.open:
+        return 1 if not (one.filed or one.waits) else 3
+    return 2 if one.letter else 0
+
+
+def _stamps(one: Suspect) -> tuple[int, ...]:
+    return (one.at_ns, one.filed_ns, one.closed_ns)
+
+
+def _earlier(one: Suspect, by_ns: int) -> Suspect:
+    at_ns, filed_ns, closed_ns = (stamp - by_ns for stamp in _stamps(one))
+    return dataclasses.replace(one, at_ns=at_ns, filed_ns=filed_ns, closed_ns=closed_ns)
 
 
 def _accused(note: CommandNote, death: Death, old: Suspect | None) -> Suspect:
@@ -187,5 +210,6 @@ def _accused(note: CommandNote, death: Death, old: Suspect | None) -> Suspect:
         filed_ns=old.filed_ns,
         at_ns=death.at_ns,
         blame=death.blame,
+        cleared=old.cleared or old.ordeal is Ordeal.SURVIVED,
         before=tuple(name for name in before if name not in {"", death.incident})[-BEFORE_MAX:],
     )

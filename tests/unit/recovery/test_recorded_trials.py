@@ -14,13 +14,13 @@ LETTER = Letter("l1", "a", Reason.CRASHED_CORE, False, ("i1",), 1, account_ids=(
 MEMORY = CourtMemory(
     (Suspect("a", "i1", blame=Diagnosis.CRASHED, ordeal=Ordeal.DIED, letter="l1"),),
     7,
-    (812,),
     (trials.Conviction("browser:1", 5),),
 )
 TOLD = (
     trials.CaseFiled(1, "a", "browser:1", "d"),
     trials.SuspectsSettled(1, ("a", "b")),
     trials.Tried(1, "a", Ordeal.HUNG, 7, account_ids=("assets:cash",), seq=7),
+    trials.CourtAtWork(1),
     trials.TrialsOver(1, "no room"),
     trials.RuleRemoved(1, "l1"),
     trials.Try(("a",), 15_000, 1 << 29),
