@@ -187,6 +187,7 @@ TEXTS: Final[Mapping[str, Text]] = {
         "When the core stops, the guard tells here what happened, to whom, for how long, and what became of the money.",
     ),
     "incidents_no_match": _text("이 조건에 맞는 사건이 없어요.", "No incident fits this filter."),
+    "incidents_files": _text("이 목록을 파일로", "This list as a file"),
     "col_what": _text("무슨 일", "What"),
     "col_standing": _text("상태", "Standing"),
     "col_count": _text("횟수", "Times"),

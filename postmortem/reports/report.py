@@ -177,14 +177,18 @@ def _number_text(value: int | None) -> str | None:
 
 def group_title(incident: Incident, made: Fingerprint, language: str) -> str:
     """Return what equal deaths are called: what happened, and where if that is known."""
-    cause = texts.CAUSES.get(incident.diagnosis, texts.CAUSES["UNKNOWN"])[language]
-    # The Korean one leads on ("…고"); as a sentence of its own it ends politely.
-    what = f"{cause.removesuffix('고')}어요" if language == "ko" else cause[0].upper() + cause[1:]
+    what = cause_sentence(incident.diagnosis, language)
     facts = [one.partition(" ") for one in made.why]
     frame = next((rest for kind, _, rest in facts if kind == "frame"), "")
     other = next((rest for kind, _, rest in facts if kind in {"lock", "holder", "command", "component"}), "")
     form = "in" if frame else "with" if other else "plain"
     return prevention.TITLES[form][language].format(what=what, place=frame or other)
+
+
+def cause_sentence(diagnosis: str, language: str) -> str:
+    """Return what happened as a sentence of its own, without its full stop: the Korean half of one leads on ("…고")."""
+    cause = texts.CAUSES.get(diagnosis, texts.CAUSES["UNKNOWN"])[language]
+    return f"{cause.removesuffix('고')}어요" if language == "ko" else cause[0].upper() + cause[1:]
 
 
 def change_line(change: Change, language: str) -> str:

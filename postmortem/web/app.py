@@ -13,7 +13,7 @@ from starlette.routing import Route
 
 from frontend.admin_paper import LANGUAGES, admin_files
 from postmortem.views import Acts, Reads
-from postmortem.web import exports, incident, incidents, letter, letters, now, remains
+from postmortem.web import exports, incident, incidents, letter, letters, listing, now, remains
 from postmortem.web.lobby import Lobby, field, lead_to
 from postmortem.web.places import Places
 
@@ -26,6 +26,7 @@ def routes(reads: Reads, acts: Acts, places: Places) -> list[Route]:
     pages = {
         "/admin/": now.now,
         "/admin/incidents": incidents.incidents,
+        "/admin/incidents.{form}": listing.listing,
         "/admin/incidents/{id}": incident.incident,
         "/admin/incidents/{id}/bundle": exports.preview,
         "/admin/incidents/{id}/export.{form}": exports.export,

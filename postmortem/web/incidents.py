@@ -8,6 +8,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from frontend import catalogue_reports
+from postmortem.reports.report import cause_sentence
 from postmortem.views import Filter, Refusal
 from postmortem.web.lobby import Lobby, field, lead_to, reader_of
 
@@ -37,7 +38,8 @@ async def incidents(lobby: Lobby, request: Request) -> Response:
         until=day_of(wanted.until),
         page=page,
         more=address(HERE, wanted, view="all" if every else "", cursor=page.more) if page.more else "",
-        causes=sorted(catalogue_reports.CAUSES),
+        causes=sorted(cause_words(lang).items(), key=lambda item: item[1]),
+        files=[address(f"{HERE}.{form}", wanted) for form in ("csv", "json")] if every else [],
         outcomes=sorted(words.items()),
         outcome_words=words,
     )
@@ -53,6 +55,11 @@ async def mark_fixed(lobby: Lobby, request: Request) -> Response:
         return lead_to(HERE, "refused")
     told = await lobby.acts.mark_fixed(request.path_params["fingerprint"], version)
     return lobby.refuse(request, HERE, told, HERE) if isinstance(told, Refusal) else lead_to(HERE, "done")
+
+
+def cause_words(lang: str) -> dict[str, str]:
+    """Return each diagnosis as a sentence of its own."""
+    return {code: cause_sentence(code, lang) for code in catalogue_reports.CAUSES}
 
 
 def filter_of(asked: Any) -> Filter:

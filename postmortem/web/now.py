@@ -18,6 +18,7 @@ from postmortem.incident import duration, mapping, number, optional_text, text, 
 from postmortem.reports.drawings import DAY_S, Drawing, Span, draw_day
 from postmortem.views import Drill, Filter, IncidentLine
 from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reader_of, words_of
+from postmortem.web.proofs import drills
 
 STATES: Final = (
     "OPERATIONAL", "STARTING", "DEGRADED", "RECOVERY", "SAFE_MODE", "MANUAL_INTERVENTION", "SHUTDOWN", "UNKNOWN",
@@ -49,7 +50,7 @@ async def now(lobby: Lobby, request: Request) -> Response:
     known = await lobby.read(lambda: lobby.reads.incidents(Filter(drills=False), 1))
     lately = await lobby.read(lambda: lobby.reads.incidents(Filter(), DAY_INCIDENTS_MAX))
     watched_s = await lobby.read(lambda: _watched_s(status, at))
-    drills = await lobby.read(lambda: lobby.reads.drills(1))
+    drilled = await lobby.read(lambda: drills(lobby.reads, 1))
     counts = await lobby.read(lobby.reads.counts)
     lines: Sequence[IncidentLine] = known.items
     state = text(status.get("state"))
@@ -64,7 +65,7 @@ async def now(lobby: Lobby, request: Request) -> Response:
         open=optional_text(status.get("incident")),
         worries=texts(status.get("worries"))[:10],
         calm=_calm(words_of(request), lines, at),
-        proof=_proof(words_of(request), drills[0] if drills else None, lang),
+        proof=_proof(words_of(request), drilled[0] if drilled else None, lang),
         day=_day(lately.items, at, lang, watched_s),
         last=lines[0] if lines else None,
         facts=_facts(words_of(request), status, sum(counts.values()), lang),

@@ -14,8 +14,9 @@ from postmortem.bundle import BundleFailed
 from postmortem.incident import mapping, mappings, number
 from postmortem.views import Filter, IncidentLine
 from postmortem.web import story
-from postmortem.web.incidents import FILTER_CHARACTERS_MAX, PAGE_LINES_MAX
-from postmortem.web.lobby import Lobby, words_of
+from postmortem.web.incidents import FILTER_CHARACTERS_MAX, PAGE_LINES_MAX, cause_words
+from postmortem.web.lobby import Lobby, reader_of, words_of
+from postmortem.web.proofs import drills
 
 WEEKS: Final = 12
 DRILLS_MAX: Final = 20
@@ -58,7 +59,8 @@ async def trends(lobby: Lobby, request: Request) -> Response:
         few=(number(told.get("incidents")) or 0) < SAMPLES_MIN,
         mtbf=told.get("mtbf_hours"),
         causes=mappings(told.get("causes")),
-        drills=await lobby.read(lambda: lobby.reads.drills(DRILLS_MAX)),
+        cause_words=cause_words(reader_of(request).lang),
+        drills=await lobby.read(lambda: drills(lobby.reads, DRILLS_MAX)),
         drill_words=_drill_words(words_of(request)),
     )
 

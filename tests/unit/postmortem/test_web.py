@@ -1,5 +1,7 @@
 """The dashboard's pages on an archive that was filled by hand; the real one is looked at in the contract tests."""
 
+import csv
+import io
 import json
 import os
 import re
@@ -68,6 +70,26 @@ def test_silence_is_told_with_the_date_of_the_last_proof(visitor: Visitor) -> No
     page = visitor.get("/admin/").text
     assert "No incident in 34 days" in page
     assert "back after 84 ms" in page
+
+
+def test_a_drill_that_only_left_an_incident_is_a_proof_and_stands_once_among_the_drills(
+    visitor: Visitor,
+) -> None:
+    visitor.archive.lines.append(line(drill="crash", outage_ms=84.0))
+    assert "back after 84 ms" in visitor.get("/admin/").text
+    assert visitor.get("/admin/trends").text.count("sudden death") == 1
+    visitor.archive.drilled.append(Drill("2026-11-21T14:08:20Z", "crash", True, 84.0, story.ID, False))
+    assert visitor.get("/admin/trends").text.count("sudden death") == 1
+
+
+def test_the_list_of_incidents_is_a_file_without_formulas(visitor: Visitor) -> None:
+    visitor.archive.lines += [line(id=f"a{n}", account_ids=("=cmd()",)) for n in range(700)]
+    rows = list(csv.reader(io.StringIO(visitor.get("/admin/incidents.csv").body.decode("utf-8-sig"))))
+    assert len(rows) == 701
+    assert "'=cmd()" in rows[1]
+    told = json.loads(visitor.get("/admin/incidents.json?diagnosis=DEADLOCK").body)
+    assert told == []
+    assert visitor.get("/admin/incidents.exe").status == 404
 
 
 def test_a_failed_drill_proves_nothing(visitor: Visitor) -> None:
