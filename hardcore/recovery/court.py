@@ -161,7 +161,7 @@ class Court:
             fingerprint=fact.fingerprint or one.fingerprint,
             kind=fact.kind or one.kind,
             account_ids=fact.account_ids or one.account_ids,
-            transaction_id=fact.transaction_id or one.transaction_id,
+            transaction_id=one.transaction_id or fact.transaction_id,
         )
         self.register.put(one)
         return self._rule(one, fact, new_id)
