@@ -87,7 +87,8 @@ class Intake:
                 about = found.path.lstat()
                 yield found, f"{about.st_ino}:{about.st_mtime_ns}:{found.partial:d}"
 
-    def _commit(self, message: str, told: "_Told") -> None:
+    def _commit(self, message: str, told: "_Told | Unreadable") -> None:
+        """Write what a message says together with its number: so it counts once, whoever dies afterwards."""
         with self.records.writing() as connection:
             if letters.is_taken(connection, message):
                 return
@@ -96,19 +97,20 @@ class Intake:
                     letters.take(connection, told)
                 case slips.DrillSlip():
                     log.add_drill(connection, message, told)
+                    log.add_act(connection, _act_of_drill(told))
                 case slips.ActSlip():
-                    act = Act(told.at, told.who or "?", told.verb, told.what, told.reason, "")
+                    # The guard writes of what it did, never of what it refused.
+                    act = Act(told.at, told.who or "?", told.verb, told.what, told.reason, "done")
                     log.add_act(connection, act)
+                case Unreadable():
+                    _LOG.warning("%s of the spool could not be read: %s", told.path.name, told.reason)
+                    words = (told.path.name, told.reason, "set aside")
+                    log.add_act(connection, Act(placing.now(), "investigator", "unreadable", *words))
 
     def _set_aside(self, found: Unreadable) -> None:
         """Keep what can't be read for a person, and say so in the audit log."""
-        _LOG.warning("%s of the spool could not be read: %s", found.path.name, found.reason)
         corner = self.spool / "unreadable"
-        with self.records.writing() as connection:
-            told = Act(
-                placing.now(), "investigator", "unreadable", found.path.name, found.reason, "set aside"
-            )
-            log.add_act(connection, told)
+        self._commit(found.path.stem, found)
         try:
             corner.mkdir(mode=0o700, exist_ok=True)
             found.path.rename(corner / found.path.name)
@@ -116,14 +118,20 @@ class Intake:
                 names = sorted(item.name for item in items)
             for name in names[:-UNREADABLE_MAX]:
                 (corner / name).unlink(missing_ok=True)
-        except OSError as error:
-            # It must not be looked at for ever: what can be neither read nor moved is removed.
-            _LOG.warning("%s could not be set aside: %s", found.path.name, placing.words(error))
-            with suppress(OSError):
-                found.path.unlink(missing_ok=True)
+        except OSError:
+            # It stays where it is and is tried again: nothing that somebody sent is removed because a disk is full.
+            return
 
 
 _Told = slips.LetterSlip | slips.DrillSlip | slips.ActSlip
+
+
+def _act_of_drill(drill: slips.DrillSlip) -> Act:
+    """How a drill ended, as a line of the audit log."""
+    outage = "" if drill.outage_ms is None else f", {drill.outage_ms:.0f} ms"
+    who = "schedule" if drill.scheduled else "sentinel"
+    ended = f"passed{outage}" if drill.ok else f"failed{outage}"
+    return Act(drill.at, who, "drill-ended", drill.fault, drill.incident or "", ended)
 
 
 def _told(message: Message) -> _Told | Unreadable:

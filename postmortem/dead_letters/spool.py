@@ -6,6 +6,7 @@ not running, and the guard never waits for them. The guard's own process writes 
 wrong on the disk is the value `SpoolFailed`.
 """
 
+import errno
 import json
 import os
 import re
@@ -77,17 +78,22 @@ def write(spool: Path, kind: str, fields: Mapping[str, Any]) -> Path | SpoolFail
 
 
 def read_all(spool: Path) -> Iterator[Message | Unreadable]:
-    """Give the messages that wait, the oldest first, one at a time. An absent spool has none."""
+    """Give the messages that wait, the oldest first, one at a time. An absent spool has none.
+
+    What can't be looked at now (no descriptor is left, a disk stutters) is passed over: it waits for the next look.
+    """
     try:
         names = _names(spool)
     except OSError:
         return
     for name in sorted(names)[:MESSAGES_MAX]:
-        yield read(spool / name)
+        found = read(spool / name)
+        if found is not None:
+            yield found
 
 
-def read(path: Path) -> Message | Unreadable:
-    """Read one message: no link is followed, and nothing larger than the maximum is read."""
+def read(path: Path) -> Message | Unreadable | None:
+    """Read one message; None: not now. No link is followed, and nothing larger than the maximum is read."""
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
@@ -99,7 +105,8 @@ def read(path: Path) -> Message | Unreadable:
             os.close(handle)
         told = json.loads(data)
     except OSError as error:
-        return Unreadable(path, placing.words(error))
+        # Only a link is bad for good: what the system can't do at this moment says nothing of the message.
+        return Unreadable(path, placing.words(error)) if error.errno == errno.ELOOP else None
     except (ValueError, RecursionError):
         return Unreadable(path, "not JSON")
     return _message(path, told)

@@ -5,6 +5,7 @@ letter one gets it and the other is told why not.
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
@@ -43,9 +44,7 @@ def take(connection: Connection, slip: LetterSlip) -> str:
     identity: str = slip.id if before is None else before["id"]
     if before is None:
         connection.execute(insert(LETTERS).values(**_row(slip), id=identity, **_begun(slip)))
-        accounts = [{"account": account, "letter": identity} for account in slip.account_ids]
-        if accounts:
-            connection.execute(insert(LETTER_ACCOUNTS), accounts)
+        _name_accounts(connection, identity, slip.account_ids)
     else:
         _come_back(connection, before, slip)
     known = connection.execute(select(ALIASES.c.letter).where(ALIASES.c.id == slip.id)).first()
@@ -103,6 +102,16 @@ def _come_back(connection: Connection, before: RowMapping, slip: LetterSlip) -> 
         "deaths": max(before["deaths"], slip.deaths),
     }
     connection.execute(update(LETTERS).where(LETTERS.c.id == before["id"]).values(**told))
+    _name_accounts(connection, before["id"], slip.account_ids)
+
+
+def _name_accounts(connection: Connection, letter_id: str, account_ids: Sequence[str]) -> None:
+    """Have a letter found by these accounts, too."""
+    accounts = LETTER_ACCOUNTS.c
+    known = set(connection.execute(select(accounts.account).where(accounts.letter == letter_id)).scalars())
+    new = [{"account": one, "letter": letter_id} for one in dict.fromkeys(account_ids) if one not in known]
+    if new:
+        connection.execute(insert(LETTER_ACCOUNTS), new)
 
 
 def move(

@@ -1,7 +1,8 @@
 """Writes the audit log, drills, bulks and decisions, and forgets what is too old.
 
-What is kept: incidents 400 days and 10,000; acts 10,000; drills 2,000; letters that are resolved or discarded, and bulks, a year
-and 10,000. A letter that waits for somebody is never forgotten, however old it is: the guard bounds how many there can be.
+What is kept: incidents 400 days and 10,000; acts 10,000; drills 2,000; bulks that have ended 200; letters that are resolved a
+year, and of those and the discarded ones 10,000. A letter that waits for somebody is never forgotten, however old it is,
+and a discard stays to be seen as long as its rule can refuse: the guard bounds how many of them there can be.
 """
 
 from collections.abc import Sequence
@@ -140,7 +141,8 @@ def _forget_letters(connection: Connection, now: datetime) -> int:
     columns = LETTERS.c
     settled = columns.state.in_((LetterState.RESOLVED, LetterState.DISCARDED))
     newest = select(columns.id).where(settled).order_by(columns.settled_at.desc()).limit(SETTLED_MAX)
-    old = columns.settled_at < (now - timedelta(days=SETTLED_DAYS)).isoformat()
+    is_past = columns.settled_at < (now - timedelta(days=SETTLED_DAYS)).isoformat()
+    old = is_past & (columns.state == LetterState.RESOLVED)
     asked = select(columns.id).where(settled, or_(old, columns.id.not_in(newest)))
     gone = list(connection.execute(asked.limit(FORGOTTEN_AT_ONCE_MAX)).scalars())
     if gone:

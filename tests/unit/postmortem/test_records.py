@@ -1,3 +1,4 @@
+import errno
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
@@ -213,7 +214,70 @@ def test_what_says_nothing_is_put_into_a_corner_that_does_not_grow(
     assert len(list((taken.spool / "unreadable").iterdir())) == 3
     acts = archive.audit(50).items
     assert [act.verb for act in acts].count("unreadable") == 7
-    assert Act(acts[0].at, "cli", "restart", "core", "<b>", "") in acts
+    assert Act(acts[0].at, "cli", "restart", "core", "<b>", "done") in acts
+
+
+def test_a_message_that_can_not_be_opened_now_is_taken_in_later(
+    records: Records, archive: Archive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = intake.Intake(records, tmp_path / "spool", tmp_path / "incidents")
+    spool.write(taken.spool, "letter", slip())
+
+    def no_descriptor(*_: object) -> int:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(spool.os, "open", no_descriptor)
+        assert taken.take_spool() == 0
+    assert archive.audit(5).total == 0
+    assert taken.take_spool() == 1
+    assert archive.letter(slip()["id"]) is not None
+
+
+def test_what_can_be_neither_read_nor_moved_stays_and_is_told_once(
+    records: Records, archive: Archive, tmp_path: Path
+) -> None:
+    taken = intake.Intake(records, tmp_path / "spool", tmp_path / "incidents")
+    taken.spool.mkdir()
+    (taken.spool / "00000000-0000-7000-8000-000000000000.json").write_text("{")
+    (taken.spool / "unreadable").write_text("a file is in the way")
+    for _ in range(3):
+        taken.take_spool()
+    assert [act.verb for act in archive.audit(5).items] == ["unreadable"]
+    (taken.spool / "unreadable").unlink()
+    taken.take_spool()
+    assert [one.name for one in taken.spool.iterdir()] == ["unreadable"]
+    assert archive.audit(5).total == 1
+
+
+def test_a_drill_is_in_the_log_with_its_end(records: Records, archive: Archive, tmp_path: Path) -> None:
+    taken = intake.Intake(records, tmp_path / "spool", tmp_path / "incidents")
+    spool.write(taken.spool, "drill", {"fault": "crash", "ok": True, "outage_ms": 80, "scheduled": True})
+    spool.write(taken.spool, "drill", {"fault": "freeze", "ok": False})
+    taken.take_spool()
+    told = [(act.who, act.verb, act.what, act.outcome) for act in archive.audit(5).items]
+    assert told == [
+        ("sentinel", "drill-ended", "freeze", "failed"),
+        ("schedule", "drill-ended", "crash", "passed, 80 ms"),
+    ]
+
+
+def test_a_letter_that_comes_back_for_another_account_is_found_by_it(
+    records: Records, archive: Archive
+) -> None:
+    first = _take(records, number=1)
+    _take(records, number=1, account_ids=["assets:bank"])
+    for account in ("assets:bank", "assets:cash"):
+        assert [one.id for one in archive.letters(Filter(account=account), 5).items] == [first]
+
+
+def test_a_discard_stays_to_be_seen_however_old_it_is(records: Records, archive: Archive) -> None:
+    discarded, resolved = (_take(records, number=number) for number in (1, 2))
+    with records.writing() as connection:
+        for letter, trigger in ((discarded, Trigger.DISCARD), (resolved, Trigger.CONFIRMED)):
+            letters.move(connection, letter, trigger, "2020-01-01T00:00:00.000Z")
+        assert log.forget_old(connection, datetime(2026, 11, 23, tzinfo=UTC)) == 1
+    assert [one.id for one in archive.letters(Filter(), 5).items] == [discarded]
 
 
 @pytest.mark.parametrize(
