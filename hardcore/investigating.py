@@ -12,6 +12,7 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, Final, Protocol
 
 from hardcore.host import lives, logs, processes
@@ -22,6 +23,8 @@ from hardcore.host.processes import Handle
 #: From its start to its first answer; on a machine that is busy with a recovery it comes last.
 LISTEN_S: Final = 20.0
 LOOK_EVERY_S: Final = 0.05
+#: Making a process takes milliseconds; a disk that does not give its log for this long may never do so.
+MAKING_S: Final = 5.0
 #: Asked to end, it finishes what it writes.
 LEAVE_S: Final = 3.0
 NICE: Final = "10"
@@ -106,6 +109,10 @@ class Investigators:
     async def stop(self) -> None:
         """Have them leave; end those that do not."""
         self._wanted = False
+        # Those that are just being started would be left behind by nobody's hand; but their making may hang.
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._starting.acquire(), MAKING_S)
+            self._starting.release()  # whoever comes to it now finds that none are wanted
         self._bury()
         for handle in self._held:
             handle.signal(signal.SIGTERM)
