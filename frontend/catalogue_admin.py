@@ -214,6 +214,12 @@ TEXTS: Final[Mapping[str, Text]] = {
     "fix_more": _text(
         "다시 일어나면 '되돌아옴'으로 알려 드려요.", "If it happens again, it is shown as back again."
     ),
+    "merge_into": _text("같은 원인으로 묶기", "The same cause as"),
+    "merge": _text("묶기", "Merge"),
+    "merged_n": _text("사람이 묶은 묶음: {n}개", "{n} groups were put into it by hand"),
+    "merged_n_one": _text("사람이 묶은 묶음: 1개", "1 group was put into it by hand"),
+    "split": _text("다시 나누기", "Take apart"),
+    "split_one": _text("이 사건은 다른 원인이에요", "This one had another cause"),
     "fixed_in": _text("고친 버전: {version}", "Fixed in {version}"),
     "is_drill": _text("연습", "drill"),
     "is_planned": _text("계획됨", "planned"),
@@ -323,6 +329,13 @@ TEXTS: Final[Mapping[str, Text]] = {
     "files_n_one": _text("파일 1개", "1 file"),
     "complete": _text("모두 있음", "complete"),
     "incomplete": _text("일부 없음", "partial"),
+    "snapshot_remove": _text("증거 지우기", "Delete"),
+    "remove_title": _text("이 사건의 증거를 지울까요?", "Delete the evidence of this incident?"),
+    "remove_told": _text(
+        "되돌릴 수 없어요. 목록에는 무슨 일이 있었는지 한 문장으로 남아요.",
+        "It does not come back. The list keeps what happened, in one sentence.",
+    ),
+    "said_removed": _text("증거를 지웠어요.", "The evidence is deleted."),
     # Trends
     "trends_title": _text("추세", "Trends"),
     "trends_weeks": _text("주마다 사건 수", "Incidents a week"),

@@ -143,6 +143,17 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
     "do_requeue": _text("맨 뒤에서 다시", "Requeue at the end"),
     "do_hold": _text("붙잡아 두기", "Hold"),
     "do_discard": _text("버리기", "Discard"),
+    "do_correct": _text("고쳐서 보내기", "Send the corrected one"),
+    "correct_open": _text("내용을 고쳐서 새로 보내기", "Correct it and send it anew"),
+    "correct_title": _text("고친 요청을 보낼까요?", "Send the corrected request?"),
+    "correct_told": _text(
+        "새 키로 한 번 보내는 새 요청이에요. 이 요청은 버린 것으로 표시하고 서로 이어 둬요.",
+        "It is a new request, sent once under a new key. This one is marked as discarded, with a link between them.",
+    ),
+    "letter_corrected": _text(
+        "고쳐서 새로 보낸 요청의 키: {key}", "Corrected and sent anew under the key {key}"
+    ),
+    "said_correct": _text("고친 요청을 보냈어요.", "The corrected request was sent."),
     "do_undo": _text("되돌리기", "Undo"),
     "keep": _text("그대로 두기", "Keep"),
     "discard_title": _text("이 요청을 버릴까요?", "Discard this request?"),

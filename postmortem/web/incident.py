@@ -23,6 +23,7 @@ SIMILAR_MAX: Final = 6
 LETTERS_MAX: Final = 20
 OWNER_CHARACTERS_MAX: Final = 100
 NOTE_CHARACTERS_MAX: Final = 500
+NOTE_TEXT_CHARACTERS_MAX: Final = 2_000
 VERBS: Final = ("accept", "decline", "done", "revoke")
 
 
@@ -54,6 +55,19 @@ async def decide(lobby: Lobby, request: Request) -> Response:
     told = await lobby.acts.decide(request.path_params["id"], verb, owner, note)
     back = f"{HERE}/{incident_id}"
     return lobby.refuse(request, HERE, told, back) if isinstance(told, Refusal) else lead_to(back, "done")
+
+
+async def note(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/incidents/{id}/note."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    incident_id = request.path_params["id"]
+    if not is_incident_id(incident_id):
+        return lobby.lost(request, HERE, HERE)
+    told = await lobby.acts.incidents.note(incident_id, field(form, "text")[:NOTE_TEXT_CHARACTERS_MAX])
+    back = f"{HERE}/{incident_id}"
+    return lobby.refuse(request, HERE, told, HERE) if isinstance(told, Refusal) else lead_to(back, "note")
 
 
 async def _show(lobby: Lobby, request: Request, *, shown: bool) -> Response:

@@ -8,6 +8,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from frontend import catalogue_reports
+from postmortem.bundle import is_incident_id
 from postmortem.reports.report import cause_sentence
 from postmortem.views import Filter, Refusal
 from postmortem.web.lobby import Lobby, field, lead_to, reader_of
@@ -55,6 +56,31 @@ async def mark_fixed(lobby: Lobby, request: Request) -> Response:
         return lead_to(HERE, "refused")
     told = await lobby.acts.mark_fixed(request.path_params["fingerprint"], version)
     return lobby.refuse(request, HERE, told, HERE) if isinstance(told, Refusal) else lead_to(HERE, "done")
+
+
+async def merge(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/groups/{fingerprint}/merge: a person says that two groups are one; `split` takes it back."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    into = field(form, "into")[:FILTER_CHARACTERS_MAX]
+    if not into:
+        return lead_to(HERE, "refused")
+    told = await lobby.acts.incidents.merge(request.path_params["fingerprint"], into)
+    return lobby.refuse(request, HERE, told, HERE) if isinstance(told, Refusal) else lead_to(HERE, "done")
+
+
+async def split(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/groups/{fingerprint}/split: a merged group into its parts, or the incident that is named out of it."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    incident_id = field(form, "incident")
+    if incident_id and not is_incident_id(incident_id):
+        return lobby.lost(request, HERE, HERE)
+    told = await lobby.acts.incidents.split(request.path_params["fingerprint"], incident_id)
+    back = f"{HERE}/{incident_id}" if incident_id else HERE
+    return lobby.refuse(request, HERE, told, back) if isinstance(told, Refusal) else lead_to(back, "done")
 
 
 def cause_words(lang: str) -> dict[str, str]:

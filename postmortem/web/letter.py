@@ -31,8 +31,11 @@ _OFFERED: Final[Mapping[LetterState, tuple[str, ...]]] = {
     LetterState.RESOLVED: (),
     LetterState.DISCARDED: (),
 }
-_ASKED_FIRST: Final = frozenset({"retry", "requeue", "discard"})
-_VERBS: Final = ("dry-run", "retry", "requeue", "hold", "discard", "undo", "note")
+_ASKED_FIRST: Final = frozenset({"retry", "requeue", "discard", "correct"})
+_VERBS: Final = ("dry-run", "retry", "requeue", "hold", "discard", "undo", "note", "correct")
+#: What is changed by hand fits a form; a larger request is sent anew by whoever made it.
+CORRECTED_CHARACTERS_MAX: Final = 12_000
+_TEXT_MAX: Final[Mapping[str, int]] = {"note": NOTE_CHARACTERS_MAX, "correct": CORRECTED_CHARACTERS_MAX}
 
 
 async def letter(lobby: Lobby, request: Request) -> Response:
@@ -53,6 +56,7 @@ async def letter(lobby: Lobby, request: Request) -> Response:
         next=words(step if knows(step) else "next_other"),
         fields=_fields(found.payload),
         postings=_postings(found.payload),
+        to_correct=_to_correct(found, whole),
         payload=shortened(whole, PAYLOAD_SHOWN_CHARACTERS_MAX),
         is_cut=len(whole) > PAYLOAD_SHOWN_CHARACTERS_MAX,
         row=shortened(json.dumps(found.row, ensure_ascii=False, indent=1, default=str)) if found.row else "",
@@ -85,10 +89,13 @@ async def act(lobby: Lobby, request: Request) -> Response:
     found = await lobby.read(lambda: lobby.reads.letter(letter_id))
     if found is None or verb not in _VERBS:
         return lobby.lost(request, HERE, HERE)
-    text = field(form, "text")[: NOTE_CHARACTERS_MAX if verb == "note" else REASON_CHARACTERS_MAX]
+    text = field(form, "text")[: _TEXT_MAX.get(verb, REASON_CHARACTERS_MAX)]
     anyway = field(form, "anyway") == "1"
     if verb in _ASKED_FIRST and (not is_sure(form) or (verb == "discard" and not text)):
-        return lobby.ask(request, HERE, _question(words_of(request), found, verb, was_asked=is_sure(form)))
+        words = words_of(request)
+        if verb == "correct":
+            return lobby.ask(request, HERE, _correct_question(words, found, text))
+        return lobby.ask(request, HERE, _question(words, found, verb, was_asked=is_sure(form)))
     told = await _doing(lobby, verb, found.id, text, anyway=anyway)
     back = f"{HERE}/{found.id}"
     return lobby.refuse(request, HERE, told, back) if isinstance(told, Refusal) else lead_to(back, verb)
@@ -128,6 +135,8 @@ def _doing(
             return acts.discard(letter_id, text)
         case "undo":
             return acts.undo_discard(letter_id)
+        case "correct":
+            return acts.correct(letter_id, text)
         case _:
             assert verb == "note", verb
             return acts.note(letter_id, text)
@@ -152,6 +161,25 @@ def _question(words: Any, letter: Letter, verb: str, *, was_asked: bool) -> Ques
         fault=words("discard_needs") if was_asked else "",
         harms=discards or risky,
     )
+
+
+def _correct_question(words: Any, letter: Letter, body: str) -> Question:
+    return Question(
+        title=words("correct_title"),
+        action=f"{HERE}/{letter.id}/correct",
+        sure=words("do_correct"),
+        back=f"{HERE}/{letter.id}",
+        keep=words("keep"),
+        lines=(words("letter_number", id=letter.id), words("correct_told")),
+        fields=(("text", body),),
+    )
+
+
+def _to_correct(letter: Letter, whole: str) -> str:
+    """Return what may be changed by hand and sent instead; empty: this letter is not for that."""
+    waits = letter.state in {LetterState.QUARANTINED, LetterState.HELD}
+    fits = isinstance(letter.payload, Mapping) and len(whole) <= CORRECTED_CHARACTERS_MAX
+    return whole if waits and fits and letter.row is None else ""
 
 
 def _fields(payload: Any) -> list[tuple[str, str]]:

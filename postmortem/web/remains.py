@@ -12,10 +12,10 @@ from frontend.admin_paper import knows
 from postmortem import bundle
 from postmortem.bundle import BundleFailed
 from postmortem.incident import mapping, mappings, number
-from postmortem.views import Filter, IncidentLine
+from postmortem.views import Filter, IncidentLine, Refusal
 from postmortem.web import story
 from postmortem.web.incidents import FILTER_CHARACTERS_MAX, PAGE_LINES_MAX, cause_words
-from postmortem.web.lobby import Lobby, reader_of, words_of
+from postmortem.web.lobby import Lobby, Question, is_sure, lead_to, reader_of, words_of
 from postmortem.web.proofs import drills
 
 WEEKS: Final = 12
@@ -42,6 +42,34 @@ async def snapshots(lobby: Lobby, request: Request) -> Response:
         size=size_text,
         more=f"/admin/snapshots?cursor={page.more}" if page.more else "",
     )
+
+
+async def remove(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/incidents/{id}/remove: asked about first, because evidence that is gone does not come back."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    here, incident_id, words = "/admin/snapshots", request.path_params["id"], words_of(request)
+    line = await lobby.read(
+        lambda: lobby.reads.incident(incident_id) if bundle.is_incident_id(incident_id) else None
+    )
+    if line is None:
+        return lobby.lost(request, here, here)
+    if is_sure(form):
+        told = await lobby.acts.incidents.remove_evidence(incident_id)
+        return (
+            lobby.refuse(request, here, told, here) if isinstance(told, Refusal) else lead_to(here, "removed")
+        )
+    question = Question(
+        title=words("remove_title"),
+        action=f"/admin/incidents/{incident_id}/remove",
+        sure=words("snapshot_remove"),
+        back=here,
+        keep=words("cancel"),
+        lines=(line.summary[reader_of(request).lang], words("remove_told")),
+        harms=True,
+    )
+    return lobby.ask(request, here, question)
 
 
 async def trends(lobby: Lobby, request: Request) -> Response:

@@ -447,6 +447,52 @@ def test_a_group_is_marked_as_mended(visitor: Visitor) -> None:
     assert visitor.archive.done == [("fixed", "f" * 16, "1.2")]
 
 
+def test_groups_are_merged_and_taken_apart_again(visitor: Visitor) -> None:
+    visitor.archive.lines += [line(), line(id="b" * 8, fingerprint="e" * 16)]
+    page = visitor.get("/admin/incidents").text
+    assert f'action="/admin/groups/{"f" * 16}/merge"' in page
+    visitor.post(f"/admin/groups/{'f' * 16}/merge", into="e" * 16)
+    visitor.post(f"/admin/groups/{'f' * 16}/split")
+    visitor.post(f"/admin/groups/{'f' * 16}/split", incident=story.ID)
+    assert visitor.archive.done == [
+        ("merge", "f" * 16, "e" * 16), ("split", "f" * 16, ""), ("split", "f" * 16, story.ID),
+    ]  # fmt: skip
+    assert visitor.post(f"/admin/groups/{'f' * 16}/split", incident="../x").status == 404
+    assert visitor.post(f"/admin/groups/{'9' * 16}/split").status == 409
+
+
+def test_a_note_stands_beside_an_incident(visitor: Visitor) -> None:
+    with_incident(visitor)
+    assert visitor.post(f"{ONE}/note", text="the disk was swapped").status == 303
+    assert visitor.archive.done == [("note", "the disk was swapped", story.ID)]
+    visitor.archive.lines[0] = line(note=HOSTILE)
+    assert "<script>alert" not in visitor.get(ONE).text
+    assert visitor.post("/admin/incidents/a..b/note", text="x").status == 404
+
+
+def test_evidence_is_deleted_only_after_a_question(visitor: Visitor) -> None:
+    with_incident(visitor)
+    asked = visitor.post(f"{ONE}/remove")
+    assert (asked.status, visitor.archive.done) == (200, [])
+    assert "does not come back" in asked.text
+    assert visitor.post(f"{ONE}/remove", sure="1").status == 303
+    assert visitor.archive.done == [("remove", story.ID)]
+
+
+def test_a_letter_is_corrected_only_after_a_question_and_shows_the_new_key(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    assert f"{LETTER}/correct" in visitor.get(LETTER).text
+    body = json.dumps({"amount": "-1"})
+    asked = visitor.post(f"{LETTER}/correct", text=body)
+    assert (asked.status, visitor.archive.done) == (200, [])
+    assert "&#34;amount&#34;" in asked.text
+    visitor.post(f"{LETTER}/correct", text=body, sure="1")
+    assert visitor.archive.done == [("correct", body, LETTER_ID)]
+    page = visitor.get(LETTER).text
+    assert "under the key key-2" in page
+    assert f"{LETTER}/correct" not in page
+
+
 def test_evidence_is_listed_with_what_is_missing(visitor: Visitor) -> None:
     page = with_incident(visitor).get("/admin/snapshots").text
     assert "3 files" in page
