@@ -15,14 +15,16 @@ from pathlib import Path
 from typing import Any
 
 from hardcore import quarantine_file, standing
+from hardcore.court_words import unruled
 from hardcore.host import files, leftovers, steps, suspects
 from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
 from hardcore.host.ids import new_id
 from hardcore.host.leftovers import Leftovers
 from hardcore.host.processes import start_of
 from hardcore.model.phases import Wanted
-from hardcore.model.trials import CourtMemory
+from hardcore.model.trials import CourtMemory, Letter
 from hardcore.quarantine_file import Aside
+from hardcore.recovery.letters import letter
 from hardcore.snapshot import writer
 
 EXIT_ANOTHER_WATCHES = 3
@@ -43,6 +45,8 @@ class Setup:
     abandoned: tuple[writer.Abandoned, ...]
     noted: Mapping[str, Any]  # what the guard before knew of the incident that was open when it ended
     aside: Aside  # what is set aside, and by which rules
+    rules_fault: str  # what is wrong with the file that says it
+    unruled: tuple[Letter, ...]  # what was set aside though no rule says so
     court: CourtMemory  # what the guard before remembered of suspects
     court_since: Mapping[str, str]  # and since when
 
@@ -80,6 +84,7 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     in_force = standing.policy_in_force(folders)
     noted = steps.incident_left(folders)
     court, court_since = suspects.read(folders, dt.datetime.now(dt.UTC))
+    aside, rules_fault = quarantine_file.take_in(folders)
     abandoned = writer.find_abandoned(folders.incidents, folders.shelter, str(noted.get("id", "")))
     return Setup(
         folders,
@@ -91,7 +96,9 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         leftovers.find_leftovers(folders, adopt=standing.wanted(folders) is Wanted.UP),
         abandoned,
         noted if any(one.id == noted.get("id") for one in abandoned) else {},
-        quarantine_file.read(folders),
+        aside,
+        rules_fault,
+        tuple(map(letter, unruled(court, aside))),
         court,
         court_since,
     )

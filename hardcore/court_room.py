@@ -22,7 +22,7 @@ from hardcore.court_words import (
     verdict_of_letter,
 )
 from hardcore.host import clock, docket, suspects
-from hardcore.host.docket import Case, Heard, Unknown
+from hardcore.host.docket import Case, Heard, Said, Unknown
 from hardcore.host.folders import Folders
 from hardcore.model import trials
 from hardcore.model.trials import CourtMemory, Letter, Ordeal, SuspectNote, Tried
@@ -61,16 +61,25 @@ class CourtRoom:
         self._written.set()
         self._court: asyncio.Task[str] | None = None
         self._sending: set[str] = set()
+        self._has_looked = False  # for cases that an earlier guard was told of
 
-    def take_up(self, aside: Aside, memory: CourtMemory, since: Mapping[str, str]) -> CourtMemory:
-        """Go on where an earlier guard was; return what its court remembers, and what its rules say of that."""
+    def take_up(
+        self, aside: Aside, memory: CourtMemory, since: Mapping[str, str], unruled: Sequence[Letter] = ()
+    ) -> CourtMemory:
+        """Go on where an earlier guard was; return what its court remembers, and what its rules say of that.
+
+        `unruled`: letters that it remembered and that no rule stands for; they are set aside now.
+        """
         self.rules.aside = aside
         self._memory = settled_by(memory, aside)
         self._since = dict(since)
         self._verdicts = said_again(self._memory, aside)
         for rule in aside.unsent:
             self._hands.begin(self._send(rule["id"]))
+        for letter in unruled:
+            self._hands.begin(self._set_aside(letter))
         wanted = {one.name for one in self._memory.suspects if one.ordeal is None}
+        wanted |= {letter.name for letter in unruled}
         wanted |= {str(rule.get("name")) for rule in aside.unsent}
         sweeping = self._hands.in_hand(docket.sweep, self._folders.cases, wanted, CASE_KEPT_S)
         self._hands.begin(sweeping)
@@ -87,7 +96,9 @@ class CourtRoom:
                 if self._court is not None:
                     self._court.cancel()
             case trials.SetAside():
-                self._hands.begin(self._set_aside(order.letter))
+                self._hands.begin(
+                    self._say_again(order.letter) if order.again else self._set_aside(order.letter)
+                )
             case trials.Acquit():
                 self._acquit(order)
             case trials.StopSource():
@@ -188,7 +199,10 @@ class CourtRoom:
     async def _sit(self, cases: Sequence[Mapping[str, Any]], terms: Terms) -> sitting.Over:
         return await sitting.sit(self._hands, self._folders, cases, terms, self._hear)
 
-    def _hear(self, heard: Heard) -> None:
+    def _hear(self, heard: Heard | Said) -> None:
+        if isinstance(heard, Said):
+            self._doors.tell(trials.CourtAtWork(clock.now_ns()))
+            return
         tried = heard.tried
         self._hands.note("trial", name=tried.name, ordeal=tried.ordeal, took_ms=tried.took_ms, why=tried.why)
         self._heard[tried.name] = tried
@@ -204,13 +218,22 @@ class CourtRoom:
             case = await self._hands.in_hand(docket.read_case, self._folders.cases, letter.name)
             tried = self._heard.get(letter.name if letter.seq is None else docket.LOG_NAME)
             told = message(letter, case, tried, clock.wall(clock.now_ns()))
-            if not await self.rules.change(lambda aside: quarantine_file.set_aside(aside, letter, told)):
+            if not await self.rules.change(lambda aside: _with_letter(aside, letter, told)):
                 return
             await self.rules.disarm(letter.name)
             self._hands.note("letter", id=letter.id, name=letter.name, reason=letter.reason)
         await self.rules.tell_cores()
         self._say_verdict(letter.name, verdict_of_letter(letter.name, letter.id, letter.reason))
         await self._send(letter.id)
+
+    async def _say_again(self, letter: Letter) -> None:
+        """Tell whoever waits for it what it was told before.
+
+        Where there is no rule it is being written, and told then; or a person has just taken it away.
+        """
+        if self.rules.aside.rule(letter.id) is not None:
+            await self.rules.tell_cores()
+            self._say_verdict(letter.name, verdict_of_letter(letter.name, letter.id, letter.reason))
 
     async def _send(self, letter_id: str) -> None:
         """Write a letter for the investigators, again and again until the disk takes it; once is enough."""
@@ -219,7 +242,8 @@ class CourtRoom:
             return
         self._sending.add(letter_id)
         try:
-            if await self.rules.persist(self._spool_letter, rule[quarantine_file.UNSENT]):
+            told = rule[quarantine_file.UNSENT]
+            if await self.rules.persist(lambda: self._hands.in_hand(self._spool_letter, told)):
                 await self.rules.change(lambda aside: quarantine_file.sent(aside, letter_id))
                 await self._hands.in_hand(self._forget_case, str(rule.get("name", "")))
         finally:
@@ -277,6 +301,9 @@ class CourtRoom:
             self._verdicts.pop(one.name, None)
         for line in suspect_lines(newly):
             self._doors.publish(line)
+        if not self._has_looked:
+            self._has_looked = True
+            self._hands.begin(self._find_cases([one.name for one in order.suspects]))
         self._unwritten += 1
         self._written.clear()
         self._hands.begin(self._write_court())
@@ -317,12 +344,23 @@ class CourtRoom:
 
     # ---- cases ----
 
+    async def _find_cases(self, names: Sequence[str]) -> None:
+        """Take the cases of these for filed: the guard that was told of them may have died before it wrote that down."""
+        filed = await self._hands.in_hand(docket.filed, self._folders.cases)
+        for name in filter(filed.__contains__, names):
+            await self.case_filed(name)
+
     def _forget_case(self, name: str) -> None:
         if docket.is_name(name):
             try:
                 (self._folders.cases / f"{name}.json").unlink(missing_ok=True)
             except OSError as error:
                 self._hands.note("case", name=name, left=error.strerror)
+
+
+def _with_letter(aside: Aside, letter: Letter, told: Mapping[str, Any]) -> Aside:
+    """Return the rules with this letter's, once: what was written meanwhile stays as it is, and so does its message."""
+    return aside if aside.rule(letter.id) is not None else quarantine_file.set_aside(aside, letter, told)
 
 
 async def _to_its_end(work: Coroutine[Any, Any, str], before: "asyncio.Task[str] | None") -> str:

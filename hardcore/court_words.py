@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from hardcore.host.docket import Case, Unknown
 from hardcore.model.trials import CourtMemory, Letter, Ordeal, Reason, Suspect, SuspectNote, Tried
-from hardcore.quarantine_file import Aside
+from hardcore.quarantine_file import RULES_MAX, Aside
 
 #: Keys, and accounts, in one line of the feed, which a gateway reads up to 64 KiB.
 KEYS_A_LINE: Final = 512
@@ -76,6 +76,17 @@ def settled_by(memory: CourtMemory, aside: Aside) -> CourtMemory:
         return dataclasses.replace(one, ordeal=ordeal, letter=str(rule["id"]))
 
     return dataclasses.replace(memory, suspects=tuple(map(settled, memory.suspects)))
+
+
+def unruled(memory: CourtMemory, aside: Aside) -> tuple[Suspect, ...]:
+    """Return who is remembered as set aside though no rule keeps it out, and no person took that rule away.
+
+    The memory does not wait for the rules' disk, so a guard may have died between the two; or the rules were lost.
+    """
+    ruled = {str(rule["id"]) for rule in aside.rules} | set(aside.released)
+    found = tuple(one for one in memory.suspects if one.letter and one.letter not in ruled)
+    gone = len(found) - (RULES_MAX - len(aside.rules))  # where there are too many, the oldest went by itself
+    return found[max(0, gone) :]
 
 
 def message(letter: Letter, case: Case | Unknown, tried: Tried | None, at: str) -> dict[str, Any]:

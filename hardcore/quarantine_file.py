@@ -7,7 +7,10 @@ one that writes it. Not chosen: a rule that the guard sends in words; a core tha
 """
 
 import dataclasses
+import errno
+import json
 import re
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -22,6 +25,9 @@ FILE_BYTES_MAX: Final = 8 << 20
 RULES_MAX: Final = 2000
 SUSPECTS_MAX: Final = 4096
 SOURCES_MAX: Final = 256
+RELEASED_MAX: Final = 256
+#: Under this name a file that can't be read is kept, for a person.
+DAMAGED: Final = "quarantine.damaged.json"
 #: Beside a letter's rule, until its message is written; nobody else reads it.
 UNSENT: Final = "unsent"
 
@@ -46,6 +52,7 @@ class Aside:
     rules: tuple[Rule, ...] = ()
     suspects: tuple[SuspectNote, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()  # who changes nothing, and until when (RFC 3339)
+    released: tuple[str, ...] = ()  # letters whose rules a person took away last: no memory brings them back
 
     @property
     def unsent(self) -> tuple[Rule, ...]:
@@ -59,27 +66,61 @@ class Aside:
 
 def read(folders: Folders) -> Aside:
     """Return what the file says; nothing where there is none that can be read."""
-    said = files.read_json(folders.quarantine, FILE_BYTES_MAX)
-    if said.get("version") != VERSION:
-        return Aside()
-    serial, rules, sources = said.get("serial"), said.get("rules"), said.get("sources")
+    return _aside(files.read_json(folders.quarantine, FILE_BYTES_MAX)) or Aside()
+
+
+def take_in(folders: Folders) -> tuple[Aside, str]:
+    """Return what the file says, and what is wrong with it; a damaged one is kept under another name.
+
+    A file whose end is missing is no file without rules: whoever goes on from it has to say so, and its serial must be
+    one that no earlier file had, or nobody would read the next. Blocks on the disk.
+    """
+    path = folders.quarantine
+    found = _aside(files.read_json(path, FILE_BYTES_MAX))
+    if found is not None or not path.exists():
+        return found or Aside(), ""
+    kept = path.with_name(DAMAGED)
+    try:
+        path.replace(kept)
+    except OSError as error:
+        return Aside(
+            int(time.time())
+        ), f"The file of rules is damaged and stays where it is ({error.strerror})."
+    return Aside(int(time.time())), f"The file of rules is damaged. It is kept as {kept.name}."
+
+
+def _aside(said: Mapping[str, Any]) -> Aside | None:
+    """Return what the object of a file says; None: it is none that was written by a guard."""
+    serial, rules = said.get("serial"), said.get("rules")
+    if said.get("version") != VERSION or not isinstance(serial, int) or not isinstance(rules, list):
+        return None
+    sources, released = said.get("sources"), said.get("released")
     return Aside(
-        serial if isinstance(serial, int) else 0,
-        tuple(rule for rule in rules if isinstance(rule, dict) and _is_id(rule.get("id")))
-        if isinstance(rules, list)
-        else (),
+        serial,
+        tuple(rule for rule in rules if isinstance(rule, dict) and _is_id(rule.get("id"))),
         (),  # who is suspect is said anew by each guard
         tuple(
             (str(one["source"]), str(one["until"]))
             for one in (sources if isinstance(sources, list) else [])
             if isinstance(one, dict) and "source" in one and "until" in one
         ),
+        tuple(one for one in released if _is_id(one)) if isinstance(released, list) else (),
     )
 
 
 def write(folders: Folders, aside: Aside, *, durable: bool = True) -> None:
-    """Put the file there, whole. Blocks on the disk; raises OSError."""
-    files.write_json(folders.quarantine, in_full(aside), durable=durable)
+    """Put the file there, whole, and never one that is too long to be read. Blocks on the disk; raises OSError."""
+    raw = _printed(in_full(aside))
+    if len(raw) > FILE_BYTES_MAX:  # who is suspect counts more than whose accounts wait for that
+        brief = tuple(SuspectNote(one.name, ()) for one in aside.suspects)
+        raw = _printed(in_full(dataclasses.replace(aside, suspects=brief)))
+    if len(raw) > FILE_BYTES_MAX:
+        raise OSError(errno.EFBIG, "the file of rules is too long")
+    files.write_whole(folders.quarantine, raw, durable=durable)
+
+
+def _printed(told: Mapping[str, Any]) -> bytes:
+    return json.dumps(told, ensure_ascii=False, indent=1).encode("utf-8", "backslashreplace") + b"\n"
 
 
 def in_full(aside: Aside) -> dict[str, Any]:
@@ -90,12 +131,14 @@ def in_full(aside: Aside) -> dict[str, Any]:
         "rules": [dict(rule) for rule in aside.rules],
         "suspects": [{"name": one.name, "account_ids": list(one.account_ids)} for one in aside.suspects],
         "sources": [{"source": source, "until": until} for source, until in aside.sources],
+        "released": list(aside.released),
     }
 
 
 def shown(aside: Aside) -> dict[str, Any]:
     """Return the file's object without what is nobody's business."""
     told = in_full(aside)
+    del told["released"]
     return {**told, "rules": [{k: v for k, v in rule.items() if k != UNSENT} for rule in told["rules"]]}
 
 
@@ -142,13 +185,16 @@ def sent(before: Aside, letter: str) -> Aside:
 
 def with_rule(before: Aside, rule: Rule) -> Aside:
     """Return what it says with one rule more."""
-    return dataclasses.replace(before, serial=before.serial + 1, rules=(*before.rules, rule))
+    released = tuple(one for one in before.released if one != rule["id"])
+    rules = (*before.rules, rule)
+    return dataclasses.replace(before, serial=before.serial + 1, rules=rules, released=released)
 
 
 def without_rule(before: Aside, rule_id: str) -> Aside:
     """Return what it says with one rule less."""
     rules = tuple(rule for rule in before.rules if rule["id"] != rule_id)
-    return dataclasses.replace(before, serial=before.serial + 1, rules=rules)
+    released = (*before.released, rule_id)[-RELEASED_MAX:]
+    return dataclasses.replace(before, serial=before.serial + 1, rules=rules, released=released)
 
 
 def with_suspects(before: Aside, suspects: Sequence[SuspectNote]) -> Aside:

@@ -24,6 +24,8 @@ from hardcore.quarantine_file import Aside
 
 #: Pauses before what a disk did not take is tried again; the last one again and again.
 RETRY_PAUSES_S: Final = (0.1, 0.5, 2.0, 10.0, 60.0)
+#: A person who changes a rule waits so long for a disk that is busy with another one.
+PERSON_WAITS_S: Final = 5.0
 #: A core reads its rules in milliseconds; one that does not answer reads them when it opens its book.
 TOLD_S: Final = 0.5
 
@@ -66,16 +68,29 @@ class RuleBook:
         self._writing = asyncio.Lock()
 
     async def change(self, change: Callable[[Aside], Aside], *, patient: bool = True) -> bool:
-        """Change what the file says, for good; return whether it lies there. `patient`: tried until the disk takes it."""
-        async with self._writing:
+        """Change what the file says, for good; return whether it lies there. `patient`: tried until the disk takes it.
+
+        Each try is a change of its own: between two of them others have their turn, and are told that there is no room.
+        """
+        if patient:
+            return await self.persist(lambda: self._try(change))
+        return not await self._try(change, PERSON_WAITS_S)
+
+    async def _try(self, change: Callable[[Aside], Aside], wait_s: float | None = None) -> str:
+        """Change what the file says, if the disk takes it; return why it does not."""
+        try:
+            async with asyncio.timeout(wait_s):
+                await self._writing.acquire()
+        except TimeoutError:
+            return "the disk does not answer"
+        try:
             after = change(self.aside)
-            if patient:
-                written = await self.persist(self._put, after)
-            else:
-                written = not await self._hands.in_hand(self._put, after)
-            if written:
+            failed: str = "" if after is self.aside else await self._hands.in_hand(self._put, after)
+            if not failed:
                 self.aside = after
-            return written
+            return failed
+        finally:
+            self._writing.release()
 
     async def show(self, change: Callable[[Aside], Aside]) -> str:
         """Change what every process sees, at once and without an fsync; return why that can't be done.
@@ -100,10 +115,13 @@ class RuleBook:
             return error.strerror or type(error).__name__
         return ""
 
-    async def persist(self, work: Callable[[Any], str], value: object) -> bool:
-        """Do the writing until it is done, or the guard ends: what is left then is done by the next one."""
+    async def persist(self, write: Callable[[], Awaitable[str]]) -> bool:
+        """Have it written until it is, or the guard ends: what is left then is done by the next one.
+
+        `write` returns why it can't be done, or nothing when it is.
+        """
         for pause_s in chain(RETRY_PAUSES_S, repeat(RETRY_PAUSES_S[-1])):
-            failed = await self._hands.in_hand(work, value)
+            failed = await write()
             if not failed:
                 return True
             self._hands.note("court", failed=failed)

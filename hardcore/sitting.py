@@ -80,9 +80,9 @@ async def sit(
     folders: Folders,
     cases: Iterable[Mapping[str, Any]],
     terms: Terms,
-    tell: Callable[[Heard], None],
+    tell: Callable[[Heard | Said], None],
 ) -> Over:
-    """Have these cases tried, and tell each verdict as it comes. Ends the court when it is cancelled."""
+    """Have these cases tried, and tell each verdict as it comes, and how far it is. Ends the court when it is cancelled."""
     told = list(cases)
     paper = docket.docket(told, terms.limit_ms, terms.memory_bytes)
     try:
@@ -130,7 +130,9 @@ def _docket_of(folders: Folders) -> Path:
     return folders.run / "docket.json"
 
 
-async def _listen(pipe: int, names: frozenset[str], terms: Terms, tell: Callable[[Heard], None]) -> bool:
+async def _listen(
+    pipe: int, names: frozenset[str], terms: Terms, tell: Callable[[Heard | Said], None]
+) -> bool:
     """Hear what it says until it says that it is over, hangs up, or is silent for too long; return whether it is over."""
     loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader(limit=docket.LINE_BYTES_MAX)
@@ -145,12 +147,12 @@ async def _listen(pipe: int, names: frozenset[str], terms: Terms, tell: Callable
                 return False
             heard = docket.read_line(line, names, clock.now_ns())
             match heard:
-                case Heard():
-                    tell(heard)
                 case Said(over=True):
                     return True
+                case Heard() | Said():
+                    tell(heard)
                 case _:
-                    pass  # how far it is, or nothing that we understand
+                    pass  # nothing that we understand
             patience_s = max(terms.silent_s, START_S)
     except (TimeoutError, ValueError):  # silent for too long, or a line without an end
         return False

@@ -144,6 +144,15 @@ def sweep(folder: Path, wanted: Collection[str], older_s: float) -> None:
                 Path(entry.path).unlink()
 
 
+def filed(folder: Path) -> frozenset[str]:
+    """Return whose cases lie on the disk. Blocks."""
+    try:
+        found = (entry.name.removesuffix(".json") for entry in os.scandir(folder))
+        return frozenset(name for name in found if is_name(name))
+    except OSError:
+        return frozenset()
+
+
 def cut(cases: Sequence[Case]) -> list[list[Case]]:
     """Return the cases in as many dockets as their sizes need, in their order."""
     dockets: list[list[Case]] = []

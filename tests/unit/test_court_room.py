@@ -11,13 +11,14 @@ import pytest
 
 from hardcore import quarantine_file
 from hardcore.court_room import CourtRoom
-from hardcore.court_words import suspect_lines
+from hardcore.court_words import suspect_lines, unruled
 from hardcore.host import suspects
 from hardcore.host.folders import Folders
 from hardcore.model import trials
 from hardcore.model.observations import Observation
 from hardcore.model.trials import CourtMemory, Letter, Ordeal, Reason, Suspect, SuspectNote
 from hardcore.quarantine_file import Aside
+from hardcore.recovery.letters import letter
 from hardcore.rule_book import Doors
 
 NAME, OTHER = "a" * 32, "b" * 32
@@ -236,3 +237,110 @@ def test_many_suspects_are_said_in_lines_that_a_gateway_reads() -> None:
     accounts = {account for line in lines for account in line["account_ids"]}  # type: ignore[attr-defined]
     assert accounts == {account for note in notes for account in note.account_ids}
     assert max(len(json.dumps(line)) for line in lines) < 64 << 10
+
+
+def test_a_letter_without_a_rule_is_set_aside_by_the_next_guard(folders: Folders) -> None:
+    case_of(folders, NAME)
+    convicted = Suspect(NAME, "incident", ordeal=Ordeal.DIED, letter="letter-1")
+    parked = Suspect(OTHER, "incident", ordeal=Ordeal.DIED, letter="letter-2", seq=77)
+    memory = CourtMemory((convicted, parked, Suspect("c" * 32, "incident")))
+    assert unruled(memory, Aside()) == (convicted, parked)
+
+    def take_up(room: Room) -> None:
+        aside = quarantine_file.read(folders)
+        letters = tuple(map(letter, unruled(memory, aside)))
+        room.court.take_up(aside, memory, {}, letters)
+
+    room = at_work(folders, take_up)
+    rules = quarantine_file.read(folders).rules
+    assert [(rule["id"], rule["type"], rule.get("seq")) for rule in rules] == [
+        ("letter-1", "letter", None),
+        ("letter-2", "parked", 77),
+    ]
+    assert (NAME, "convicted", "letter-1") in room.verdicts
+    assert len(spooled(folders)) == 2
+    at_work(folders, take_up)
+    assert len(spooled(folders)) == 2, "once is enough"
+
+
+def test_a_rule_that_a_person_took_away_is_brought_back_by_no_memory(folders: Folders) -> None:
+    memory = CourtMemory((Suspect(NAME, "incident", ordeal=Ordeal.DIED, letter="letter-1"),))
+
+    async def run() -> Room:
+        room = Room(folders)
+        room.court.carry_out(trials.SetAside(LETTER))
+        await room.done()
+        assert await room.court.rules.remove("letter-1") == {"changed": True}
+        room.published.clear()
+        room.court.carry_out(trials.SetAside(LETTER, again=True))
+        await room.done()
+        return room
+
+    room = asyncio.run(run())
+    assert room.verdicts == []
+    aside = quarantine_file.read(folders)
+    assert (aside.rules, aside.released, unruled(memory, aside)) == ((), ("letter-1",), ())
+
+
+def test_two_who_set_one_letter_aside_at_once_write_it_once(folders: Folders) -> None:
+    class Slow(Room):
+        async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
+            await asyncio.sleep(0)
+            return work(*args)
+
+    async def run() -> Room:
+        room = Slow(folders)
+        for again in (False, False, True):
+            room.court.carry_out(trials.SetAside(LETTER, again=again))
+        await room.done()
+        return room
+
+    room = asyncio.run(run())
+    assert set(room.verdicts) == {(NAME, "convicted", "letter-1")}
+    assert len(spooled(folders)) == 1
+    assert not room.court.rules.aside.unsent
+
+
+def test_who_changes_a_rule_is_told_of_a_full_disk_while_a_letter_waits_for_it(folders: Folders) -> None:
+    folders.quarantine.mkdir()  # as if there were no room
+
+    async def run() -> object:
+        room = Room(folders)
+        room.court.carry_out(trials.SetAside(LETTER))
+        await asyncio.sleep(0)
+        wish = {"type": "fingerprint", "fingerprint": "ab" * 32}
+        said = await asyncio.wait_for(room.court.rules.add(wish), 30)
+        room.halted.set()
+        await room.done()
+        return said
+
+    assert asyncio.run(run()) == "The rule can't be written. Make room in the data folder and try again."
+
+
+def test_a_letter_whose_disk_has_room_again_is_set_aside(folders: Folders) -> None:
+    folders.quarantine.mkdir()
+
+    async def run() -> Room:
+        room = Room(folders)
+        room.court.carry_out(trials.SetAside(LETTER))
+        await asyncio.sleep(0)
+        assert room.noted, "it has been tried"
+        folders.quarantine.rmdir()
+        await room.done()
+        return room
+
+    assert asyncio.run(run()).verdicts == [(NAME, "convicted", "letter-1")]
+
+
+def test_a_case_that_an_earlier_guard_was_told_of_counts_as_filed(folders: Folders) -> None:
+    case_of(folders, NAME)
+    case_of(folders, "c" * 32)
+    memory = CourtMemory((Suspect(NAME, "incident"), Suspect(OTHER, "incident")))
+    kept = trials.KeepCourt((SuspectNote(NAME, ()), SuspectNote(OTHER, ())), memory)
+
+    def twice(room: Room) -> None:
+        room.court.carry_out(kept)
+        room.court.carry_out(kept)
+
+    room = at_work(folders, twice)
+    assert [fact.name for fact in room.told if isinstance(fact, trials.CaseFiled)] == [NAME]

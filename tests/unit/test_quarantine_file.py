@@ -77,6 +77,40 @@ def test_a_file_that_can_not_be_read_sets_nothing_aside(folders: Folders, text: 
     assert quarantine_file.read(folders) == Aside()
 
 
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"version": 1, "serial": 5, "rules": [{"id": "mi'])
+def test_a_damaged_file_is_kept_and_said_and_no_serial_comes_a_second_time(
+    folders: Folders, text: str
+) -> None:
+    folders.quarantine.write_text(text)
+    found, fault = quarantine_file.take_in(folders)
+    assert found == Aside(found.serial)
+    assert found.serial > 1_000_000_000
+    assert quarantine_file.DAMAGED in fault
+    assert (folders.state / quarantine_file.DAMAGED).read_text() == text
+    assert quarantine_file.take_in(folders) == (Aside(), ""), "where there is none, nothing is wrong"
+
+
+def test_what_was_written_whole_is_taken_in_with_what_was_released(folders: Folders) -> None:
+    aside = quarantine_file.set_aside(Aside(), letter(1, digest=HEX), {"id": "letter-1"})
+    aside = quarantine_file.without_rule(quarantine_file.set_aside(aside, letter(2), {}), "letter-2")
+    quarantine_file.write(folders, aside)
+    assert quarantine_file.take_in(folders) == (aside, "")
+    assert aside.released == ("letter-2",)
+    assert quarantine_file.with_rule(aside, {"id": "letter-2"}).released == ()
+    assert "released" not in quarantine_file.shown(aside)
+
+
+def test_no_file_is_written_that_nobody_could_read(folders: Folders) -> None:
+    accounts = tuple(f"{number:0200d}" for number in range(16))
+    many = tuple(SuspectNote(f"{number:032x}", accounts) for number in range(quarantine_file.SUSPECTS_MAX))
+    quarantine_file.write(folders, quarantine_file.with_suspects(Aside(), many))
+    told = json.loads(folders.quarantine.read_bytes()[: quarantine_file.FILE_BYTES_MAX])
+    assert [one["name"] for one in told["suspects"]] == [one.name for one in many]
+    huge = quarantine_file.with_rule(Aside(), {"id": "x", "more": "x" * quarantine_file.FILE_BYTES_MAX})
+    with pytest.raises(OSError, match="too long"):
+        quarantine_file.write(folders, huge)
+
+
 @pytest.mark.parametrize(
     "wish",
     [
