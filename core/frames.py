@@ -43,10 +43,15 @@ def resync(seq: int) -> Frame:
     return Frame(_text("ledger.resync", seq=seq))
 
 
-def progress(import_id: str, state: str, done: int, total: int, duplicates: int, refused: int) -> Frame:
-    """Return the frame that says how far an import is; the numbers count rows of its file."""
+def progress(
+    import_id: str, state: str, done: int, total: int, duplicates: int, refused: int, waiting: str | None
+) -> Frame:
+    """Return the frame that says how far an import is; the numbers count rows of its file.
+
+    `waiting`: why it does not go on at this moment; None: it does.
+    """
     counted = {"done": done, "total": total, "duplicates": duplicates, "refused": refused}
-    return Frame(_text("import.progress", id=import_id, state=state, **counted))
+    return Frame(_text("import.progress", id=import_id, state=state, waiting=waiting, **counted))
 
 
 def catch_up(after: int | None, head: int, missed: Sequence[CommittedEvent]) -> list[Frame]:

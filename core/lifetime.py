@@ -209,7 +209,7 @@ class Life:
     async def _serve(
         self, loop: asyncio.AbstractEventLoop, bound: socket.socket, book: Book, service: Service
     ) -> Departure | None:
-        desk = Desk(service, self._recorder, self._data, Suspected(self._rulings, self._beacon.case))
+        desk = Desk(service, self._recorder, self._data, Suspected(self._rulings, self._beacon.cases))
         drain = self._drain = Drain(
             service, desk, self._writer, self._recorder, functools.partial(self._lay_down, book), self._stuck
         )

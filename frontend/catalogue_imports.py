@@ -202,3 +202,15 @@ BOOKING: Final[dict[str, dict[str, str]]] = {
         "en": "The kept file cannot be found. Please upload it again; rows that are booked will be skipped.",
     },
 }
+
+#: Why an import that is being booked does not go on at this moment.
+WAITING: Final[dict[str, dict[str, str]]] = {
+    "trial": {
+        "ko": "서버를 멈추게 한 줄이 이 파일에 있는지 확인하고 있어요. 확인이 끝나면 스스로 이어서 해요.",
+        "en": "We are checking whether a row of this file stopped the server. The import goes on by itself after that.",
+    },
+    "source-stopped": {
+        "ko": "이 파일의 여러 줄이 서버를 멈추게 해서 잠시 쉬고 있어요. 얼마 뒤에 스스로 이어서 해요.",
+        "en": "Several rows of this file stopped the server, so the import rests for a while. It goes on by itself.",
+    },
+}

@@ -319,8 +319,8 @@ class Runtime:
             self.feed(seen.TermReceived(at_ns, life, notice.term_pid))
         if notice.fence_blocked:
             self.feed(seen.FenceBlocked(at_ns, life))
-        if notice.case is not None:
-            self.begin(self.court.case_filed(notice.case))
+        for name in notice.cases:
+            self.begin(self.court.case_filed(name))
         if notice.store is not None:
             self.senses.look_at_disk()  # the core's word is one kind of evidence, ours the other
             self.feed(seen.StoreTold(at_ns, life, notice.store))

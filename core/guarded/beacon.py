@@ -9,6 +9,7 @@ which would stay bound to a sentinel that is gone.
 
 import socket
 from collections import deque
+from collections.abc import Sequence
 
 from core.guarded.locks import NamedLock
 
@@ -98,9 +99,9 @@ class Beacon(Mail):
         """Say that the store takes no write any more (`FULL`, `READ_ONLY`), or does again (`OK`)."""
         self._keep(f"X_STORE={fault}")
 
-    def case(self, name: str) -> None:
-        """Say that the case of a suspect was filed: a row of an import."""
-        self._keep(f"X_CASE={name}")
+    def cases(self, names: Sequence[str]) -> None:
+        """Say that the cases of suspects were filed, rows of an import: in one datagram, for one court."""
+        self._keep(f"X_CASE={' '.join(names)}")
 
     def fence_blocked(self) -> None:
         """Say that the fence could not be written because the store stayed busy."""

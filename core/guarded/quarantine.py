@@ -7,6 +7,7 @@ counted. What is read is kept as the look-ups that are needed, so that no rule c
 the guard knows when it has written it, and says so.
 """
 
+import datetime as dt
 import json
 import os
 import re
@@ -26,6 +27,7 @@ _NAME: Final = re.compile(r"[0-9a-f]{32}")
 _DIGEST: Final = re.compile(r"[0-9a-f]{64}")
 _NUMBER_MAX: Final = 2**63 - 1
 _TEXT_CHARACTERS_MAX: Final = 256
+_NS_PER_S: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,8 @@ class Rules:
 
     `names`, `digests` and `fingerprints` (hex) are refused. `parked`: events that are left out, by
     number; `marked`: the accounts they book on, on which nothing more is booked. `deadlines_ms`: how long a kind may be decided.
-    `suspects`: names that wait for their trial. `passed_over`: rules that said nothing.
+    `suspects`: names that wait for their trial. `sources`: who changes nothing, until when (wall time in ns since 1970).
+    `passed_over`: rules that said nothing.
     """
 
     serial: int = 0
@@ -63,6 +66,7 @@ class Rules:
     limits: Mapping[str, Limit] = field(default_factory=dict)
     deadlines_ms: Mapping[str, int] = field(default_factory=dict)
     suspects: frozenset[str] = frozenset()
+    sources: Mapping[str, int] = field(default_factory=dict)
     count: int = 0
     passed_over: int = 0
 
@@ -141,7 +145,24 @@ def read_rules(raw: bytes) -> Rules | Unreadable:
     for rule in rules:
         found.take(rule)
     names = (one.get("name") for one in suspects if isinstance(one, dict))
-    return found.made(serial, frozenset(str(name) for name in names if _matches(_NAME, name)))
+    return found.made(
+        serial, frozenset(str(name) for name in names if _matches(_NAME, name)), _stopped(said.get("sources"))
+    )
+
+
+def _stopped(sources: object) -> dict[str, int]:
+    """Return who is stopped and until when; what says no time is passed over."""
+    found: dict[str, int] = {}
+    for one in sources if isinstance(sources, list) else ():
+        source, until = (one.get("source"), one.get("until")) if isinstance(one, dict) else (None, None)
+        if not _is_text(source) or not _is_text(until):
+            continue
+        try:
+            moment = dt.datetime.fromisoformat(until)
+            found[source] = int(moment.timestamp()) * _NS_PER_S if moment.tzinfo is not None else 0
+        except (ValueError, OverflowError):
+            continue
+    return found
 
 
 @dataclass(slots=True)
@@ -213,7 +234,7 @@ class _Found:
         self.deadlines_ms[rule["kind"]] = min(rule["limit_ms"], _DAY_MS)
         return True
 
-    def made(self, serial: int, suspects: frozenset[str]) -> Rules:
+    def made(self, serial: int, suspects: frozenset[str], sources: Mapping[str, int]) -> Rules:
         """Return what was found."""
         return Rules(
             serial,
@@ -225,6 +246,7 @@ class _Found:
             self.limits,
             self.deadlines_ms,
             suspects,
+            sources,
             self.count,
             self.passed_over,
         )

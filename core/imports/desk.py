@@ -25,7 +25,7 @@ from core.imports.reading.kept import ReadTable, open_table
 from core.imports.reading.mapping import faults_of
 from core.imports.reading.table import Unreadable
 from core.imports.records import Manifest, Progress, Survey
-from core.imports.states import State, Trigger, after
+from core.imports.states import State, Trigger, Waiting, after
 from core.imports.suspected import Suspected
 from core.imports.troubles import Trouble, reading_only, unreadable
 from core.service import Service
@@ -40,13 +40,17 @@ logger = logging.getLogger("core.imports")
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """An import as it stands. `table` is None where its rows are lost; `replayed`: its key had made it before."""
+    """An import as it stands. `table` is None where its rows are lost; `replayed`: its key had made it before.
+
+    `waiting`: why it is not being gone on with at this moment, if it is being booked.
+    """
 
     manifest: Manifest
     table: ReadTable | None
     survey: Survey
     progress: Progress
     replayed: bool = False
+    waiting: Waiting | None = None
 
 
 class Desk:
@@ -318,7 +322,9 @@ class Desk:
         progress = job.progress if job is not None else await asyncio.to_thread(folder.progress)
         table = await asyncio.to_thread(open_table, folder.rows)
         found = await asyncio.to_thread(folder.survey)
-        return Kept(manifest, None if isinstance(table, Unreadable) else table, found, progress)
+        waiting = job.waiting if job is not None else None
+        rows = None if isinstance(table, Unreadable) else table
+        return Kept(manifest, rows, found, progress, waiting=waiting)
 
     async def _tidy(self) -> None:
         settings = self._service.settings

@@ -27,8 +27,8 @@ from core.imports import judging
 from core.imports.folder import ImportFolder
 from core.imports.reading.candidates import Candidate, Result, SkippedRow
 from core.imports.records import PROBLEMS_MAX, Manifest, Problem, Progress, shown
-from core.imports.states import State, Trigger, after
-from core.imports.suspected import Suspected
+from core.imports.states import State, Trigger, Waiting, after
+from core.imports.suspected import HeldRow, Suspected
 from core.journal.answers import (
     Answer,
     DecisionFailed,
@@ -56,7 +56,8 @@ IN_FLIGHT_MAX: Final = 16  # of 256 slots: the rest is everybody else's
 READ_AHEAD_ROWS: Final = 256
 TELL_EVERY_NS: Final = 250_000_000
 AGAIN_AFTER_S: Final = 0.1
-END_AGAIN_AFTER_NS: Final = 1_000_000_000  # where the end of an import could not be written
+END_AGAIN_AFTER_NS: Final = 1_000_000_000  # where the end of an import, or a case, could not be written
+SAY_AGAIN_NS: Final = 5_000_000_000  # a court that says nothing may be another one by now
 BEAT_S: Final = 0.25  # while a wave is at the writer, which may wait a second for somebody's lock
 
 COMPONENT: Final = "importer"  # its name on the recorder page
@@ -95,7 +96,8 @@ class Job:
 
     Those before `progress.done` are settled and only parsed: which of several identical rows one is depends on
     the rows before it. `end` is the state it has come to, while that is not on the disk yet. `waits_for`: the name
-    of its next row, while that one waits for its trial; `file_again_ns`: when its case is to be filed, 0: it is.
+    of its next row, while that one waits for its trial; `filed`: whose cases are; `file_again_ns`: when they are filed,
+    or said, once more. `waiting`: why it does not go on, as its pages were told last.
     """
 
     folder: ImportFolder
@@ -109,7 +111,9 @@ class Job:
     end: State | None = None
     end_again_ns: int = 0
     waits_for: str = ""
+    filed: set[str] = field(default_factory=set)
     file_again_ns: int = 0
+    waiting: Waiting | None = None
 
 
 class RowsLostError(Exception):
@@ -188,11 +192,22 @@ class Importer:
             self._jobs.rotate(-1)
 
     def _waits(self, job: Job) -> bool:
-        """Whether there is nothing to be done for an import at this moment."""
+        """Whether there is nothing to be done for an import at this moment; its pages hear when why changes."""
         now_ns = time.monotonic_ns()
-        if self._suspected.holds(job.waits_for):
-            return job.file_again_ns == 0 or job.file_again_ns > now_ns
-        return job.end_again_ns > now_ns
+        why = self._suspected.halts(job.manifest.id, job.waits_for, time.time_ns())
+        why = why if job.end is None else None
+        if why is not job.waiting:
+            job.waiting = why
+            self._service.hub.tell([frame_of(job)])
+        match why:
+            case Waiting.SOURCE_STOPPED:
+                return True
+            case Waiting.TRIAL:
+                return job.file_again_ns > now_ns
+            case None:
+                return job.end_again_ns > now_ns
+            case _:
+                assert_never(why)
 
     async def _turn(self, job: Job) -> None:
         """Book one wave of one import. A bug of ours that one file brings to light stops that file alone."""
@@ -248,14 +263,19 @@ class Importer:
         return next((n for n, key in enumerate(keys) if self._suspected.holds(name_of(key))), most)
 
     async def _file(self, job: Job, ordinal: int) -> None:
-        """Have an import wait for the trial of its next row, whose case is filed once in a life."""
-        key = judging.key_of(job.manifest, ordinal)
-        name, import_id = name_of(key), job.manifest.id
-        filed = await self._beating(
-            asyncio.create_task(asyncio.to_thread(self._suspected.file, name, key, import_id, ordinal))
+        """Have an import wait for the trial of its next row. All suspects that a dead wave can have had are filed with it."""
+        last = min(ordinal + IN_FLIGHT_MAX - 1, job.total)
+        rows = [row for n in range(ordinal, last + 1) if self._suspected.holds((row := _held(job, n)).name)]
+        next_name = name_of(judging.key_of(job.manifest, ordinal))
+        if job.waits_for != next_name:  # else it has waited for long: whoever was told may be gone
+            rows = [row for row in rows if row.name not in job.filed]
+        filed = not rows or await self._beating(
+            asyncio.create_task(asyncio.to_thread(self._suspected.file, rows))
         )
-        job.waits_for = name
-        job.file_again_ns = 0 if filed else time.monotonic_ns() + END_AGAIN_AFTER_NS
+        if filed:
+            job.filed.update(row.name for row in rows)
+        job.waits_for = next_name
+        job.file_again_ns = time.monotonic_ns() + (SAY_AGAIN_NS if filed else END_AGAIN_AFTER_NS)
 
     async def _read_ahead(self, job: Job) -> bool:
         """Parse the next rows, some at a time so that a core may leave in between; False where none are left."""
@@ -394,7 +414,9 @@ def refused(candidate: Candidate, rejection: Rejection) -> Duplicate | Problem:
 def frame_of(job: Job) -> Frame:
     """Return what an open page is told of an import."""
     wish, now = job.manifest, job.progress
-    return frames.progress(wish.id, wish.state.value, now.done, job.total, now.duplicates, now.refused)
+    return frames.progress(
+        wish.id, wish.state.value, now.done, job.total, now.duplicates, now.refused, job.waiting
+    )
 
 
 def settle(progress: Progress, outcome: Booked | Duplicate | Problem | SkippedRow) -> Progress:
@@ -413,6 +435,11 @@ def settle(progress: Progress, outcome: Booked | Duplicate | Problem | SkippedRo
             return change(more, refused=more.refused + 1, problems=kept)
         case _:
             assert_never(outcome)
+
+
+def _held(job: Job, ordinal: int) -> HeldRow:
+    key = judging.key_of(job.manifest, ordinal)
+    return HeldRow(name_of(key), key, job.manifest.id, ordinal)
 
 
 def _some(rows: Iterator[Result]) -> list[Result]:

@@ -19,6 +19,13 @@ class State(StrEnum):
     FAILED = "failed"
 
 
+class Waiting(StrEnum):
+    """Why one that is being booked does not go on at this moment."""
+
+    TRIAL = "trial"  # its next row was being booked when a core died
+    SOURCE_STOPPED = "source-stopped"  # too many of its rows have ended a core, and it rests for some time
+
+
 class Trigger(StrEnum):
     """What may happen to it."""
 

@@ -2,7 +2,7 @@
 
 Nobody else has the row, so the importer files its case for the court (`docs/wires.md` section 14): what it is called and where
 it stands, for the court reads the kept file by itself. Written whole or not at all, and again by the next life if this one
-dies. What becomes of it is read where everything is read, in the rules: a name that is no suspect any more may be booked,
+dies. All suspects of a wave are filed together and said in one word, so that one court, with one copy of the ledger, tries them. What becomes of it is read where everything is read, in the rules: a name that is no suspect any more may be booked,
 unless a letter has it, and then the ledger's own door refuses it. Not chosen: to skip it and come back; rows keep their order.
 """
 
@@ -10,26 +10,39 @@ import datetime as dt
 import json
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
+from core.imports.states import Waiting
 from core.rulings import Rulings
 
 VERSION: Final = 1
 UNFINISHED: Final = ".new"
+SOURCE: Final = "import:"  # and the id of one: as whom a case, and a source that is stopped, name it
 
 logger = logging.getLogger("core.imports")
+
+
+@dataclass(frozen=True, slots=True)
+class HeldRow:
+    """A row that waits for its trial: what it is called, its key in the ledger, and its place in its file, from 1."""
+
+    name: str
+    key: str
+    import_id: str
+    ordinal: int
 
 
 class Suspected:
     """The suspects as the importer sees them."""
 
     def __init__(
-        self, rulings: Rulings | None = None, tell: Callable[[str], object] = lambda _name: None
+        self, rulings: Rulings | None = None, tell: Callable[[Sequence[str]], object] = lambda _names: None
     ) -> None:
-        """Go by these rules, as they stand at each moment. `tell` is told the name of each case that was filed."""
+        """Go by these rules, as they stand at each moment. `tell` is told the names of the cases that were filed."""
         self._rulings = rulings or Rulings()
         self._tell = tell
 
@@ -42,34 +55,49 @@ class Suspected:
         """Whether what has this name waits for its trial."""
         return name in self._rulings.quarantine.rules.suspects
 
+    def halts(self, import_id: str, name: str, wall_ns: int) -> Waiting | None:
+        """Return why an import whose next row has this name can't go on at this moment of wall time; None: it can."""
+        rules = self._rulings.quarantine.rules
+        if rules.sources.get(SOURCE + import_id, 0) > wall_ns:
+            return Waiting.SOURCE_STOPPED
+        return Waiting.TRIAL if name in rules.suspects else None
+
     def look_again(self) -> None:
         """Read the rules anew: they may have changed between the opening of the book and now. Blocks."""
         fault = self._rulings.quarantine.read()
         if fault is not None:
             logger.warning("The rules before stay in force. %s", fault.why)
 
-    def file(self, name: str, key: str, import_id: str, ordinal: int) -> bool:
-        """File the case of a row and say so; False where it can't be written now. Blocks."""
+    def file(self, rows: Sequence[HeldRow]) -> bool:
+        """File the cases of these rows and say so of all at once; False where that can't be done now. Blocks.
+
+        One that lies there already is only said again: whoever was told of it may be gone.
+        """
         if self._rulings.cases is None:
             return True
-        case = {
-            "version": VERSION,
-            "name": name,
-            "at": dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
-            "source": f"import:{import_id}",
-            "key": key,
-            "digest": sha256(key.encode()).hexdigest(),
-            "case": {"name": name, "row": {"import": import_id, "ordinal": ordinal}},
-        }
         try:
-            _write(self._rulings.cases / f"{name}.json", json.dumps(case).encode())
+            for row in rows:
+                path = self._rulings.cases / f"{row.name}.json"
+                if not path.exists():
+                    _write(path, json.dumps(_case_of(row)).encode())
+            _flush(self._rulings.cases)
         except OSError as error:
-            logger.warning(
-                "The case of row %d of import %s can't be filed: %s", ordinal, import_id, error.strerror
-            )
+            logger.warning("The cases of %d rows of an import can't be filed: %s", len(rows), error.strerror)
             return False
-        self._tell(name)
+        self._tell([row.name for row in rows])
         return True
+
+
+def _case_of(row: HeldRow) -> dict[str, object]:
+    return {
+        "version": VERSION,
+        "name": row.name,
+        "at": dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+        "source": SOURCE + row.import_id,
+        "key": row.key,
+        "digest": sha256(row.key.encode()).hexdigest(),
+        "case": {"name": row.name, "row": {"import": row.import_id, "ordinal": row.ordinal}},
+    }
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -80,8 +108,11 @@ def _write(path: Path, content: bytes) -> None:
         file.flush()
         os.fsync(file.fileno())
     fresh.rename(path)
-    folder = os.open(path.parent, os.O_RDONLY)
+
+
+def _flush(folder: Path) -> None:
+    fd = os.open(folder, os.O_RDONLY)
     try:
-        os.fsync(folder)
+        os.fsync(fd)
     finally:
-        os.close(folder)
+        os.close(fd)

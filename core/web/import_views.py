@@ -14,11 +14,11 @@ from core.imports.reading.mapping import Mapping, MappingFault, faults_of
 from core.imports.records import EntryShown, Problem, SampleRow
 from core.imports.states import State
 from core.ledger.views import timestamp
-from frontend.catalogue_imports import BOOKING, REASONS
+from frontend.catalogue_imports import BOOKING, REASONS, WAITING
 from frontend.catalogue_problems import PROBLEMS
 from frontend.render import Language, problem_text
 
-_PAIRS: Final = {**REASONS, **BOOKING}
+_PAIRS: Final = {**REASONS, **BOOKING, **WAITING}
 
 
 class FormatChoice(msgspec.Struct, frozen=True):
@@ -93,7 +93,10 @@ class ImportSummary(msgspec.Struct, frozen=True):
 
 
 class ImportView(msgspec.Struct, frozen=True):
-    """An import, whole. `fault` says why one failed; `faults` what its mapping still needs."""
+    """An import, whole. `fault` says why one failed; `faults` what its mapping still needs.
+
+    `waiting` says why one that is being booked does not go on at this moment.
+    """
 
     id: str
     state: State
@@ -119,6 +122,7 @@ class ImportView(msgspec.Struct, frozen=True):
     done: int
     total: int
     fault: ReasonView | None
+    waiting: ReasonView | None
 
 
 class ImportList(msgspec.Struct, frozen=True):
@@ -175,6 +179,7 @@ def view_of(kept: Kept, lang: Language) -> ImportView:
         done=kept.progress.done,
         total=_total(kept),
         fault=None if wish.fault is None else reason_shown(wish.fault, lang),
+        waiting=None if kept.waiting is None else reason_shown(kept.waiting.value, lang),
     )
 
 

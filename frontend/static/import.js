@@ -176,12 +176,15 @@ async function commit(api, form) {
   await drawn();
 }
 
-function progress(page, { state, done, total }) {
+// `waiting`: why it rests, as a frame says it or as a look does; the page has its sentence.
+function progress(page, { state, done, total, waiting }) {
   const bar = page.querySelector("#import-bar");
   if (!bar || state !== "committing") {
     if (stateOf(page) !== state) void drawn();
     return;
   }
+  const shown = page.querySelector("#import-body").dataset.waiting ?? "";
+  if ((waiting?.reason ?? waiting ?? "") !== shown) return void drawn();
   bar.max = total || 1;
   bar.value = done;
   page.querySelector("#import-much").textContent = say("import_progress", { done, total });

@@ -70,7 +70,7 @@ class Notice:
     `none` of one that serves reads only) and `tail` (events checked) all set for a ledger, or none of `seq`,
     `hash`, `proof`, `tail` for another kind of guest. `extend_usec`: microseconds. `term_pid`: sender of a TERM,
     0 when unknown. `store`: what it says of its store. `verified_seq`: the whole ledger is proven up to there;
-    `unsound`: a sentence that says why it is not. `case`: the name of a suspect whose case it has filed. One with `spare` has no epoch and is not `ready`.
+    `unsound`: a sentence that says why it is not. `cases`: the names of suspects whose cases it has filed. One with `spare` has no epoch and is not `ready`.
     """
 
     ready: bool = False
@@ -89,7 +89,7 @@ class Notice:
     unsound: str | None = None
     status: str | None = None
     spare: SpareNotice | None = None
-    case: str | None = None
+    cases: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,9 +148,9 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
     unsound = _words(said.get("X_UNSOUND"), SENTENCE_CHARACTERS_MAX)
     if unsound == "" or (unsound is not None and numbers["verified_seq"] is not None):
         return MalformedNotice("X_UNSOUND says nothing, or the opposite of X_VERIFIED")
-    case = said.get("X_CASE")
-    if case is not None and not _CASE.fullmatch(case):
-        return MalformedNotice("X_CASE is not a name")
+    cases = tuple(said["X_CASE"].split(" ")) if "X_CASE" in said else ()
+    if not all(map(_CASE.fullmatch, cases)):
+        return MalformedNotice("X_CASE is not names")
     return Notice(
         ready=flags["ready"],
         epoch=numbers["epoch"],
@@ -168,7 +168,7 @@ def _judge(said: dict[str, str]) -> Notice | MalformedNotice:
         unsound=unsound,
         status=_words(said.get("STATUS"), STATUS_CHARACTERS_MAX),
         spare=spare,
-        case=case,
+        cases=cases,
     )
 
 

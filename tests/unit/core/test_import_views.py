@@ -11,12 +11,12 @@ from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Skip
 from core.imports.reading.mapping import FaultKind
 from core.imports.reading.table import Note, Why
 from core.imports.records import Manifest, Problem, Progress, Survey, shown
-from core.imports.states import State
+from core.imports.states import State, Waiting
 from core.imports.survey import survey
 from core.web.import_views import sentence, summary_of
 from frontend.catalogue_imports import BOOKING
 
-REASONS = sorted({*Refusal, *Skip, *FaultKind, *Why, *Note, KEPT_FILE_LOST, FAILED_INSIDE})
+REASONS = sorted({*Refusal, *Skip, *FaultKind, *Why, *Note, *Waiting, KEPT_FILE_LOST, FAILED_INSIDE})
 
 
 def candidate(currency: str) -> Candidate:

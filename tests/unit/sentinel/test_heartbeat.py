@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from hardcore.sentinel.heartbeat import NOTICE_BYTES_MAX, MalformedNotice, Notice, SpareNotice, read_notice
 
+NAMES = ("0a" * 16, "0b" * 16)
 SPARE = b"X_SPARE=1\nX_BUILD=0123456789abcdef\nX_CONTROL=2\nX_SCHEMA=4"
 PROOF = b"X_EPOCH=7\nX_SEQ=5\nX_HASH=" + b"ab" * 32 + b"\nX_PROOF=chain\nX_TAIL=3"
 
@@ -25,6 +26,8 @@ PROOF = b"X_EPOCH=7\nX_SEQ=5\nX_HASH=" + b"ab" * 32 + b"\nX_PROOF=chain\nX_TAIL=
         (b"STOPPING=1", Notice(stopping=True)),
         (b"X_FENCE=BLOCKED", Notice(fence_blocked=True)),
         (b"X_TERM=0", Notice(term_pid=0)),
+        (b"X_CASE=" + NAMES[0].encode(), Notice(cases=NAMES[:1])),
+        (b"X_CASE=" + " ".join(NAMES).encode(), Notice(cases=NAMES)),
         (b"X_VERIFIED=0", Notice(verified_seq=0)),
         (b"X_UNSOUND=event 5 is\x1b[2J odd", Notice(unsound="event 5 is[2J odd")),
         (b"X_UNSOUND=" + b"a" * 900, Notice(unsound="a" * 400)),
@@ -55,6 +58,9 @@ def test_what_a_datagram_says(datagram: bytes, notice: Notice) -> None:
         b"X_HASH=" + b"AB" * 32,
         b"X_PROOF=faith",
         b"X_VERIFIED=all",
+        b"X_CASE=",
+        b"X_CASE=" + NAMES[0].encode() + b" ",
+        b"X_CASE=../" + NAMES[0].encode(),
         b"X_UNSOUND=",
         b"X_VERIFIED=5\nX_UNSOUND=event 5 is odd",
         b"READY=1\nX_SEQ=5",
