@@ -41,10 +41,9 @@ from hardcore.recovery.register import BEFORE_MAX, REMEMBERED_NS, Death, Registe
 GATHER_NS = 100 * NS_PER_MS
 #: As long as a gateway holds a request. Then company goes, and nobody's account waits for a case that does not come.
 PATIENCE_NS = 10 * NS_PER_S
-#: The copy of a large ledger on a slow disk: whoever holds the court gives it up after this (`sitting.COPY_S`).
+#: The copy of a large ledger on a slow disk: whoever holds the court gives it up after this (`sitting.COPY_S`). To read
+#: the copy's log takes no longer, and not a word is said meanwhile; whoever waited for more would keep a service down.
 COPY_NS = 180 * NS_PER_S
-#: The search in a log starts a core for each half of it (`sitting.STARTS_OF_A_SEARCH`).
-STARTS_OF_A_SEARCH = 24
 #: A court that was told to end is taken for gone after this, whatever its process does.
 ENDING_NS = 5 * NS_PER_S
 #: A trial that says nothing is held once more.
@@ -140,7 +139,7 @@ class Court:
     def at_work(self, now_ns: int) -> None:
         """The court has said how far it is: from now on it has the time of one case more."""
         if self.docket is not None and not self.docket.ending:
-            due_ns = self._due_ns(now_ns, log=self.docket.log)
+            due_ns = self._due_ns(now_ns, silent=self.docket.log)
             self.docket = dataclasses.replace(self.docket, due_ns=due_ns)
 
     def tried(self, fact: Tried, new_id: Callable[[], str]) -> Orders:
@@ -195,7 +194,7 @@ class Court:
         self._doubt_log()
         if self.docket is None and self.log_after is not None:
             after, self.log_after = self.log_after, None
-            self.docket = Docket((), self._due_ns(now_ns, log=True) + COPY_NS, log=True)
+            self.docket = Docket((), self._due_ns(now_ns, silent=True), log=True)
             given.append(TryLog(after, self.rules.limit_ms, self.rules.memory_bytes))
         elif self.docket is None and self.served_ns is not None and now_ns >= self._gathered_ns(now_ns):
             judged = self._try(now_ns, new_id)
@@ -351,7 +350,7 @@ class Court:
             else:
                 left.append(one)
         if names:
-            self.docket = Docket(tuple(names[:DOCKET_MAX]), self._due_ns(now_ns) + COPY_NS)
+            self.docket = Docket(tuple(names[:DOCKET_MAX]), self._due_ns(now_ns, silent=True))
             return [Try(self.docket.names, self.rules.limit_ms, self.rules.memory_bytes)]
         given: Orders = []
         for one in left:
@@ -434,9 +433,10 @@ class Court:
             return now_ns
         return min((one.filed_ns for one in self.register if _ready(one)), default=now_ns) + GATHER_NS
 
-    def _due_ns(self, now_ns: int, *, log: bool = False) -> int:
+    def _due_ns(self, now_ns: int, *, silent: bool = False) -> int:
+        """Return when a court has been silent for too long; `silent`: it copies the ledger, or reads all of it."""
         each_ns = (self.rules.begin_ms + self.rules.limit_ms) * NS_PER_MS
-        return now_ns + (each_ns * STARTS_OF_A_SEARCH if log else each_ns)
+        return now_ns + each_ns + (COPY_NS if silent else 0)
 
     def _open(self, names: Iterable[str]) -> list[Suspect]:
         known = (self.register.by_key.get(name) for name in names)

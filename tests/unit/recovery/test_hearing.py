@@ -284,6 +284,24 @@ def test_a_conviction_is_told_to_whoever_runs_the_server() -> None:
     assert [one.diagnosis for one in alerts] == [Diagnosis.CRASHED]
 
 
+def test_who_sends_it_again_is_told_again_and_nobody_is_alarmed_twice() -> None:
+    play = _died("a")
+    _filed(play, "a")
+    _tried(play, "a", Ordeal.DIED, signal=11)
+    assert kinds(_filed(play, "a")) == ["SetAside"]
+
+
+def test_a_court_that_makes_a_large_copy_is_not_ended() -> None:
+    play = _died("a")
+    _filed(play, "a")
+    play.now_ns += 179 * S
+    assert play.tell(trials.CourtAtWork(play.now_ns)) == []
+    play.manager.handle_deadline(play.now_ns + 30 * S)
+    assert "EndTrials" not in kinds(play.manager.take_actions())
+    play.manager.handle_deadline(play.now_ns + 40 * S)
+    assert "EndTrials" in kinds(play.manager.take_actions())
+
+
 def test_a_drill_counts_on_no_budget_and_alarms_nobody() -> None:
     play = Play().begin().running(4)
     note = CommandNote(SlotStage.DECIDING, "c", "k", "drill", "", ("system:drill",), 1)
