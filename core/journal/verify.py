@@ -24,6 +24,7 @@ from core.journal.store import StoreError, snapshot, store_error
 from core.ledger.accounts import Account
 from core.ledger.decider import evolve
 from core.ledger.events import (
+    AccountClosed,
     Booking,
     EntryPosted,
     Event,
@@ -134,8 +135,8 @@ def _slice(connection: Connection, replay: _Replay) -> Broken | None:
 def _take(connection: Connection, replay: _Replay, row: EventRow, readings: Readings) -> Broken | None:
     """Have an event happen in the book of the replay, or say what is wrong with it."""
     event = decode(row.body)
-    if replay.parked and isinstance(event, Booking):
-        _stand_in(connection, replay, (line.account for line in event.postings))
+    if replay.parked:
+        _stand_in(connection, replay, _touched(event))
     broken = _check_event(replay, row, event)
     if broken is not None:
         return broken
@@ -145,6 +146,13 @@ def _take(connection: Connection, replay: _Replay, row: EventRow, readings: Read
     replay.book.update(evolve(replay.book, event))
     replay.entries += isinstance(event, EntryPosted) and event.entry == event.id
     return None
+
+
+def _touched(event: Event | None) -> Iterable[str]:
+    """Return the accounts that have to be there before this event happens."""
+    if isinstance(event, Booking):
+        return (line.account for line in event.postings)
+    return (event.id,) if isinstance(event, AccountClosed) else ()
 
 
 def _leave_out(connection: Connection, replay: _Replay, row: EventRow, readings: Readings) -> None:
@@ -176,6 +184,8 @@ def _stand_in(connection: Connection, replay: _Replay, names: Iterable[str]) -> 
 def _check_event(replay: _Replay, row: EventRow, event: Event | None) -> Broken | None:
     if event is None or kind_of(event) != row.kind:
         return Broken(row.seq, f"event {row.seq} can't be read")
+    if isinstance(event, AccountClosed) and event.id not in replay.book:
+        return Broken(row.seq, f"event {row.seq} closes an account that is not there")
     if isinstance(event, Booking):
         sums: dict[str, int] = {}
         for posting in postings_of(event):

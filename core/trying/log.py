@@ -7,6 +7,7 @@ is no such event, and none is named. Not chosen: to say each event before it is 
 have its neighbour named.
 """
 
+import re
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy import select
+from sqlalchemy import Connection, select
 
 from core.journal import queries, schema
 from core.journal.store import LEDGER_FILE, open_reading, snapshot
@@ -25,6 +26,8 @@ from core.trying.forking import say
 
 SLICE_EVENTS: Final = 500
 READ_MS_MAX: Final = 60_000  # of a copy that nobody writes to
+
+_ID: Final = re.compile(rb'"id":"([^"\\]{1,256})"')
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +99,15 @@ def named(folder: Path, seq: int) -> Named:
                 .where(schema.posting.c.seq == seq)
                 .order_by(schema.posting.c.line)
             ).scalars()
-            return Named(str(kind or ""), str(booking or ""), tuple(dict.fromkeys(map(str, accounts))))
+            found = tuple(dict.fromkeys(map(str, accounts))) or _account(connection, seq)
+            return Named(str(kind or ""), str(booking or ""), found)
     finally:
         engine.dispose()
+
+
+def _account(connection: Connection, seq: int) -> tuple[str, ...]:
+    """Return the account that an event which books nothing has opened or closed, if one of that name is listed."""
+    body = connection.execute(select(schema.event.c.body).where(schema.event.c.seq == seq)).scalar()
+    found = _ID.search(body or b"")  # nothing is decoded: this process must live
+    account_id = "" if found is None else found[1].decode("utf-8", "replace")
+    return () if queries.get_account(connection, account_id) is None else (account_id,)

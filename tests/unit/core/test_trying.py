@@ -13,11 +13,12 @@ from core.departure import ExitCode
 from core.trying import place
 from core.trying.asking import sent_of
 from core.trying.docket import CASES_MAX, Docket, Events, Request, Row, Unusable, read_docket
-from core.trying.log import Span, killer_in
+from core.trying.log import Named, Span, killer_in, named
 from core.trying.place import clear_up, take_place
 from core.trying.stacks import frame_of
 from core.trying.verdicts import Ordeal, ended, whose_of
 from core.trying.watch import Ending, How, Work, slowed
+from tests.unit.core.books import closing, moving, opening, pen
 
 IMPORT = "01234567-89ab-7def-8123-456789abcdef"
 REQUEST = {"method": "POST", "path": "/api/x?y=1", "headers": [["A", "b"]], "body": "e30="}
@@ -137,6 +138,20 @@ def test_halves_find_the_one_event_that_kills(events: int, data: st.DataObject) 
     after = data.draw(st.integers(0, events - 1))
     killer = data.draw(st.integers(after + 1, events))
     assert killer_in(Span(after, events), lambda span: span.after < killer <= span.until) == killer
+
+
+def test_an_event_of_the_log_is_named_with_the_accounts_that_it_touches(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        move = moving(5, "a", "b")
+        made.carry_out(opening("a"), opening("b"), move, opening("가계:식비"), closing("가계:식비"))
+    assert [named(tmp_path, seq) for seq in range(1, 7)] == [
+        Named("account.opened", account_ids=("a",)),
+        Named("account.opened", account_ids=("b",)),
+        Named("transaction.posted", move.id, ("a", "b")),
+        Named("account.opened", account_ids=("가계:식비",)),
+        Named("account.closed", account_ids=("가계:식비",)),
+        Named(),
+    ]
 
 
 def test_no_event_is_named_where_none_kills_by_itself() -> None:

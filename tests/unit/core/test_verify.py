@@ -8,7 +8,7 @@ from core.journal import verify as proof_b
 from core.journal.rebuilding import Rebuilding
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.verify import GivenUp, Verdict, verify
-from tests.unit.core.books import entering, moving, opening, order, pen, replacing, tamper
+from tests.unit.core.books import closing, entering, moving, opening, order, pen, replacing, tamper
 
 BOOKED = 12
 
@@ -133,6 +133,18 @@ def test_an_account_may_have_been_opened_by_what_is_parked(tmp_path: Path, accou
         assert verdict(tmp_path, parking(tmp_path, 3, accounts=accounts)).ok
         made.write(order(moving(7, "a", "c")))
     assert verdict(tmp_path, parking(tmp_path, 3, accounts=accounts)).ok
+
+
+@pytest.mark.parametrize("accounts", [("c",), ()])
+@pytest.mark.parametrize("seq", [3, 4])
+def test_an_account_may_be_closed_whose_opening_is_parked_or_opened_whose_end_is(
+    tmp_path: Path, seq: int, accounts: tuple[str, ...]
+) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(*[opening(name) for name in "abc"])
+        made.carry_out(closing("c"))
+    found = verdict(tmp_path, parking(tmp_path, seq, accounts=accounts))
+    assert found.ok, found.reason
 
 
 def test_entries_are_counted_whether_or_not_their_events_are_read(tmp_path: Path) -> None:
