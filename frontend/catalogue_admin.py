@@ -349,6 +349,23 @@ TEXTS: Final[Mapping[str, Text]] = {
         "사건이 다섯 건보다 적어서 아직 추세를 말할 수 없어요.",
         "Fewer than five incidents: too few to speak of a trend.",
     ),
+    "trends_promises": _text("예상 시간과 실제", "What was estimated, and what it took"),
+    "trends_kept": _text(
+        "예상을 말한 {n}건 중 {kept}건은 그 안에 돌아왔어요.",
+        "Of {n} estimates {kept} held: it was back by then.",
+    ),
+    "trends_kept_one": _text(
+        "예상을 말한 1건 중 {kept}건은 그 안에 돌아왔어요.", "Of 1 estimate {kept} held: it was back by then."
+    ),
+    "trends_told": _text("예상", "Estimated"),
+    "trends_range": _text("{low}~{high}초", "{low} to {high} s"),
+    "trends_truth": _text("실제", "It took"),
+    "promise_kept": _text("예상대로", "in time"),
+    "promise_broken": _text("예상보다 오래", "longer"),
+    "trends_promises_none": _text(
+        "예상을 말한 멈춤이 아직 없어요. 기록이 다섯 번 모이면 예상을 말해요.",
+        "No estimate was given so far: it takes five outages on record.",
+    ),
     "trends_drills": _text("연습 결과", "Drills"),
     "trends_drills_none": _text("아직 연습한 적이 없어요.", "No drill so far."),
     "drill_col": _text("연습", "Drill"),

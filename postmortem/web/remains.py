@@ -16,10 +16,12 @@ from postmortem.views import Filter, IncidentLine, Refusal
 from postmortem.web import story
 from postmortem.web.incidents import FILTER_CHARACTERS_MAX, PAGE_LINES_MAX, cause_words
 from postmortem.web.lobby import Lobby, Question, is_sure, lead_to, reader_of, words_of
+from postmortem.web.promises import promises
 from postmortem.web.proofs import drills
 
 WEEKS: Final = 12
 DRILLS_MAX: Final = 20
+PROMISES_SHOWN_MAX: Final = 10
 SETTINGS_MAX: Final = 300
 FREE_BYTES_MIN: Final = 1 << 30
 #: Fewer incidents than this make no trend.
@@ -75,6 +77,7 @@ async def remove(lobby: Lobby, request: Request) -> Response:
 async def trends(lobby: Lobby, request: Request) -> Response:
     """GET /admin/trends."""
     told = await lobby.read(lambda: lobby.reads.trends(WEEKS))
+    promised = await lobby.read(lambda: promises(lobby.places.data))
     weeks = mappings(told.get("weeks"))
     most = max([1, *(number(one.get("incidents")) or 0 for one in weeks)])
     return lobby.show(
@@ -86,6 +89,9 @@ async def trends(lobby: Lobby, request: Request) -> Response:
         total=number(told.get("incidents")) or 0,
         few=(number(told.get("incidents")) or 0) < SAMPLES_MIN,
         mtbf=told.get("mtbf_hours"),
+        promised=promised[:PROMISES_SHOWN_MAX],
+        scored=len(promised),
+        kept=sum(one.within for one in promised),
         causes=mappings(told.get("causes")),
         cause_words=cause_words(reader_of(request).lang),
         drills=await lobby.read(lambda: drills(lobby.reads, DRILLS_MAX)),

@@ -29,6 +29,7 @@ from tests.integration.poisoning import armed, letter_of
 
 ROOT: Final = Path(__file__).parents[2]
 DESK: Final = {"width": 1280, "height": 800}
+READER: Final = {"width": 1280, "height": 1000}
 PHONE: Final = {"width": 390, "height": 844}
 #: What the README shows: picture -> name in docs/images, for each language.
 TOUR: Final = {
@@ -37,6 +38,7 @@ TOUR: Final = {
     "overlay": "overlay",
     "recovery-phone": "recovery-page",
     "demo": "demo",
+    "admin-incident-top": "incident",
 }
 #: A bank's list to look at: when, what the bank calls it, who, won in, won out, won left.
 LIST: Final = (
@@ -208,6 +210,9 @@ def dashboard(album: Album) -> None:
     assert album.house.order("drill", fault="deadlock", yes=True)["ok"]
     newest = album.house.closed(count + 1)["id"]
     album.house.running()
+    with album.tab(f"/admin/incidents/{newest}") as page:
+        page.set_viewport_size(READER)  # type: ignore[arg-type]  # a dict with these two keys is one
+        album.take(page, "admin-incident-top")
     letter = _set_aside(album)
     paths = {
         "now": "",
@@ -404,8 +409,9 @@ def main() -> int:
     if asked.tour:
         for name, shown in TOUR.items():
             for lang in ("ko", "en"):
-                taken = (asked.into / f"{name}-{lang}.png").read_bytes()
-                (ROOT / "docs" / "images" / f"{shown}-{lang}.png").write_bytes(taken)
+                taken = asked.into / f"{name}-{lang}.png"
+                if taken.exists():  # with `--only` the others keep the picture that they have
+                    (ROOT / "docs" / "images" / f"{shown}-{lang}.png").write_bytes(taken.read_bytes())
     sys.stdout.write(f"{contact_sheet(asked.into)}\n")
     return 0
 

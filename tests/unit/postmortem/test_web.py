@@ -506,6 +506,21 @@ def test_few_incidents_make_no_trend(visitor: Visitor) -> None:
     assert "31.5" in visitor.get("/admin/trends").text
 
 
+def test_estimates_stand_beside_what_it_took_and_nonsense_is_passed_over(visitor: Visitor) -> None:
+    assert "No estimate was given so far" in visitor.get("/admin/trends").text
+    rows = [
+        {"total_ms": 900, "told_s": [0, 1]}, {"total_ms": 2500, "told_s": [1, 2]}, {"total_ms": 5, "told_s": None},
+        {"total_ms": "x", "told_s": [0, 1]}, {"total_ms": 5, "told_s": [3, 1]}, 7,
+    ]  # fmt: skip
+    (visitor.folder / "state").mkdir()
+    (visitor.folder / "state" / "recoveries.json").write_text(json.dumps({"recoveries": rows}))
+    page = visitor.get("/admin/trends").text
+    assert "Of 2 estimates 1 held" in page
+    assert page.index("1 to 2 s") < page.index("0 to 1 s")
+    (visitor.folder / "state" / "recoveries.json").write_text("[[" * 100_000)
+    assert visitor.get("/admin/trends").status == 200
+
+
 def test_every_act_stands_in_the_audit_log(visitor: Visitor) -> None:
     visitor.archive.written.append(
         Act("2026-11-22T09:00:00Z", "dashboard", "discard", LETTER_ID, HOSTILE, "done")
