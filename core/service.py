@@ -197,7 +197,7 @@ class Service(Slots):
         if refused is not None:
             return refused
         armed = self.rulings.armoury.armed
-        if armed is None or armed.name != name:
+        if armed is None or name not in armed.names:
             return None
         if self.safe is not None:
             return ReadOnly(self.safe)

@@ -26,6 +26,8 @@ RULES_MAX: Final = 2000
 SUSPECTS_MAX: Final = 4096
 SOURCES_MAX: Final = 256
 RELEASED_MAX: Final = 256
+#: Commands that are armed at one time.
+ARMED_MAX: Final = 64
 #: Under this name a file that can't be read is kept, for a person.
 DAMAGED: Final = "quarantine.damaged.json"
 #: Beside a letter's rule, until its message is written; nobody else reads it.
@@ -216,6 +218,8 @@ def judge(wish: object, new_id: str) -> Rule | str:
     """Return a wished-for rule as it will stand in the file, or one sentence that says what is wrong with it."""
     if not isinstance(wish, dict):
         return "The rule must be an object."
+    if _is_id(wish.get("id")):
+        new_id = wish["id"]  # who asks twice for one rule gets one
     match wish.get("type"):
         case "fingerprint":
             if not _hex(wish.get("fingerprint"), "digest"):
@@ -299,19 +303,36 @@ def _within(value: object, low: int, high: int) -> bool:
 
 
 def arm(folders: Folders, name: str, at: str = "decide") -> None:
-    """Let whoever executes the command of this name die of it. Blocks on the disk; raises OSError."""
-    files.write_json(folders.armed, {"version": 1, "fault": "poison", "name": name, "at": at, "seq": None})
+    """Let whoever executes the command of this name die of it, beside those that are armed for the same moment.
+
+    Where there are too many, the oldest can't kill any more. One at a time; blocks on the disk; raises OSError.
+    """
+    said = files.read_json(folders.armed)
+    names = [one for one in armed_names(folders) if one != name] if said.get("at") == at else []
+    _arm(folders, [*names, name][-ARMED_MAX:], at)
 
 
-def armed_name(folders: Folders) -> str:
-    """Return the name of the command that is armed; empty: none is."""
-    return str(files.read_json(folders.armed).get("name", ""))
+def armed_names(folders: Folders) -> list[str]:
+    """Return the names of the commands that are armed."""
+    said = files.read_json(folders.armed)
+    names = said.get("names", [said.get("name")])
+    return [one for one in names if _hex(one, "name")] if isinstance(names, list) else []
 
 
 def disarm(folders: Folders, name: str) -> bool:
-    """End the drill if it is armed with this name; return whether it was. Raises OSError."""
-    if armed_name(folders) != name:
+    """Let this command kill nobody any more; return whether it was armed. One at a time; raises OSError."""
+    names = armed_names(folders)
+    if name not in names:
         return False
+    rest = [one for one in names if one != name]
+    if rest:
+        _arm(folders, rest, str(files.read_json(folders.armed).get("at")))
+        return True
     folders.armed.unlink(missing_ok=True)
     files.sync_folder(folders.armed.parent)
     return True
+
+
+def _arm(folders: Folders, names: Sequence[str], at: str) -> None:
+    which = {"name": names[0]} if len(names) == 1 else {"names": list(names)}
+    files.write_json(folders.armed, {"version": 1, "fault": "poison", **which, "at": at, "seq": None})

@@ -66,6 +66,7 @@ class RuleBook:
         self._hands = hands
         self._doors = doors
         self._writing = asyncio.Lock()
+        self._arming = asyncio.Lock()
 
     async def change(self, change: Callable[[Aside], Aside], *, patient: bool = True) -> bool:
         """Change what the file says, for good; return whether it lies there. `patient`: tried until the disk takes it.
@@ -180,7 +181,8 @@ class RuleBook:
     async def arm(self, name: str) -> str:
         """Let the command of this name kill whoever executes it; return why that can't be done."""
         try:
-            await self._hands.in_hand(quarantine_file.arm, self._folders, name)
+            async with self._arming:
+                await self._hands.in_hand(quarantine_file.arm, self._folders, name)
         except OSError as error:
             return f"The drill can't be written down ({error.strerror})."
         return "" if await self.tell_cores() else "No core has read the drill."
@@ -188,6 +190,7 @@ class RuleBook:
     async def disarm(self, name: str) -> None:
         """End the drill, if it is this one that is armed."""
         try:
-            await self._hands.in_hand(quarantine_file.disarm, self._folders, name)
+            async with self._arming:
+                await self._hands.in_hand(quarantine_file.disarm, self._folders, name)
         except OSError as error:
             self._hands.note("drill", armed=name, failed=error.strerror)

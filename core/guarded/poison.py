@@ -24,6 +24,7 @@ FILE_BYTES_MAX: Final = 4096
 LATER_S: Final = 0.15
 FAULT: Final = "poison"
 NAME_CHARACTERS: Final = 32
+NAMES_MAX: Final = 64  # poisons of one drill
 
 _NAME: Final = re.compile(r"[0-9a-f]{32}")
 
@@ -39,9 +40,9 @@ class At(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Poison:
-    """What is armed. `name`: of the command that kills; `seq`: of the event, where the log does."""
+    """What is armed. `names`: of the commands that kill; `seq`: of the event, where the log does."""
 
-    name: str
+    names: frozenset[str]
     at: At
     seq: int | None = None
 
@@ -64,12 +65,21 @@ def read_poison(raw: bytes) -> Poison | None:
         return None
     if not isinstance(said, dict) or said.get("version") != 1 or said.get("fault") != FAULT:
         return None
-    name, at, seq = said.get("name"), said.get("at"), said.get("seq")
-    if not isinstance(name, str) or not is_name(name) or not isinstance(at, str) or at not in set(At):
+    names, at, seq = _names(said), said.get("at"), said.get("seq")
+    if not names or not isinstance(at, str) or at not in set(At):
         return None
     if seq is not None and (not isinstance(seq, int) or isinstance(seq, bool) or seq < 1):
         return None
-    return Poison(name, At(at), seq)
+    return Poison(names, At(at), seq)
+
+
+def _names(said: dict[str, object]) -> frozenset[str]:
+    """Return all names of a drill: one, or several; none if one of them is no name."""
+    names = said.get("names", [said.get("name")])
+    if not isinstance(names, list) or len(names) > NAMES_MAX:
+        return frozenset()
+    told = frozenset(name for name in names if isinstance(name, str) and is_name(name))
+    return told if len(told) == len(names) else frozenset()
 
 
 class Armoury:
@@ -88,7 +98,7 @@ class Armoury:
     def strike(self, at: At, names: Iterable[str]) -> None:
         """End this process if one of the commands of these names is the armed one, and this its moment."""
         armed = self.armed
-        if armed is None or armed.at is not at or armed.name not in names:
+        if armed is None or armed.at is not at or armed.names.isdisjoint(names):
             return
         if at is At.LATER:
             timer = threading.Timer(LATER_S, _die)

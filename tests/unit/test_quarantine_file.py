@@ -155,6 +155,18 @@ def test_a_rule_that_makes_none_is_refused_in_a_sentence(wish: object) -> None:
     assert said.endswith(".")
 
 
+def test_each_of_several_drills_is_disarmed_for_itself(folders: Folders) -> None:
+    names = [f"{number:032x}" for number in range(quarantine_file.ARMED_MAX + 1)]
+    for name in names:
+        quarantine_file.arm(folders, name)
+    assert quarantine_file.armed_names(folders) == names[1:], "the oldest is over"
+    for name in names[2:]:
+        assert quarantine_file.disarm(folders, name)
+    assert quarantine_file.armed_names(folders) == [names[1]]
+    quarantine_file.arm(folders, "a" * 32, "write")
+    assert quarantine_file.armed_names(folders) == ["a" * 32], "it strikes at another moment"
+
+
 def test_a_drill_is_disarmed_by_its_own_name_alone(folders: Folders) -> None:
     quarantine_file.arm(folders, "a" * 32)
     assert not quarantine_file.disarm(folders, "b" * 32)

@@ -55,6 +55,17 @@ def test_it_kills_where_it_is_armed(
     assert (done.returncode, done.stdout) == (-signal.SIGSEGV, said)
 
 
+def test_each_of_several_kills(tmp_path: Path) -> None:
+    path, other = tmp_path / "drill.json", name_of("drill-2")
+    told = {"version": 1, "fault": "poison", "names": [NAME, other], "at": "decide", "seq": None}
+    path.write_text(json.dumps(told))
+    armoury = Armoury(path)
+    armoury.read()
+    assert armoury.armed == Poison(frozenset({NAME, other}), At.DECIDE)
+    for name in (NAME, other):
+        assert struck(path, "decide", name).returncode == -signal.SIGSEGV
+
+
 def test_it_touches_nobody_else(tmp_path: Path) -> None:
     armoury = Armoury(armed(tmp_path / "drill.json", "write", seq=7))
     armoury.read()
@@ -76,6 +87,9 @@ def test_it_touches_nobody_else(tmp_path: Path) -> None:
         b'{"version": 1, "fault": "poison", "name": "%s", "at": "once"}' % NAME.encode(),
         b'{"version": 1, "fault": "poison", "name": "%s", "at": ["log"]}' % NAME.encode(),
         b'{"version": 1, "fault": "poison", "name": "%s", "at": "log", "seq": true}' % NAME.encode(),
+        b'{"version": 1, "fault": "poison", "names": [], "at": "log"}',
+        b'{"version": 1, "fault": "poison", "names": ["%s", "x"], "at": "log"}' % NAME.encode(),
+        b'{"version": 1, "fault": "poison", "names": "%s", "at": "log"}' % NAME.encode(),
         b'{"version": 2, "fault": "poison", "name": "%s", "at": "log"}' % NAME.encode(),
     ],
 )
@@ -87,7 +101,7 @@ def test_a_file_that_is_too_long_disarms(tmp_path: Path) -> None:
     path = armed(tmp_path / "drill.json", "log", seq=3)
     armoury = Armoury(path)
     armoury.read()
-    assert armoury.armed == Poison(NAME, At.LOG, 3)
+    assert armoury.armed == Poison(frozenset({NAME}), At.LOG, 3)
     path.write_bytes(b" " * (FILE_BYTES_MAX + 1))
     armoury.read()
     assert armoury.armed is None
