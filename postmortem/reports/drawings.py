@@ -34,12 +34,16 @@ _MIB = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """A picture, and the same as a table: `head` names the columns of `rows`. `title` says what is to be seen."""
+    """A picture, and the same as a table: `head` names the columns of `rows`. `title` says what is to be seen.
+
+    `legend`: what the numbers in the picture stand for, where it has numbers.
+    """
 
     title: str
     svg: Markup
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    legend: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +87,13 @@ def draw_timeline(moments: Sequence[Moment], lang: str) -> Drawing | None:
         return None
     whole_ms = kept[-1].offset_ms - kept[0].offset_ms
     lengths = [after.offset_ms - before.offset_ms for before, after in pairwise(kept)]
-    pieces, left = [], 0.0
-    for number, (width, after) in enumerate(zip(_widths(lengths), kept[1:], strict=True), 1):
+    pieces, legend, left = [], [], 0.0
+    for number, (width, length_ms, after) in enumerate(
+        zip(_widths(lengths), lengths, kept[1:], strict=True), 1
+    ):
         pieces.append(_piece(number, left, width, outage=after.outage))
+        if width >= _NUMBERED_MIN:
+            legend.append(f"{number} {visible(after.name)} {duration_text(length_ms, lang)}")
         left += width
     rows = [
         (
@@ -98,9 +106,8 @@ def draw_timeline(moments: Sequence[Moment], lang: str) -> Drawing | None:
         for number, moment in enumerate(kept)
     ]
     title = _word("timeline", lang).format(whole=duration_text(whole_ms, lang))
-    return Drawing(
-        title, _svg(title, _BAR_HEIGHT + 2 * _BAR_TOP, pieces), _words("timeline_head", lang), tuple(rows)
-    )
+    picture = _svg(title, _BAR_HEIGHT + 2 * _BAR_TOP, pieces)
+    return Drawing(title, picture, _words("timeline_head", lang), tuple(rows), tuple(legend))
 
 
 def draw_memory(points: Sequence[tuple[float, int]], limit_bytes: int | None, lang: str) -> Drawing | None:

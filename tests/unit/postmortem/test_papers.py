@@ -276,6 +276,17 @@ def test_a_memory_curve_keeps_its_peak_and_its_end_however_many_looks_there_were
     assert "The limit is 512 MiB." in drawn.title
 
 
+def test_every_number_in_the_bar_of_a_timeline_is_told_beside_it() -> None:
+    drawn = draw_timeline(
+        [Moment("fault", 0), Moment("seen <b>", 3), Moment("ready", 900), Moment("end", 1_000)], "en"
+    )
+    assert drawn is not None
+    assert re.findall(r"<text[^>]*>(\d+)</text>", drawn.svg) == [
+        one.partition(" ")[0] for one in drawn.legend
+    ]
+    assert drawn.legend[0] == "2 ready 897 ms"
+
+
 @pytest.mark.parametrize("many", [2, 3, 12, 40])
 def test_a_ring_of_any_size_is_drawn_within_its_frame(many: int) -> None:
     waits = [Wait(f"t{n}<b>", HOSTILE, f"t{(n + 1) % many}<b>") for n in range(many)]
