@@ -16,6 +16,11 @@ from postmortem.web.lobby import Lobby, field, lead_to, reader_of
 PAGE_LINES_MAX: Final = 50
 FILTER_CHARACTERS_MAX: Final = 200
 HERE: Final = "/admin/incidents"
+#: Outcomes as the archive has them, and the word for each: of one that its guard left, a line knows no more.
+_OUTCOMES: Final = {
+    "recovered": "recovered", "manual": "manual", "safe_mode": "safe_mode", "assist": "assist", "open": "open",
+    "abandoned": "untold",
+}  # fmt: skip
 _NAMES: Final = ("state", "reason", "diagnosis", "outcome", "account", "fingerprint", "since", "until")
 
 
@@ -27,7 +32,7 @@ async def incidents(lobby: Lobby, request: Request) -> Response:
     seek = lobby.reads.incidents if every else lobby.reads.groups
     page = await lobby.read(lambda: seek(wanted, PAGE_LINES_MAX, cursor))
     lang = reader_of(request).lang
-    words = {code: texts[lang] for code, texts in catalogue_reports.OUTCOME_WORDS.items()}
+    words = {code: catalogue_reports.OUTCOME_WORDS[name][lang] for code, name in _OUTCOMES.items()}
     return lobby.show(
         request,
         "incidents.html.j2",

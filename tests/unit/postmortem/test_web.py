@@ -82,6 +82,16 @@ def test_a_drill_that_only_left_an_incident_is_a_proof_and_stands_once_among_the
     assert visitor.get("/admin/trends").text.count("sudden death") == 1
 
 
+def test_the_outcome_of_an_incident_whose_guard_died_is_said_in_words_and_can_be_filtered_by(
+    visitor: Visitor,
+) -> None:
+    visitor.archive.lines.append(line(outcome="abandoned"))
+    page = visitor.get("/admin/incidents?view=all").text
+    assert '<option value="abandoned">not known</option>' in page
+    assert ">not known</td>" in page
+    assert ">abandoned<" not in page
+
+
 def test_the_list_of_incidents_is_a_file_without_formulas(visitor: Visitor) -> None:
     visitor.archive.lines += [line(id=f"a{n}", account_ids=("=cmd()",)) for n in range(700)]
     rows = list(csv.reader(io.StringIO(visitor.get("/admin/incidents.csv").body.decode("utf-8-sig"))))
