@@ -1,18 +1,22 @@
-"""Poison where no request waits: in a row of a bank's file, after its answer, and in the log itself."""
+"""Poison in other places than one request: in many at once, in a row of a file, after its answer, in the log itself."""
 
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Any
 
 import pytest
 
 from hardcore import quarantine_file
 from tests.integration.house import WITH_SPARE, House
-from tests.integration.poisoning import house_story, letter_of, name_of, rules
+from tests.integration.poisoning import Load, house_story, letter_of, name_of, rules
 from tests.integration.test_imports import commit, statement, uploaded
 from tests.waiting import until
 
 ROWS = 200
 POISONED_ROW = 120
+POISONS = 10  # as many as one source may have convicted in a minute
+INNOCENTS = 6
 ENDS_S = 60.0
 
 
@@ -26,11 +30,38 @@ def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
         house.end()
 
 
-def arm(house: House, key: str, at: str) -> None:
-    """Arm what nobody sends as a request; a rule that does nothing has the cores read it."""
-    quarantine_file.arm(house.folders, name_of(key), at)
+def arm(house: House, at: str, *keys: str) -> None:
+    """Arm what a test sends by itself; a rule that does nothing has the cores read it."""
+    for key in keys:
+        quarantine_file.arm(house.folders, name_of(key), at)
     told = house.order("rule-add", rule={"type": "limit", "kind": "nothing", "per_minute": 1})
     assert told["ok"], told
+
+
+def test_ten_poisons_at_once_cost_one_death_and_refuse_nobody_else(house: House) -> None:
+    house.spared()
+    before = len(house.incidents())
+    poisons = [f"poison-{number}" for number in range(POISONS)]
+    innocents = [f"beside-{number}" for number in range(INNOCENTS)]
+    arm(house, "decide", *poisons)
+    load = Load(house, "nobody", customers=0)
+    try:
+        with closing(sqlite3.connect(house.folders.data / "ledger.db", isolation_level=None)) as holder:
+            holder.execute("BEGIN IMMEDIATE")  # so that the core has all of them when it dies
+            sent = {key: load.send(key, key) for key in [*poisons[:5], *innocents, *poisons[5:]]}
+            until(lambda: house.status()["core"]["in_flight"] == len(sent), "the core to have them all")
+            holder.execute("ROLLBACK")
+        letters = {letter_of(house, key) for key in poisons}
+        answers = {key: answer.result() for key, answer in sent.items()}
+    finally:
+        load.stop()
+    assert len(letters) == POISONS
+    assert {answers[key].status for key in poisons} == {422}, answers
+    assert {answers[key].status for key in innocents} == {201}, answers
+    assert [death["diagnosis"] for death in house.closed(before + 1)["deaths"]] == ["CRASHED"]
+    assert len(house.incidents()) == before + 1
+    assert sorted(one for one in house.booked() if one in sent) == innocents
+    until(lambda: not house.folders.armed.exists(), "each to be disarmed by its verdict")
 
 
 def test_a_poison_row_of_a_file_costs_that_row_and_one_death(house: House) -> None:
@@ -38,7 +69,7 @@ def test_a_poison_row_of_a_file_costs_that_row_and_one_death(house: House) -> No
     before = len(house.incidents())
     import_id = uploaded(house, statement(ROWS, "row"))
     key = f"{import_id}:{POISONED_ROW}"
-    arm(house, key, "decide")
+    arm(house, "decide", key)
     assert commit(house, import_id).status == 202
     letter = letter_of(house, key)
 
@@ -57,7 +88,7 @@ def test_a_poison_row_of_a_file_costs_that_row_and_one_death(house: House) -> No
 def test_a_poison_that_works_after_its_answer_convicts_nobody_and_loses_nothing(house: House) -> None:
     house.spared()
     before, ruled = len(house.incidents()), len([r for r in rules(house) if r["type"] == "letter"])
-    arm(house, "delayed", "later")
+    arm(house, "later", "delayed")
     assert house.book("delayed").status == 201
     story = house.closed(before + 1)
     assert [death["diagnosis"] for death in story["deaths"]] == ["CRASHED"]
