@@ -140,7 +140,11 @@ class Runtime:
         for handle in found.courts:
             self.executor.begin(self.executor.clearing.see_off(handle))
         self.investigators.inherit(found.investigators)
-        court = self.court.take_up(setup.aside, setup.court, setup.court_since)
+        court = self.court.take_up(setup.aside, setup.court, setup.court_since, setup.unruled)
+        if setup.rules_fault:
+            self.executor.note("alert", text=setup.rules_fault)
+            act = {"who": "sentinel", "verb": "rules", "what": "damaged", "reason": setup.rules_fault}
+            self.court.spool("act", act)
         self.feed(
             seen.SentinelBegan(
                 clock.now_ns(),
