@@ -1,6 +1,5 @@
 """An incident as a file to take away, in the forms that the command line knows; the redacted one is shown first."""
 
-import json
 from types import MappingProxyType
 from typing import Final
 
@@ -8,11 +7,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from postmortem import reading
-from postmortem.bundle import Found
-from postmortem.reports.as_html import as_html
-from postmortem.reports.as_json import as_story
-from postmortem.reports.as_markdown import as_markdown
-from postmortem.reports.as_zip import as_zip, pack
+from postmortem.cli import exported
+from postmortem.reports.as_zip import pack
 from postmortem.web import story
 from postmortem.web.lobby import Lobby, reader_of
 
@@ -34,7 +30,7 @@ async def export(lobby: Lobby, request: Request) -> Response:
     found = story.find(lobby.places.incidents, request.path_params["id"])
     if found is None or form not in FORMS:
         return lobby.lost(request, _HERE, _HERE)
-    body = await lobby.read(lambda: _made(found, form, lang))
+    body = await lobby.read(lambda: exported(lobby.places.incidents, found, f".{form}", lang))
     await lobby.places.write_down("export", found.id, "", form)
     headers = {
         "Content-Disposition": f'attachment; filename="{found.id}.{form}"',
@@ -53,17 +49,3 @@ async def preview(lobby: Lobby, request: Request) -> Response:
     packed = await lobby.read(lambda: pack(found, reading.read_report(found), lang))
     files = [(name, len(data)) for name, data in packed.files]
     return lobby.show(request, "bundle.html.j2", _HERE, id=found.id, files=files, lines=packed.lines)
-
-
-def _made(found: Found, form: str, lang: str) -> bytes:
-    report = reading.read_report(found)
-    match form:
-        case "md":
-            return as_markdown(report, lang).encode("utf-8", "replace")
-        case "html":
-            return as_html(report, lang).encode("utf-8", "replace")
-        case "json":
-            return json.dumps(as_story(report, lang), ensure_ascii=False, indent=1).encode("utf-8", "replace")
-        case _:
-            assert form == "zip", form
-            return as_zip(pack(found, report, lang).files)

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 from frontend.admin_paper import admin_files
-from postmortem import bundle
+from postmortem import bundle, reading
+from postmortem.cli import exported
 from postmortem.views import Act, Drill, DryRun, LetterState, ProposalState
 from postmortem.web.letter import is_fresh
 from postmortem.web.letters import sums_of
@@ -252,6 +253,15 @@ def test_an_export_is_a_file_and_never_a_page(visitor: Visitor, form: str) -> No
     assert answer.status == 200
     assert answer.headers["content-disposition"].startswith("attachment")
     assert "sandbox" in answer.headers["content-security-policy"]
+
+
+def test_an_export_of_a_page_says_the_same_as_that_of_the_command_line(visitor: Visitor) -> None:
+    with_incident(visitor)
+    folder = visitor.folder / "incidents"
+    assert (
+        exported(folder, reading.find(folder, story.ID)[0], ".md", "en")
+        == visitor.get(f"{ONE}/export.md").body
+    )
 
 
 def test_the_redacted_bundle_is_shown_before_it_is_taken(visitor: Visitor) -> None:
