@@ -2,10 +2,10 @@
 
 Lists go backwards by sequence and a cursor is the sequence last shown, so a page never shifts under new
 bookings; an offset would. A transaction is told from its event, not from its readings: the readings find it,
-the event is what happened.
+the event is what happened. Only of one that is left out of every rebuild (`parked`) the readings tell (`drawing`).
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -15,10 +15,11 @@ from sqlalchemy import Connection, func, select, text
 from core.journal import schema
 from core.journal.attestation import Attestation, Balance
 from core.journal.chain import EventRow
+from core.journal.drawing import booking_of
 from core.journal.proof import Tail, Walk
 from core.journal.shelf import VARIABLES_MAX, account_of
 from core.ledger.accounts import Account, AccountType
-from core.ledger.events import AccountOpened, Booking, decode
+from core.ledger.events import AccountOpened, decode
 from core.ledger.views import (
     CommittedEvent,
     EventView,
@@ -57,11 +58,12 @@ def list_accounts(
     return [account_of(row) for row in connection.execute(query)]
 
 
-def first_opened(connection: Connection, records: int) -> list[str]:
+def first_opened(connection: Connection, records: int, parked: Container[int]) -> list[str]:
     """Return the ids of the accounts that were opened within the first `records` of the ledger, in that order."""
     event = schema.event.c
-    query = select(event.body).where(event.seq <= records, event.kind == _OPENED).order_by(event.seq)
-    found = (decode(row.body) for row in connection.execute(query))
+    query = select(event.seq, event.body).where(event.seq <= records, event.kind == _OPENED)
+    rows = connection.execute(query.order_by(event.seq))
+    found = (decode(row.body) for row in rows if row.seq not in parked)
     return [one.id for one in found if isinstance(one, AccountOpened)]
 
 
@@ -71,7 +73,9 @@ def get_account(connection: Connection, account_id: str) -> Account | None:
     return account_of(row) if row else None
 
 
-def list_transactions(connection: Connection, wanted: TransactionFilter) -> list[TransactionView]:
+def list_transactions(
+    connection: Connection, wanted: TransactionFilter, parked: Container[int]
+) -> list[TransactionView]:
     """Return transactions, newest first."""
     booking = schema.booking.c
     query = _EVENTS_OF_BOOKINGS.order_by(booking.seq.desc()).limit(wanted.limit)
@@ -86,14 +90,16 @@ def list_transactions(connection: Connection, wanted: TransactionFilter) -> list
         query = query.where(booking.description.icontains(wanted.words, autoescape=True))
     if wanted.before_seq is not None:
         query = query.where(booking.seq < wanted.before_seq)
-    return [_transaction(row) for row in connection.execute(query)]
+    return [_transaction(connection, row, parked) for row in connection.execute(query)]
 
 
-def get_transaction(connection: Connection, transaction_id: str) -> TransactionView | None:
+def get_transaction(
+    connection: Connection, transaction_id: str, parked: Container[int]
+) -> TransactionView | None:
     """Return one transaction."""
     query = _EVENTS_OF_BOOKINGS.where(schema.booking.c.id == transaction_id)
     row = connection.execute(query).one_or_none()
-    return _transaction(row) if row else None
+    return _transaction(connection, row, parked) if row else None
 
 
 def list_events(connection: Connection, after_seq: int, limit: int) -> list[EventView]:
@@ -114,7 +120,7 @@ def list_events(connection: Connection, after_seq: int, limit: int) -> list[Even
 
 
 def committed_after(connection: Connection, after_seq: int, limit: int) -> list[CommittedEvent]:
-    """Return what would have been told of the events after a sequence at the time, in order."""
+    """Return what would have been told of the events after a sequence at the time, in order; none is left out."""
     told = []
     for row in event_rows(connection, after_seq, limit):
         event = decode(row.body)
@@ -257,7 +263,7 @@ _EVENTS_OF_BOOKINGS: Final = select(
 ).join_from(schema.booking, schema.event, schema.booking.c.seq == schema.event.c.seq)
 
 
-def _transaction(row: Any) -> TransactionView:
-    event = decode(row.body)
-    assert isinstance(event, Booking), f"event {row.seq} is listed as a booking and is none"
-    return view_transaction(event, Place(row.seq, row.epoch, row.booked_ns, row.hash))
+def _transaction(connection: Connection, row: Any, parked: Container[int]) -> TransactionView:
+    event = booking_of(connection, row.seq, row.body, parked)
+    place = Place(row.seq, row.epoch, row.booked_ns, row.hash)
+    return view_transaction(event, place, set_aside=row.seq in parked)

@@ -4,18 +4,20 @@ Lists go backwards by day, and a page goes on after the place it ended at (day, 
 shifts under new bookings. Balances are not stored: the one of a page's newest line is the account's balance
 less what stands after it, and every older one follows from it. That reads one index and little of it for the
 pages people look at; a balance in each row was not chosen, because an entry for last month would rewrite all
-rows since. Sums are added in two halves: SQL's own would overflow at 64 bits.
+rows since. Sums are added in two halves: SQL's own would overflow at 64 bits. What is left out of every rebuild (`parked`)
+is drawn from the readings alone (`drawing`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import ColumnElement, Connection, and_, func, or_, select, tuple_, union_all
 
 from core.journal import schema
+from core.journal.drawing import booking_of
 from core.journal.shelf import account_of
-from core.ledger.events import Booking, EntryPosted, decode
+from core.ledger.events import Booking, EntryPosted
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import amount_fault, parse_amount
 from core.ledger.overview import (
@@ -55,14 +57,14 @@ class HouseholdFilter:
     limit: int = 50
 
 
-def get_entry(connection: Connection, entry_id: str) -> EntryView | None:
+def get_entry(connection: Connection, entry_id: str, parked: Container[int]) -> EntryView | None:
     """Return the newest content of an entry; None if there is none or it was reversed."""
     query = _entries_query().where(schema.entry.c.id == entry_id)
     row = connection.execute(query).one_or_none()
-    return _entry(row) if row else None
+    return _entry(connection, row, parked) if row else None
 
 
-def list_entries(connection: Connection, wanted: HouseholdFilter) -> list[EntryView]:
+def list_entries(connection: Connection, wanted: HouseholdFilter, parked: Container[int]) -> list[EntryView]:
     """Return what stands of the entries, newest day first."""
     entry = schema.entry.c
     query = _entries_query().order_by(entry.date.desc(), entry.seq.desc()).limit(wanted.limit)
@@ -76,10 +78,12 @@ def list_entries(connection: Connection, wanted: HouseholdFilter) -> list[EntryV
     if wanted.after is not None:
         here = (wanted.after.date, wanted.after.seq)
         query = query.where(tuple_(entry.date, entry.seq) < here)
-    return [_entry(row) for row in connection.execute(query)]
+    return [_entry(connection, row, parked) for row in connection.execute(query)]
 
 
-def list_register(connection: Connection, wanted: HouseholdFilter) -> list[RegisterLine]:
+def list_register(
+    connection: Connection, wanted: HouseholdFilter, parked: Container[int]
+) -> list[RegisterLine]:
     """Return what stands on an account (None: on all accounts of money), newest day first, with balances."""
     posting = schema.posting.c
     query = _LINES.order_by(posting.date.desc(), posting.seq.desc(), posting.line.desc()).limit(wanted.limit)
@@ -94,7 +98,7 @@ def list_register(connection: Connection, wanted: HouseholdFilter) -> list[Regis
         query = query.where(_place() < (wanted.after.date, wanted.after.seq, wanted.after.line))
     rows = connection.execute(query).all()
     balances = _balances(connection, rows, has_gaps=wanted.words is not None)
-    events = _bookings(connection, [row.seq for row in rows])
+    events = _bookings(connection, [row.seq for row in rows], parked)
     return [
         view_line(StandingLine(row.seq, row.line, events[row.seq], account_of(row), row.amount, balance))
         for row, balance in zip(rows, balances, strict=True)
@@ -220,19 +224,16 @@ def _currencies(connection: Connection) -> list[str]:
     return list(connection.execute(select(schema.account.c.currency).distinct()).scalars())
 
 
-def _bookings(connection: Connection, seqs: Sequence[int]) -> dict[int, Booking]:
+def _bookings(connection: Connection, seqs: Sequence[int], parked: Container[int]) -> dict[int, Booking]:
     """Return these events, read apart: to find a line must not cost the reading of its event."""
     query = select(schema.event.c.seq, schema.event.c.body).where(schema.event.c.seq.in_(seqs))
-    bookings: dict[int, Booking] = {}
-    for row in connection.execute(query):
-        event = decode(row.body)
-        assert isinstance(event, Booking), f"event {row.seq} is listed as a booking and is none"
-        bookings[row.seq] = event
-    return bookings
+    return {
+        row.seq: booking_of(connection, row.seq, row.body, parked) for row in connection.execute(query).all()
+    }
 
 
-def _entry(row: Any) -> EntryView:
-    event = decode(row.body)
+def _entry(connection: Connection, row: Any, parked: Container[int]) -> EntryView:
+    event = booking_of(connection, row.seq, row.body, parked)
     assert isinstance(event, EntryPosted), f"event {row.seq} is listed as an entry and is none"
     return view_entry(event, Place(row.seq, row.epoch, row.booked_ns, row.hash), row.name)
 

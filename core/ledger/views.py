@@ -72,7 +72,8 @@ class AccountAnswer(msgspec.Struct, frozen=True):
 class TransactionView(msgspec.Struct, frozen=True):
     """A booked transaction as answers show it.
 
-    `entry`: the household's entry it belongs to; `reverses`: the transaction it takes back.
+    `entry`: the household's entry it belongs to; `reverses`: the transaction it takes back. `state`: `posted`, or
+    `set-aside` of one whose event is left out: what its event alone says (tags) is not shown.
     """
 
     id: str
@@ -180,8 +181,8 @@ def answer_account(account: Account, place: Place) -> AccountAnswer:
     )
 
 
-def view_transaction(event: Booking, place: Place) -> TransactionView:
-    """Return a booked transaction as answers show it."""
+def view_transaction(event: Booking, place: Place, *, set_aside: bool = False) -> TransactionView:
+    """Return a booked transaction as answers show it. `set_aside`: its event is left out, and was not read."""
     return TransactionView(
         id=event.id,
         seq=place.seq,
@@ -190,7 +191,7 @@ def view_transaction(event: Booking, place: Place) -> TransactionView:
         booked_at=timestamp(place.booked_ns),
         date=event.date,
         description=event.description,
-        state="posted",
+        state="set-aside" if set_aside else "posted",
         tags=() if isinstance(event, TransactionReversed) else event.tags,
         postings=event.postings,
         entry=None if isinstance(event, TransactionPosted) else event.entry,

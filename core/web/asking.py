@@ -5,7 +5,7 @@ every refusal ends the request as a problem, and no handler decides for itself w
 """
 
 import logging
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Final, TypeVar, assert_never
 
@@ -52,6 +52,11 @@ def service_of(request: Request) -> Service:
     """Return the service this application was made for."""
     service: Service = request.app.state.service
     return service
+
+
+def left_out(request: Request) -> Container[int]:
+    """Return the numbers of the events that are left out: no answer is made of what stands in them."""
+    return service_of(request).rulings.quarantine.rules.parked
 
 
 async def carry_out(request: Request, kind: str, command: Command, body: bytes) -> Response:

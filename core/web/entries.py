@@ -6,6 +6,7 @@ As in `handlers.py`, each takes a request apart, asks and tells; the rules are t
 import calendar
 import datetime as dt
 import re
+from functools import partial
 from typing import Final
 
 from starlette.requests import Request
@@ -21,7 +22,7 @@ from core.ledger.entries import (
     replace_entry,
     reverse_entry,
 )
-from core.web.asking import Routes, accepted, as_json, as_list, carry_out, read, service_of
+from core.web.asking import Routes, accepted, as_json, as_list, carry_out, left_out, read, service_of
 from core.web.intake import Parameters, decode_body, make_position, read_body
 from core.web.problems import Problem, ProblemError
 
@@ -66,7 +67,8 @@ async def delete_entry(request: Request) -> Response:
 async def get_entry(request: Request) -> Response:
     """GET /api/ledger/entries/{id}."""
     wanted = entry_in_path(request)
-    found = await read(request, "read.entry", lambda c: register.get_entry(c, wanted), transaction_id=wanted)
+    question = partial(register.get_entry, entry_id=wanted, parked=left_out(request))
+    found = await read(request, "read.entry", question, transaction_id=wanted)
     if found is None:
         raise ProblemError(Problem("entry-not-found"))
     return as_json(found)
@@ -75,7 +77,8 @@ async def get_entry(request: Request) -> Response:
 async def list_entries(request: Request) -> Response:
     """GET /api/ledger/entries."""
     wanted, limit = _wanted(request)
-    found = await read(request, "read.entries", lambda c: register.list_entries(c, wanted))
+    parked = left_out(request)
+    found = await read(request, "read.entries", lambda c: register.list_entries(c, wanted, parked))
     entries = found[:limit]
     more = len(found) > limit
     return as_json(as_list(entries, make_position(entries[-1].date, entries[-1].seq, 0) if more else None))
@@ -84,7 +87,8 @@ async def list_entries(request: Request) -> Response:
 async def list_register(request: Request) -> Response:
     """GET /api/ledger/register."""
     wanted, limit = _wanted(request)
-    found = await read(request, "read.register", lambda c: register.list_register(c, wanted))
+    parked = left_out(request)
+    found = await read(request, "read.register", lambda c: register.list_register(c, wanted, parked))
     lines = found[:limit]
     last = lines[-1] if len(found) > limit else None
     return as_json(as_list(lines, make_position(last.date, last.seq, last.line) if last else None))

@@ -5,6 +5,7 @@ done is never decided here; a handler only knows shapes.
 """
 
 import logging
+from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -34,6 +35,7 @@ from core.web.asking import (
     begin,
     carry_out,
     granted,
+    left_out,
     read,
     respond_with,
     service_of,
@@ -120,7 +122,8 @@ async def list_transactions(request: Request) -> Response:
         limit=limit + 1,
     )
     parameters.check()
-    found = await read(request, "read.transactions", lambda c: queries.list_transactions(c, wanted))
+    parked = left_out(request)
+    found = await read(request, "read.transactions", lambda c: queries.list_transactions(c, wanted, parked))
     page = found[:limit]
     return as_json(as_list(page, make_cursor(page[-1].seq) if len(found) > limit else None))
 
@@ -128,9 +131,8 @@ async def list_transactions(request: Request) -> Response:
 async def get_transaction(request: Request) -> Response:
     """GET /api/ledger/transactions/{id}."""
     wanted: str = request.path_params["id"]
-    found = await read(
-        request, "read.transaction", lambda c: queries.get_transaction(c, wanted), transaction_id=wanted
-    )
+    question = partial(queries.get_transaction, transaction_id=wanted, parked=left_out(request))
+    found = await read(request, "read.transaction", question, transaction_id=wanted)
     if found is None:
         raise ProblemError(Problem("transaction-not-found", values={"transaction": wanted[:NAMED_MAX]}))
     return as_json(found)

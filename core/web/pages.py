@@ -16,7 +16,7 @@ from starlette.responses import Response
 from core.ledger.accounts import AccountType, is_account_id
 from core.ledger.fields import is_date
 from core.web import pages_book
-from core.web.asking import read, service_of
+from core.web.asking import left_out, read, service_of
 from core.web.entries import entry_in_path
 from core.web.intake import WORDS_CHARACTERS_MAX, read_position
 from core.web.pages_answers import ACCOUNT_COOKIE, reader_of, show
@@ -50,7 +50,9 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
     reader = reader_of(request)
     seq = service_of(request).head_seq
     month = _month(request) or reader.today.strftime("%Y-%m")
-    question = functools.partial(pages_book.overview, month=month, recent_max=RECENT_MAX)
+    question = functools.partial(
+        pages_book.overview, month=month, recent_max=RECENT_MAX, parked=left_out(request)
+    )
     seen = await read(request, "page.overview", question)
     if all(one.id != form.account for one in seen.money_accounts):
         form = dataclasses.replace(form, values={**form.values, "account": seen.first_account})
@@ -80,7 +82,9 @@ async def register(request: Request) -> Response:
     asked = {name: request.query_params.get(name, "") for name in ("account", "q", "from", "to", "cursor")}
     _refuse_strange(asked)
     seq = service_of(request).head_seq
-    question = functools.partial(pages_book.register, asked=asked, limit=PAGE_LINES_MAX)
+    question = functools.partial(
+        pages_book.register, asked=asked, limit=PAGE_LINES_MAX, parked=left_out(request)
+    )
     seen = await read(request, "page.register", question)
     older = dict(asked, cursor=seen.next_cursor) if seen.next_cursor else None
     return show(
@@ -133,7 +137,7 @@ async def entry_of(request: Request) -> EntryPicture:
     seen = await read(
         request,
         "page.entry",
-        functools.partial(pages_book.entry, entry_id=entry_id),
+        functools.partial(pages_book.entry, entry_id=entry_id, parked=left_out(request)),
         transaction_id=entry_id,
     )
     if seen is None:

@@ -2,12 +2,13 @@
 
 The numbers of a page must agree with each other: a balance beside an entry that it does not hold yet would look
 like a fault. So a page asks once, on a reader's thread, and gets a picture; how it is drawn is the templates'.
+`parked` are the events that are left out, and not read for a page either.
 """
 
 import calendar
 import urllib.parse
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -86,7 +87,7 @@ class EntryPicture:
     categories: Sequence[str]
 
 
-def overview(connection: Connection, month: str, recent_max: int) -> OverviewPicture:
+def overview(connection: Connection, month: str, recent_max: int, parked: Container[int]) -> OverviewPicture:
     """Return what the overview shows of a month (YYYY-MM)."""
     accounts = _accounts(connection)
     choices = _money_accounts(accounts)
@@ -97,16 +98,18 @@ def overview(connection: Connection, month: str, recent_max: int) -> OverviewPic
     return OverviewPicture(
         accounts=[_shown(account) for account in accounts],
         money_accounts=choices,
-        first_account=_first_of(connection, choices),
+        first_account=_first_of(connection, choices, parked),
         categories=_category_names(accounts),
         summary=summary,
         flows=[flow for flow in summary.currencies if _moved(flow)] or summary.currencies[:1],
         spent=spent[:BARS_MAX],
-        recent=list_entries(connection, HouseholdFilter(limit=recent_max)),
+        recent=list_entries(connection, HouseholdFilter(limit=recent_max), parked),
     )
 
 
-def register(connection: Connection, asked: Mapping[str, str], limit: int) -> RegisterPicture:
+def register(
+    connection: Connection, asked: Mapping[str, str], limit: int, parked: Container[int]
+) -> RegisterPicture:
     """Return a page of the register; `asked` holds account, q, from, to and cursor, empty where not asked."""
     place = read_position(asked["cursor"])
     accounts = _accounts(connection)
@@ -118,7 +121,7 @@ def register(connection: Connection, asked: Mapping[str, str], limit: int) -> Re
         after=Position(*place) if place else None,
         limit=limit + 1,
     )
-    found = list_register(connection, wanted)
+    found = list_register(connection, wanted, parked)
     lines = found[:limit]
     account = queries.get_account(connection, wanted.account) if wanted.account is not None else None
     return RegisterPicture(
@@ -144,9 +147,9 @@ def money_accounts(connection: Connection) -> list[ShownAccount]:
     return _money_accounts(_accounts(connection))
 
 
-def entry(connection: Connection, entry_id: str) -> EntryPicture | None:
+def entry(connection: Connection, entry_id: str, parked: Container[int]) -> EntryPicture | None:
     """Return an entry with what its form needs; None if none stands under this id."""
-    found = get_entry(connection, entry_id)
+    found = get_entry(connection, entry_id, parked)
     if found is None:
         return None
     accounts = _accounts(connection)
@@ -191,9 +194,10 @@ def _place_in_list(account: Account) -> tuple[int, str, str]:
     return _GROUPS.index(account.type), account.name.casefold(), account.id
 
 
-def _first_of(connection: Connection, choices: Sequence[ShownAccount]) -> str:
+def _first_of(connection: Connection, choices: Sequence[ShownAccount], parked: Container[int]) -> str:
     """Return the account that was opened first, what one has before what one owes; it never changes by itself."""
-    opened = {name: at for at, name in enumerate(queries.first_opened(connection, FIRST_RECORDS))}
+    first = queries.first_opened(connection, FIRST_RECORDS, parked)
+    opened = {name: at for at, name in enumerate(first)}
     oldest = min(
         choices,
         key=lambda one: (one.id not in opened, one.type != AccountType.ASSET.value, opened.get(one.id, 0)),

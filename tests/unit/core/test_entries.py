@@ -60,7 +60,7 @@ def balances(made: Pen) -> dict[str, int]:
 
 
 def entries(made: Pen) -> list[tuple[str, str]]:
-    found = register.list_entries(made.connection, HouseholdFilter(limit=500))
+    found = register.list_entries(made.connection, HouseholdFilter(limit=500), ())
     return [(entry.id, entry.amount) for entry in found]
 
 
@@ -131,9 +131,9 @@ def test_a_change_keeps_the_id_and_everything_that_ever_stood(tmp_path: Path) ->
         command = entering("-5", category="식비", description="lunch")
         first = told(made.carry_out(command)[0])
         changed = told(made.carry_out(replacing(command.id, "-6", category="식비", date="2026-11-20"))[0])
-        assert register.get_entry(made.connection, command.id) == msgspec.convert(changed, type=EntryView)
+        assert register.get_entry(made.connection, command.id, ()) == msgspec.convert(changed, type=EntryView)
         assert entries(made) == [(command.id, "-6")]
-        kept = queries.list_transactions(made.connection, queries.TransactionFilter())
+        kept = queries.list_transactions(made.connection, queries.TransactionFilter(), ())
         assert [(one.reverses, one.entry) for one in kept] == [
             (None, command.id),
             (first["transaction"], command.id),
@@ -372,7 +372,7 @@ def test_a_household_that_kept_its_ledger_before_there_were_entries_finds_everyt
         assert balances(made) == {"주거래 통장": 2_988_000, "식비": 12_000, "급여": -3_000_000, "Old": 0}
         assert told(made.look_up("k1"))["description"] == "급여"
         assert slug(made.look_up("k3")) is Slug.OVERDRAFT
-        lines = register.list_register(made.connection, HouseholdFilter(account="assets:bank"))
+        lines = register.list_register(made.connection, HouseholdFilter(account="assets:bank"), ())
         assert [(line.date, line.balance) for line in lines] == [
             ("2026-10-26", "2988000"),
             ("2026-10-25", "3000000"),

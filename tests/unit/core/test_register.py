@@ -21,7 +21,7 @@ from tests.unit.core.test_verify import verdict
 
 
 def lines(made: Pen, **wanted: object) -> list[RegisterLine]:
-    return register.list_register(made.connection, replace(HouseholdFilter(limit=500), **wanted))  # type: ignore[arg-type]
+    return register.list_register(made.connection, replace(HouseholdFilter(limit=500), **wanted), ())  # type: ignore[arg-type]
 
 
 def shown(made: Pen, **wanted: object) -> list[tuple[str, str, str]]:
@@ -80,10 +80,10 @@ def test_what_was_reversed_or_replaced_is_in_no_register(tmp_path: Path) -> None
         command, other = entering("-5", category="식비"), entering("-9", category="식비")
         made.carry_out(opening("bank"), command, other, replacing(command.id, "-6"), reversing(other.id))
         assert shown(made, account="bank") == [("21", "-6", "-6")]
-        assert [entry.id for entry in register.list_entries(made.connection, HouseholdFilter())] == [
+        assert [entry.id for entry in register.list_entries(made.connection, HouseholdFilter(), ())] == [
             command.id
         ]
-        assert register.get_entry(made.connection, other.id) is None
+        assert register.get_entry(made.connection, other.id, ()) is None
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_a_search_in_entries_finds_the_same(tmp_path: Path) -> None:
         a_month(made)
 
         def amounts(**wanted: str) -> list[str]:
-            found = register.list_entries(made.connection, HouseholdFilter(**wanted))  # type: ignore[arg-type]
+            found = register.list_entries(made.connection, HouseholdFilter(**wanted), ())  # type: ignore[arg-type]
             return [entry.amount for entry in found]
 
         assert amounts(words="식비") == ["-500", "-700"]
@@ -187,7 +187,7 @@ def test_no_account_is_left_out_of_a_sum_or_a_page_however_many_there_are(
         found = register.summary_of(made.connection, "2026-11", "2026-11-01", "2026-11-30")
         assert [one.amount for one in found.net_worth] == ["-1055"]
         assert [(flow.income, flow.expense) for flow in found.currencies] == [("0", "1055")]
-        page = pages_book.overview(made.connection, "2026-11", 1)
+        page = pages_book.overview(made.connection, "2026-11", 1, ())
         assert [one.id for one in page.money_accounts] == ["wallet", "z-card"]
 
 
@@ -308,7 +308,7 @@ class HouseholdAgainstModel(RuleBasedStateMachine):
 
     @invariant()
     def entries_are_what_stands(self) -> None:
-        found = register.list_entries(self.made.connection, HouseholdFilter(limit=500))
+        found = register.list_entries(self.made.connection, HouseholdFilter(limit=500), ())
         assert {entry.id: int(entry.amount) for entry in found} == {
             entry: kept.amount for entry, kept in self.standing.items()
         }
