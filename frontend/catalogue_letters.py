@@ -35,6 +35,18 @@ REFUSALS: Final[Mapping[str, Text]] = {
         "중복 방지 키가 없는 요청은 다시 처리하지 않아요. 필요하면 새로 입력해 주세요.",
         "A request without an idempotency key is never run again. Enter it anew if it is still wanted.",
     ),
+    "letter_corrected": _text(
+        "고친 요청을 이미 보냈어요. 되돌리지 않아요.",
+        "Its correction has been booked, so this can't be undone.",
+    ),
+    "correction_unreadable": _text(
+        "고친 내용을 읽을 수 없어요. 원래와 같은 모양의 JSON으로 적어 주세요.",
+        "The corrected contents can't be read. Write JSON of the same shape as before.",
+    ),
+    "correction_same": _text(
+        "바뀐 내용이 없어요. 그대로 다시 처리하려면 '다시 처리'를 써 주세요.",
+        "Nothing is different. To run it as it is, retry it.",
+    ),
     "dry_run_needed": _text(
         "최근 {minutes}분 안의 시험 실행이 없어요. 먼저 시험 실행을 해 주세요.",
         "There is no dry run of the last {minutes} minutes. Make one first.",
@@ -77,6 +89,17 @@ REFUSALS: Final[Mapping[str, Text]] = {
         "The guard enforces this one: accept or decline it.",
     ),
     "group_unknown": _text("이런 묶음은 없어요.", "There is no such group."),
+    "group_itself": _text("같은 묶음이에요.", "These are one and the same group."),
+    "group_whole": _text("나눌 것이 없는 묶음이에요.", "There is nothing in this group to take apart."),
+    "merges_too_many": _text(
+        "합친 묶음은 {max}개까지예요. 먼저 하나를 나눠 주세요.",
+        "At most {max} groups can be put into others. Take one apart first.",
+    ),
+    "evidence_absent": _text("증거가 이미 지워졌어요.", "Its evidence is gone already."),
+    "evidence_in_use": _text(
+        "아직 기록하고 있는 사고예요. 끝난 뒤에 다시 해 주세요.",
+        "This incident is still being written. Try again once it is over.",
+    ),
     "not_found": _text("이 주소에는 아무것도 없어요.", "There is nothing at this address."),
     "incident_unknown": _text("이 번호의 사건은 없어요.", "There is no incident of this number."),
     "our_fault": _text(

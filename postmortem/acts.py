@@ -4,34 +4,32 @@ One desk for the dashboard, the command line and programs, so that all of them c
 a trace. What is refused is written down too.
 """
 
-import json
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
-from sqlalchemy import RowMapping, select
+from sqlalchemy import select
 
 from postmortem import placing
-from postmortem.bulks import LETTERS_MAX, SPEAKER, VERBS, Lane
+from postmortem.bulks import LETTERS_MAX, VERBS, Lane
 from postmortem.dead_letters.life import UNDO_S, Trigger
 from postmortem.dead_letters.spool import new_id
-from postmortem.guard_line import GuardLine
+from postmortem.deciding import Decider
+from postmortem.diary import SPEAKER, Diary, shown
+from postmortem.incident_acts import IncidentDesk
 from postmortem.records import letters, log, stories
 from postmortem.records.opening import Records
 from postmortem.records.reads import Archive, letters_where
 from postmortem.records.tables import LETTERS
 from postmortem.retrying import Retrier
 from postmortem.views import (
-    Act,
     Bulk,
     Filter,
     Group,
     Letter,
     LetterState,
     Proposal,
-    ProposalState,
     Refusal,
 )
 
@@ -39,7 +37,6 @@ REASON_MAX: Final = 500
 NOTE_MAX: Final = 2_000
 VERSION_MAX: Final = 64
 
-_NUMBER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 #: Which letters a verb is for, where a filter names no state.
 _MEANT: Final = {
     "dry-run": (LetterState.QUARANTINED, LetterState.HELD),
@@ -57,8 +54,10 @@ class Desk:
     records: Records
     archive: Archive
     retrier: Retrier
-    guard: GuardLine
+    decider: Decider
     lane: Lane
+    diary: Diary
+    incidents: IncidentDesk
 
     async def dry_run(self, letter_id: str) -> Letter | Refusal:
         """Try a letter in a throw-away core."""
@@ -69,6 +68,11 @@ class Desk:
         """Run a letter once more, under its own key."""
         refused = await self.retrier.retry(letter_id, anyway=anyway)
         return self._told("retry", letter_id, refused, "anyway" if anyway else "")
+
+    async def correct(self, letter_id: str, body: str) -> Letter | Refusal:
+        """Send a letter's contents, changed, as a new request; it is discarded with the link once a core has that."""
+        refused = await self.retrier.correct(letter_id, body)
+        return self._told("correct", letter_id, refused)
 
     async def requeue(self, letter_id: str) -> Letter | Refusal:
         """Try and run a letter after those that wait in the lane already."""
@@ -95,6 +99,8 @@ class Desk:
         letter = self.archive.letter(letter_id)
         if letter is not None and letter.state is LetterState.DISCARDED and self._is_over(letter.id):
             return self._told("undo-discard", letter_id, Refusal("too_late", {"seconds": UNDO_S}))
+        if letter is not None and letter.corrected_by:
+            return self._told("undo-discard", letter_id, Refusal("letter_corrected", {}))
         # A row that was released has no rule any more; to put back one that is there changes nothing.
         return self._moved("undo-discard", letter_id, Trigger.UNDO, discarded_because=None, rule_absent=True)
 
@@ -111,16 +117,16 @@ class Desk:
         reason = reason.strip()[:REASON_MAX]
         refused = self._bulk_refused(verb, wanted, reason)
         if refused is not None:
-            self.write_down(verb, "many letters", reason, refused.code)
+            self.diary.write(verb, "many letters", reason, refused.code)
             return refused
         meant = self._meant(verb, wanted)
         if not meant:
-            self.write_down(verb, "many letters", reason, "nothing_matches")
+            self.diary.write(verb, "many letters", reason, "nothing_matches")
             return Refusal("nothing_matches", {})
         bulk_id = new_id()
         with self.records.writing() as connection:
             log.begin_bulk(connection, bulk_id, verb, SPEAKER.get(), meant, reason)
-        self.write_down(verb, f"bulk {bulk_id}: {len(meant)}", reason, "begun")
+        self.diary.write(verb, f"bulk {bulk_id}: {len(meant)}", reason, "begun")
         self.lane.woken.set()
         return self._bulk(bulk_id)
 
@@ -130,53 +136,22 @@ class Desk:
             ended = log.end_bulk(connection, bulk_id, "cancelled")
         if self.archive.bulk(bulk_id) is None:
             return Refusal("bulk_unknown", {})
-        self.write_down("cancel", f"bulk {bulk_id}", "", "ended" if ended else "was over")
+        self.diary.write("cancel", f"bulk {bulk_id}", "", "ended" if ended else "was over")
         return self._bulk(bulk_id)
 
     async def decide(self, proposal_id: str, verb: str, owner: str, note: str) -> Proposal | Refusal:
         """Accept, decline, call done or revoke a proposal; what a machine enforces is in force when this returns."""
-        owner, note = owner.strip()[:REASON_MAX], note.strip()[:NOTE_MAX]
-        with self.records.reading() as connection:
-            meant = log.decided(connection, proposal_id, verb)
-        found = meant if isinstance(meant, Refusal) else await self._decide(*meant, verb, owner, note)
-        outcome = found.code if isinstance(found, Refusal) else str(found.state)
-        self.write_down(verb, f"proposal {_shown(proposal_id)}", note[:REASON_MAX], outcome)
-        return found
-
-    async def _decide(
-        self, row: RowMapping, state: ProposalState, verb: str, owner: str, note: str
-    ) -> Proposal | Refusal:
-        told: dict[str, Any] = {"state": state, "owner": owner or row["owner"], "note": note or row["note"]}
-        answer: Mapping[str, Any] | None = {"ok": True}
-        if verb == "accept":
-            answer = await self.guard.ask({"verb": "rule-add", "rule": json.loads(row["rule"])})
-            told["rule_id"] = answer.get("id") if answer is not None else None
-        elif verb == "revoke" and row["rule_id"]:
-            ask = {"verb": "rule-remove", "id": row["rule_id"], "reason": note or "revoked"}
-            answer = await self.guard.ask(ask)
-            told["rule_id"] = None
-        if answer is None:
-            return Refusal("guard_away", {})
-        if answer.get("ok") is not True:
-            return Refusal("guard_refused", {"why": str(answer.get("error", ""))[:REASON_MAX]})
-        with self.records.writing() as connection:
-            log.put_decision(connection, row["id"], **told)
-        return next(one for one in self.archive.proposals(row["incident"]) if one.id == row["id"])
+        return await self.decider.decide(proposal_id, verb, owner, note)
 
     async def mark_fixed(self, fingerprint: str, version: str) -> Group | Refusal:
         """Call a group fixed in a version."""
         version = version.strip()[:VERSION_MAX]
         with self.records.writing() as connection:
             found = stories.mark_fixed(connection, fingerprint, version, placing.now())
-        self.write_down(
-            "fixed", f"group {_shown(fingerprint)}", version, "done" if found else "group_unknown"
+        self.diary.write(
+            "fixed", f"group {shown(fingerprint)}", version, "done" if found else "group_unknown"
         )
         return self.archive.group(fingerprint) or Refusal("group_unknown", {})
-
-    def write_down(self, verb: str, what: str, reason: str, outcome: str) -> None:
-        """Write a line of the audit log, in the name of whoever speaks."""
-        with self.records.writing() as connection:
-            log.add_act(connection, Act(placing.now(), SPEAKER.get(), verb, what, reason, outcome))
 
     def _moved(
         self, verb: str, letter_id: str, trigger: Trigger, reason: str = "", **columns: Any
@@ -190,7 +165,7 @@ class Desk:
         letter = self.archive.letter(letter_id)
         found = refused or letter or Refusal("letter_unknown", {})
         outcome = found.code if isinstance(found, Refusal) else str(found.state)
-        self.write_down(verb, f"letter {_shown(letter_id)}", reason, outcome)
+        self.diary.write(verb, f"letter {shown(letter_id)}", reason, outcome)
         return found
 
     def _is_over(self, letter_id: str) -> bool:
@@ -202,7 +177,7 @@ class Desk:
 
     def _bulk_refused(self, verb: str, wanted: Filter | Sequence[str], reason: str) -> Refusal | None:
         if verb not in VERBS:
-            return Refusal("verb_unknown", {"verb": _shown(verb)})
+            return Refusal("verb_unknown", {"verb": shown(verb)})
         if verb == "discard" and not reason:
             return Refusal("reason_needed", {})
         if not isinstance(wanted, Filter) and len(wanted) > LETTERS_MAX:
@@ -241,8 +216,3 @@ async def do_one(desk: Desk, verb: str, letter_id: str, reason: str) -> Letter |
         case _:
             assert verb == "discard", verb
             return await desk.discard(letter_id, reason)
-
-
-def _shown(identity: str) -> str:
-    """An id as it may stand in the log: what is none is not repeated there."""
-    return identity if _NUMBER.fullmatch(identity) else "(not an id)"

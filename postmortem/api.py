@@ -18,7 +18,7 @@ from starlette.routing import Route
 from postmortem import as_told, bundle, reading
 from postmortem.guard_line import GuardLine
 from postmortem.reports.as_json import as_story
-from postmortem.views import Acts, Bulk, Filter, Group, Letter, Proposal, Reads, Refusal
+from postmortem.views import Acts, Bulk, Filter, Group, IncidentLine, Letter, Proposal, Reads, Refusal
 from postmortem.web.places import Places
 
 LIMIT: Final = 50
@@ -78,6 +78,9 @@ class Api:
                 done = await self.acts.dry_run(letter_id)
             case "retry":
                 done = await self.acts.retry(letter_id, anyway=told.get("anyway") in (True, "1", "true"))
+            case "correct":
+                body = told.get("body")
+                done = await self.acts.correct(letter_id, body if isinstance(body, str) else json.dumps(body))
             case "requeue":
                 done = await self.acts.requeue(letter_id)
             case "hold":
@@ -127,6 +130,20 @@ class Api:
         done = await self.acts.mark_fixed(request.path_params["id"], _text(told, "version"))
         return _answer(done, _lang(request))
 
+    async def change_incidents(self, request: Request) -> Response:
+        """A group put into another one or taken apart, an incident's note, or its evidence removed."""
+        told, identity, acts = await _told(request), request.path_params["id"], self.acts.incidents
+        match request.url.path.rpartition("/")[2]:
+            case "merge":
+                done: Group | IncidentLine | Refusal = await acts.merge(identity, _text(told, "into"))
+            case "split":
+                done = await acts.split(identity, _text(told, "incident"))
+            case "note":
+                done = await acts.note(identity, _text(told, "text"))
+            case _:
+                done = await acts.remove_evidence(identity)
+        return _answer(done, _lang(request))
+
 
 async def _others(api: Api, request: Request) -> Response:
     """The readings that are one value each."""
@@ -169,6 +186,10 @@ def routes(api: Api) -> list[Route]:
         ("POST", "/bulk/{id}/cancel", api.cancel_bulk),
         ("POST", "/proposals/{id}/{verb}", api.decide),
         ("POST", "/groups/{id}/fixed", api.mark_fixed),
+        ("POST", "/groups/{id}/merge", api.change_incidents),
+        ("POST", "/groups/{id}/split", api.change_incidents),
+        ("POST", "/incidents/{id}/note", api.change_incidents),
+        ("POST", "/incidents/{id}/remove-evidence", api.change_incidents),
         ("GET", "/{what}", others),
     ]
     return [Route(FOLLOW + path, answer, methods=[method]) for method, path, answer in table]
@@ -217,7 +238,9 @@ def _text(given: Mapping[str, Any], name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def _answer(found: Letter | Bulk | Proposal | Group | Refusal, lang: str, status: int = 200) -> Response:
+def _answer(
+    found: Letter | Bulk | Proposal | Group | IncidentLine | Refusal, lang: str, status: int = 200
+) -> Response:
     match found:
         case Refusal():
             return _no(found, lang)
@@ -227,7 +250,7 @@ def _answer(found: Letter | Bulk | Proposal | Group | Refusal, lang: str, status
             told = as_told.proposal(found)
         case Group():
             told = as_told.group(found)
-        case Bulk():
+        case Bulk() | IncidentLine():
             told = asdict(found)
         case _:
             assert_never(found)

@@ -13,6 +13,8 @@ _STATUSES: Mapping[str, int] = {
     "verb_unknown": 422,
     "nothing_matches": 422,
     "too_many": 422,
+    "correction_unreadable": 422,
+    "correction_same": 422,
     "not_readable": 400,
     "not_found": 404,
     "ledger_away": 503,
@@ -44,6 +46,7 @@ def letter(one: Letter, lang: str) -> dict[str, Any]:
         "sums": list(one.sums),
         "note": one.note,
         "discarded_because": one.discarded_because,
+        "corrected_by": one.corrected_by,
         "dry_run": asdict(one.dry_run) if one.dry_run is not None else None,
     }
 

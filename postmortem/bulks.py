@@ -9,12 +9,12 @@ core serves: what kills a core must not meet the next one.
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
-from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Final
 
 from sqlalchemy import RowMapping
 
+from postmortem.diary import SPEAKER
 from postmortem.guard_line import GuardLine
 from postmortem.records import log
 from postmortem.records.opening import Records
@@ -30,9 +30,6 @@ _RUN: Final = frozenset({"retry", "requeue"})
 #: What became of an item if its letter is where the verb would have it already.
 _THERE: Final = frozenset({"letter_resolved", "letter_held", "letter_discarded"})
 _STOPS: Final = frozenset({"ledger_away", "guard_away", "outcome_unknown"})
-
-#: Who speaks; the audit log says it.
-SPEAKER: Final = ContextVar("speaker", default="dashboard")
 
 _LOG: Final = logging.getLogger("postmortem.bulks")
 

@@ -16,7 +16,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from postmortem.bulks import SPEAKER
+from postmortem.diary import SPEAKER
 
 BODY_BYTES_MAX: Final = 1 << 20
 FIELDS_MAX: Final = 5_000

@@ -60,7 +60,7 @@ def prune(
     for one in reversed(found):
         if (count <= count_max and size_bytes <= bytes_max) or len(removed) >= REMOVED_AT_ONCE_MAX:
             break
-        if one.id != keep and bundle.is_there(one.path / bundle.FACTS) and _remove(one.path):
+        if one.id != keep and bundle.is_there(one.path / bundle.FACTS) and remove(one.path):
             removed.append(one.id)
             count, size_bytes = count - 1, size_bytes - sizes[one.id]
     return removed
@@ -105,8 +105,11 @@ def _remove_images(path: Path, names: Collection[str]) -> bool:
     return True
 
 
-def _remove(path: Path) -> bool:
-    """Remove a bundle; its name goes first, so that a death in the middle leaves no half incident."""
+def remove(path: Path) -> bool:
+    """Remove a bundle; False: somebody writes it, or the disk refused.
+
+    Its name goes first, so that a death in the middle leaves no half incident.
+    """
     gone = path.with_name(f".{path.name}.gone")
     try:
         with placing.writing(path, wait_ms=0):

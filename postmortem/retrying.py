@@ -23,7 +23,9 @@ from sqlalchemy import RowMapping
 from postmortem import placing
 from postmortem.courts import Court
 from postmortem.dead_letters.life import DRY_RUN_S, Trigger
+from postmortem.dead_letters.payload import corrected, decoded
 from postmortem.dead_letters.sending import Ledger, Lost, Sent
+from postmortem.dead_letters.spool import new_id
 from postmortem.guard_line import GuardLine
 from postmortem.records import letters
 from postmortem.records.opening import Records
@@ -36,6 +38,7 @@ STALE_PAUSE_S: Final = 0.1
 #: What a dry run has to say before a letter is run again.
 _FIT: Final = frozenset({"survived", "committed"})
 _TAKEN_BACK: Final = "released for a new import of its file"
+_CORRECTED: Final = "corrected: sent as another request"
 
 _LOG: Final = logging.getLogger("postmortem.retrying")
 
@@ -110,10 +113,59 @@ class Retrier:
         await self._put_rules_back()
         return None
 
-    async def _send(self, row: RowMapping, case: Mapping[str, Any], ledger: Ledger) -> _End | None:
-        key: str = row["idempotency_key"]
+    async def correct(self, letter_id: str, body: str) -> Refusal | None:
+        """Send other contents as a request of its own. None: it was answered, and the letter says how.
+
+        Its key is made once and written down before it is sent: a death in between leaves a letter whose correction is
+        looked up. The letter's own rule stays in force all the time.
+        """
+        row = self._row(letter_id)
+        if row is None:
+            return Refusal("letter_unknown", {})
+        case = json.loads(row["case"]) if row["case"] else {}
+        if "request" not in case:
+            return Refusal("letter_without_request", {})
+        changed = corrected(case, body)
+        if changed is None or decoded(changed) == decoded(case):
+            return Refusal("correction_unreadable" if changed is None else "correction_same", {})
+        service = await self.guard.service()
+        if service is None or not service.serving:
+            return Refusal("ledger_away", {})
+        key = new_id()
+        with self.records.writing() as connection:
+            moved = letters.move(connection, row["id"], Trigger.RETRY, placing.now(), correction=key)
+        if isinstance(moved, Refusal):
+            return moved
+        self.in_hand.add(row["id"])
+        try:
+            return await self._correct(row, changed, key, Ledger(service.url))
+        finally:
+            self.in_hand.discard(row["id"])
+
+    async def _correct(
+        self, row: RowMapping, changed: Mapping[str, Any], key: str, ledger: Ledger
+    ) -> Refusal | None:
+        old = row["idempotency_key"]
+        is_done = await asyncio.to_thread(ledger.is_done, old) if old else False
+        if is_done is not False:
+            refused = Refusal("letter_resolved" if is_done else "ledger_away", {})
+            trigger = Trigger.CONFIRMED if is_done else Trigger.UNCERTAIN
+            self._settle(
+                row, _End(trigger, "done" if is_done else "not run", "its own key was looked up first")
+            )
+            return refused
+        end = await self._send(row, changed, ledger, key)
+        if end is None:
+            return Refusal("outcome_unknown", {})
+        self._settle(row, end, key)
+        return None
+
+    async def _send(
+        self, row: RowMapping, case: Mapping[str, Any], ledger: Ledger, other_key: str = ""
+    ) -> _End | None:
+        key: str = other_key or row["idempotency_key"]
         answer: Sent | Lost = Lost("it was not sent")
-        for _ in range(STALE_TRIES_MAX):
+        for _ in range(1 if other_key else STALE_TRIES_MAX):
             answer = await asyncio.to_thread(ledger.send, case, key)
             if not (
                 isinstance(answer, Sent) and answer.problem == "set-aside" and answer.letter == row["rule"]
@@ -125,9 +177,13 @@ class Retrier:
             return end
         return _looked_up(answer, done=await asyncio.to_thread(ledger.is_done, key))
 
-    def _settle(self, row: RowMapping, end: _End) -> None:
-        """Write how a retry ended; the letter leaves the queue here or not at all."""
-        changed: dict[str, Any] = {}
+    def _settle(self, row: RowMapping, end: _End, corrected_by: str = "") -> None:
+        """Write how a retry, or the request that was sent instead, ended; the letter leaves the queue here or not at all."""
+        what, changed = "retry", dict[str, Any](correction=None)
+        if corrected_by:
+            what, end = "correction", _of_correction(end)
+            if end.trigger is Trigger.CORRECTED:
+                changed |= {"corrected_by": corrected_by, "discarded_because": _CORRECTED}
         if end.reason is not None:
             changed["reason"] = end.reason
         if end.rule is not None:
@@ -140,7 +196,7 @@ class Retrier:
         with self.records.writing() as connection:
             moved = letters.move(connection, row["id"], end.trigger, at, **changed)
             assert not isinstance(moved, Refusal), moved
-            letters.add_attempt(connection, row["id"], Attempt(at, "retry", end.outcome, None, end.detail))
+            letters.add_attempt(connection, row["id"], Attempt(at, what, end.outcome, None, end.detail))
 
     async def mend(self) -> bool:
         """Finish what a death or a silence left undone; return whether something is left."""
@@ -162,11 +218,11 @@ class Retrier:
         return True
 
     async def _look_up(self, row: RowMapping, ledger: Ledger) -> None:
-        key = row["idempotency_key"]
+        key = row["correction"] or row["idempotency_key"]
         done = await asyncio.to_thread(ledger.is_done, key) if key else False
         end = _looked_up(Lost("the investigator ended while it was run"), done=done)
         if end is not None and row["id"] not in self.in_hand:
-            self._settle(row, end)
+            self._settle(row, end, row["correction"] or "")
 
     async def _put_rules_back(self) -> None:
         """Have the guard refuse again what was to run once and did not."""
@@ -248,6 +304,12 @@ def _end_of(answer: Sent | Lost) -> _End | None:
         return _End(Trigger.UNCERTAIN, "not run", said)
     reason = "DUPLICATE_KEY_OTHER_PAYLOAD" if answer.problem == "key-reused" else "INVALID_FOR_STATE"
     return _End(Trigger.DECLINED, "refused", said, reason=reason)
+
+
+def _of_correction(end: _End) -> _End:
+    """How the request that was sent instead ended; what the ledger says of it says nothing of the letter's own."""
+    trigger = Trigger.CORRECTED if end.trigger is Trigger.CONFIRMED else end.trigger
+    return _End(trigger, end.outcome, end.detail)
 
 
 def _looked_up(answer: Sent | Lost, *, done: bool | None) -> _End | None:

@@ -35,8 +35,11 @@ from postmortem import api, as_told
 from postmortem.acts import Desk, do_one
 from postmortem.bulks import PACE_S, Lane
 from postmortem.courts import Court, Limits
+from postmortem.deciding import Decider
+from postmortem.diary import Diary
 from postmortem.gate import Gate
 from postmortem.guard_line import GuardLine
+from postmortem.incident_acts import IncidentDesk
 from postmortem.intake import Intake
 from postmortem.records import log
 from postmortem.records.opening import Records, RecordsFailed, open_records
@@ -117,9 +120,14 @@ class Investigator:
         guard = GuardLine(wishes.control)
         self._intake = Intake(records, wishes.data / "spool", wishes.data / "incidents")
         archive = Archive(records, wishes.data / "state" / "rule_hits.json")
+        self._diary = Diary(records)
         self._retrier = Retrier(records, guard, Court(wishes.data, wishes.limits))
+        self._decider = Decider(records, archive, guard, self._diary)
         self._lane = Lane(records, guard, self._do, wishes.pace_s)
-        self._desk = Desk(records, archive, self._retrier, guard, self._lane)
+        of_incidents = IncidentDesk(records, archive, self._diary, wishes.data / "incidents")
+        self._desk = Desk(
+            records, archive, self._retrier, self._decider, self._lane, self._diary, of_incidents
+        )
         with records.writing() as connection:
             token = log.secret(connection, secrets.token_urlsafe(32))
         places = Places(
@@ -142,7 +150,7 @@ class Investigator:
         if self._records.put_aside is not None:
             name = self._records.put_aside.name
             _LOG.error("the archive was damaged; it is kept as %s and a new one is begun", name)
-            self._desk.write_down("damaged", name, "", "a new archive was begun")
+            self._diary.write("damaged", name, "", "a new archive was begun")
         await asyncio.to_thread(self._intake.take_spool)
         config = uvicorn.Config(
             self._gate,
@@ -189,6 +197,7 @@ class Investigator:
         while True:
             try:
                 await self._retrier.mend()
+                await self._decider.mend()
             except SQLAlchemyError as error:
                 _LOG.warning("nothing was mended: %s", error)
             await asyncio.sleep(MEND_S)
@@ -220,7 +229,7 @@ class Investigator:
         return await do_one(self._desk, verb, letter_id, reason)
 
     async def _write_down(self, verb: str, what: str, reason: str, outcome: str) -> None:
-        self._desk.write_down(verb, what, reason, outcome)
+        self._diary.write(verb, what, reason, outcome)
 
 
 def _end_all(ended: "asyncio.Task[None]", server: uvicorn.Server) -> None:

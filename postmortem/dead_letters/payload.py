@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from decimal import Decimal, InvalidOperation
 from math import isfinite
 from typing import Any, Final
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, urlencode
 
 #: The headers of a request that its second run needs. Everything else says who somebody is, or nothing.
 KEPT_HEADERS: Final = frozenset({"content-type", "idempotency-key", "accept-language", "accept"})
@@ -20,6 +20,8 @@ AMOUNTS_MAX: Final = 10_000
 DIGITS_MAX: Final = 40
 CURRENCIES_MAX: Final = 8
 FIELDS_MAX: Final = 1_000
+#: The field in which a page without a script carries its key.
+FORM_KEY: Final = "_idempotency_key"
 
 
 def without_secrets(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -71,6 +73,29 @@ def decoded(case: Mapping[str, Any]) -> Any:
         return json.loads(text, parse_float=_number, parse_constant=str)
     except (ValueError, RecursionError):
         return text
+
+
+def corrected(case: Mapping[str, Any], text: str) -> dict[str, Any] | None:
+    """The case with other contents, in the form in which it was sent; None: `text` is not JSON that can take their place."""
+    try:
+        value = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError):
+        return None
+    if _is_form(case):
+        if not isinstance(value, dict) or not all(isinstance(one, str) for one in value.values()):
+            return None
+        body = urlencode({name: one for name, one in value.items() if name != FORM_KEY})
+    elif isinstance(value, dict):
+        body = json.dumps(value)
+    else:
+        return None
+    # A lone surrogate can't be sent; said as an escape it is refused where everybody can see why.
+    data = body.encode("utf-8", "backslashreplace")
+    return {**case, "request": {**case["request"], "body": base64.b64encode(data).decode()}}
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(text)
 
 
 def _number(text: str) -> float | str:

@@ -82,6 +82,11 @@ def put_decision(connection: Connection, proposal_id: str, **columns: Any) -> No
     connection.execute(update(PROPOSALS).where(PROPOSALS.c.id == proposal_id).values(**columns))
 
 
+def unsure_decisions(connection: Connection) -> list[RowMapping]:
+    """Proposals of which it is not sure that the guard enforces what they say."""
+    return list(connection.execute(select(PROPOSALS).where(PROPOSALS.c.unsure)).mappings())
+
+
 def begin_bulk(
     connection: Connection, bulk_id: str, verb: str, who: str, letter_ids: Sequence[str], reason: str
 ) -> None:

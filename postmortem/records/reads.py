@@ -29,6 +29,7 @@ from postmortem.records.tables import (
     INCIDENTS,
     LETTER_ACCOUNTS,
     LETTERS,
+    MERGES,
     PROPOSALS,
 )
 from postmortem.views import Bulk, Drill, Filter, Group, IncidentLine, Letter, LetterState, Page, Proposal
@@ -89,14 +90,19 @@ class Archive:
         if of_incidents:
             where.append(GROUPS.c.fingerprint.in_(select(INCIDENTS.c.fingerprint).where(*of_incidents)))
         with self._records.reading() as connection:
-            return _page(
-                connection, GROUPS, (GROUPS.c.last_at, GROUPS.c.fingerprint), where, limit, cursor, rows.group
-            )
+            order = GROUPS.c.last_at, GROUPS.c.fingerprint
+            page = _page(connection, GROUPS, order, where, limit, cursor, lambda row: row)
+            merged = _merged(connection, [row["fingerprint"] for row in page.items])
+        items = tuple(rows.group(row, merged.get(row["fingerprint"], ())) for row in page.items)
+        return replace(page, items=items)
 
     def group(self, fingerprint: str) -> Group | None:
         """One group, or None."""
-        row = self._one(select(GROUPS).where(GROUPS.c.fingerprint == fingerprint))
-        return None if row is None else rows.group(row)
+        with self._records.reading() as connection:
+            asked = select(GROUPS).where(GROUPS.c.fingerprint == fingerprint)
+            row = connection.execute(asked).mappings().first()
+            merged = _merged(connection, [fingerprint])
+        return None if row is None else rows.group(row, merged.get(fingerprint, ()))
 
     def incident(self, incident_id: str) -> IncidentLine | None:
         """One incident, or None."""
@@ -206,6 +212,15 @@ class Archive:
 def _hit(told: object) -> tuple[int, str | None]:
     count, at = (told.get("count"), told.get("last_at")) if isinstance(told, dict) else (0, None)
     return count if isinstance(count, int) else 0, at if isinstance(at, str) else None
+
+
+def _merged(connection: Connection, groups: Sequence[str]) -> Mapping[str, list[str]]:
+    """What people put into some groups, by the group."""
+    asked = select(MERGES).where(MERGES.c.into.in_(groups)).order_by(MERGES.c.fingerprint)
+    found: dict[str, list[str]] = {}
+    for row in connection.execute(asked).mappings():
+        found.setdefault(row["into"], []).append(row["fingerprint"])
+    return found
 
 
 def letter_row(connection: Connection, letter_id: str) -> RowMapping | None:

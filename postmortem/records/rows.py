@@ -41,11 +41,12 @@ def incident(row: RowMapping) -> IncidentLine:
         account_ids=tuple(json.loads(row["account_ids"])),
         planned=row["planned"],
         drill=row["drill"],
+        note=row["note"],
     )
 
 
-def group(row: RowMapping) -> Group:
-    """One group of equal deaths."""
+def group(row: RowMapping, merged: Sequence[str] = ()) -> Group:
+    """One group of equal deaths; `merged`: those that were put into it."""
     return Group(
         fingerprint=row["fingerprint"],
         title=json.loads(row["title"]),
@@ -59,6 +60,7 @@ def group(row: RowMapping) -> Group:
         fixed_in=row["fixed_in"],
         why=tuple(json.loads(row["why"])),
         newest=row["newest"],
+        merged=tuple(merged),
     )
 
 
@@ -90,6 +92,7 @@ def letter(row: RowMapping, attempts: Sequence[RowMapping] = ()) -> Letter:
         note=row["note"],
         discarded_because=row["discarded_because"],
         sums=tuple(json.loads(row["sums"])),
+        corrected_by=row["corrected_by"] or "",
     )
 
 

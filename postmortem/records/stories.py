@@ -14,14 +14,18 @@ from typing import Any, Final
 from sqlalchemy import Connection, delete, func, insert, select, update
 
 from postmortem import placing
-from postmortem.records.tables import GROUPS, INCIDENT_ACCOUNTS, INCIDENTS, PROPOSALS
-from postmortem.views import IncidentLine, ProposalState, Standing, Texts
+from postmortem.records.tables import GROUPS, INCIDENT_ACCOUNTS, INCIDENTS, MERGES, PROPOSALS
+from postmortem.views import IncidentLine, ProposalState, Refusal, Standing, Texts
 
 ACCOUNTS_MAX: Final = 64
 #: Incidents of a group that its median and its accounts are taken from, the newest ones.
 COUNTED_MAX: Final = 1_000
 WHY_MAX: Final = 32
 PROPOSALS_MAX: Final = 16
+#: Groups that people put into others.
+MERGES_MAX: Final = 1_000
+MANY: Final = 2
+_COUNTED: Final = ("id", "opened_at", "outage_ms", "account_ids", "diagnosis", "summary")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,20 +58,22 @@ def put(connection: Connection, story: Story, mark: str) -> bool:
     digest = placing.digest(repr(story).encode())
     columns = INCIDENTS.c
     before = connection.execute(
-        select(columns.digest, columns.fingerprint).where(columns.id == story.line.id)
+        select(columns.digest, columns.fingerprint, columns.apart).where(columns.id == story.line.id)
     ).first()
     if before is not None and before.digest == digest:
         connection.execute(update(INCIDENTS).where(columns.id == story.line.id).values(mark=mark))
         return False
+    base = apart_of(story.line.id) if before is not None and before.apart else story.line.fingerprint
+    group = _group_of(connection, base)
+    told = {**_row(story.line), "fingerprint": group, "base": base, "digest": digest, "mark": mark}
     if before is None:
-        connection.execute(insert(INCIDENTS).values(**_row(story.line), back=False, digest=digest, mark=mark))
+        connection.execute(insert(INCIDENTS).values(**told, back=False))
     else:
-        changed = update(INCIDENTS).where(columns.id == story.line.id)
-        connection.execute(changed.values(**_row(story.line), digest=digest, mark=mark))
+        connection.execute(update(INCIDENTS).where(columns.id == story.line.id).values(**told))
     _put_accounts(connection, story.line)
     _put_proposals(connection, story)
-    moved = before is None or before.fingerprint != story.line.fingerprint
-    _count(connection, story.line.fingerprint, story if moved else None, story)
+    moved = before is None or before.fingerprint != group
+    _count(connection, group, story if moved else None, story)
     if before is not None and moved:
         _count(connection, before.fingerprint, None, None)
     return True
@@ -80,14 +86,87 @@ def mark_fixed(connection: Connection, fingerprint: str, version: str, at: str) 
     return done.rowcount == 1
 
 
+def apart_of(incident_id: str) -> str:
+    """The group of an incident that a person took out of its own."""
+    return f"apart-{incident_id}"
+
+
+def _group_of(connection: Connection, base: str) -> str:
+    into = connection.execute(select(MERGES.c.into).where(MERGES.c.fingerprint == base)).scalar()
+    return base if into is None else str(into)
+
+
+def merge(connection: Connection, fingerprint: str, into: str) -> Refusal | None:
+    """Put a group into another one, with what was put into it before, and its later deaths."""
+    known = GROUPS.c.fingerprint.in_((fingerprint, into))
+    count = connection.execute(select(func.count()).select_from(GROUPS).where(known)).scalar_one()
+    if count != len({fingerprint, into}):
+        return Refusal("group_unknown", {})
+    if fingerprint == into:
+        return Refusal("group_itself", {})
+    if connection.execute(select(func.count()).select_from(MERGES)).scalar_one() >= MERGES_MAX:
+        return Refusal("merges_too_many", {"max": MERGES_MAX})
+    connection.execute(update(MERGES).where(MERGES.c.into == fingerprint).values(into=into))
+    connection.execute(delete(MERGES).where(MERGES.c.fingerprint == fingerprint))
+    connection.execute(insert(MERGES).values(fingerprint=fingerprint, into=into))
+    of_it = INCIDENTS.c.fingerprint == fingerprint
+    connection.execute(update(INCIDENTS).where(of_it).values(fingerprint=into))
+    for one in (into, fingerprint):
+        _count(connection, one, None, None)
+    return None
+
+
+def split(connection: Connection, fingerprint: str) -> Refusal | None:
+    """Take a group apart into those that it was put together of."""
+    merged = (
+        connection.execute(select(MERGES.c.fingerprint).where(MERGES.c.into == fingerprint)).scalars().all()
+    )
+    if not merged:
+        known = connection.execute(select(GROUPS.c.count).where(GROUPS.c.fingerprint == fingerprint)).first()
+        return Refusal("group_unknown" if known is None else "group_whole", {})
+    connection.execute(delete(MERGES).where(MERGES.c.into == fingerprint))
+    for one in merged:
+        of_it = (INCIDENTS.c.fingerprint == fingerprint) & (INCIDENTS.c.base == one)
+        # Read once more, they name the group again as their reports do.
+        connection.execute(update(INCIDENTS).where(of_it).values(fingerprint=one, mark="", digest=""))
+        _count(connection, one, None, None)
+    _count(connection, fingerprint, None, None)
+    return None
+
+
+def take_apart(connection: Connection, fingerprint: str, incident_id: str) -> Refusal | None:
+    """Take one incident out of a group of several; it is a group of its own from then on."""
+    of_it = INCIDENTS.c.fingerprint == fingerprint
+    ids = connection.execute(select(INCIDENTS.c.id).where(of_it, INCIDENTS.c.id == incident_id)).all()
+    if not ids:
+        return Refusal("incident_unknown", {})
+    if connection.execute(select(func.count()).select_from(INCIDENTS).where(of_it)).scalar_one() < MANY:
+        return Refusal("group_whole", {})
+    own = apart_of(incident_id)
+    told = {"fingerprint": own, "base": own, "apart": True, "mark": "", "digest": ""}
+    connection.execute(delete(MERGES).where(MERGES.c.fingerprint == own))
+    connection.execute(update(INCIDENTS).where(INCIDENTS.c.id == incident_id).values(**told))
+    for one in (own, fingerprint):
+        _count(connection, one, None, None)
+    return None
+
+
+def put_note(connection: Connection, incident_id: str, text: str) -> bool:
+    """Write a person's note beside an incident; False: there is no such incident."""
+    noted = update(INCIDENTS).where(INCIDENTS.c.id == incident_id).values(note=text)
+    return connection.execute(noted).rowcount == 1
+
+
 def forget(connection: Connection, incident_ids: Sequence[str]) -> None:
-    """Remove incidents that are too old to be kept; an accepted proposal stays as long as it is enforced."""
+    """Remove incidents that are too old to be kept; a proposal stays as long as it is, or may be, enforced."""
     gone = INCIDENTS.c.id.in_(incident_ids)
     fingerprints = connection.execute(select(INCIDENTS.c.fingerprint).where(gone).distinct()).scalars().all()
     connection.execute(delete(INCIDENTS).where(gone))
     connection.execute(
         delete(PROPOSALS).where(
-            PROPOSALS.c.incident.in_(incident_ids), PROPOSALS.c.state != ProposalState.ACCEPTED
+            PROPOSALS.c.incident.in_(incident_ids),
+            PROPOSALS.c.state != ProposalState.ACCEPTED,
+            ~PROPOSALS.c.unsure,
         )
     )
     for fingerprint in fingerprints:
@@ -125,7 +204,8 @@ def _put_proposals(connection: Connection, story: Story) -> None:
     line = story.line
     named = {proposal_id(line.id, one): one for one in story.proposals[:PROPOSALS_MAX]}
     of_it = PROPOSALS.c.incident == line.id
-    withdrawn = of_it & (PROPOSALS.c.state == ProposalState.OPEN) & PROPOSALS.c.id.not_in(named)
+    is_open = (PROPOSALS.c.state == ProposalState.OPEN) & ~PROPOSALS.c.unsure
+    withdrawn = of_it & is_open & PROPOSALS.c.id.not_in(named)
     connection.execute(delete(PROPOSALS).where(withdrawn))
     known = set(connection.execute(select(PROPOSALS.c.id).where(of_it)).scalars())
     for identity, one in named.items():
@@ -154,6 +234,11 @@ def proposal_id(incident: str, one: Proposed) -> str:
     return placing.digest(said.encode())[:32]
 
 
+def rule_id(proposal: str) -> str:
+    """The id under which the guard enforces a proposal: the same one however often it is asked for."""
+    return f"proposal-{proposal}"
+
+
 def _count(connection: Connection, fingerprint: str, arrived: Story | None, told: Story | None) -> None:
     """Count a group anew. `arrived`: an incident that was not of it before; `told`: who names the group now."""
     group = connection.execute(select(GROUPS).where(GROUPS.c.fingerprint == fingerprint)).mappings().first()
@@ -164,7 +249,7 @@ def _count(connection: Connection, fingerprint: str, arrived: Story | None, told
         connection.execute(delete(GROUPS).where(GROUPS.c.fingerprint == fingerprint))
         return
     newest_first = (
-        select(INCIDENTS.c.id, INCIDENTS.c.opened_at, INCIDENTS.c.outage_ms, INCIDENTS.c.account_ids)
+        select(*(INCIDENTS.c[name] for name in _COUNTED))
         .where(of_it)
         .order_by(INCIDENTS.c.opened_at.desc(), INCIDENTS.c.id.desc())
     )
@@ -191,12 +276,14 @@ def _count(connection: Connection, fingerprint: str, arrived: Story | None, told
     if group is not None:
         connection.execute(update(GROUPS).where(GROUPS.c.fingerprint == fingerprint).values(**counted))
         return
-    assert told is not None, "a group begins with an incident"
-    named = {
-        "diagnosis": told.line.diagnosis,
-        "title": _json(dict(told.title)),
-        "why": _json(told.why[:WHY_MAX]),
-    }
+    if told is None:  # a person made it, out of incidents that are known
+        named = {"diagnosis": newest[0].diagnosis, "title": newest[0].summary, "why": _json(())}
+    else:
+        named = {
+            "diagnosis": told.line.diagnosis,
+            "title": _json(dict(told.title)),
+            "why": _json(told.why[:WHY_MAX]),
+        }
     connection.execute(insert(GROUPS).values(fingerprint=fingerprint, **(named | counted)))
 
 

@@ -20,10 +20,11 @@ from sqlalchemy import (
     String,
     Table,
     Text,
+    false,
 )
 
 #: The version of the tables below. A file of a higher one is left alone: an older program must not write it.
-SCHEMA: Final = 1
+SCHEMA: Final = 2
 
 METADATA: Final = MetaData()
 
@@ -51,6 +52,9 @@ INCIDENTS: Final = Table(
     Column("back", Boolean, nullable=False),  # its group had been called fixed before it
     Column("digest", String, nullable=False),  # of all the above: equal ones are not written again
     Column("mark", String, nullable=False),  # of its folder, when it was read last
+    Column("base", String, nullable=False, server_default=""),  # its group before people put groups together
+    Column("apart", Boolean, nullable=False, server_default=false()),  # a person took it out of its group
+    Column("note", Text, nullable=False, server_default=""),
     Index("incidents_in_order", "opened_at", "id"),
     Index("incidents_of_group", "fingerprint", "opened_at"),
     Index("incidents_by_diagnosis", "diagnosis", "opened_at"),
@@ -86,6 +90,15 @@ GROUPS: Final = Table(
     Index("groups_in_order", "last_at", "fingerprint"),
 )
 
+#: Groups that a person put into another one; their later deaths go there too.
+MERGES: Final = Table(
+    "merges",
+    METADATA,
+    Column("fingerprint", String, primary_key=True),
+    Column("into", String, nullable=False),
+    Index("merges_of_group", "into"),
+)
+
 LETTERS: Final = Table(
     "letters",
     METADATA,
@@ -117,6 +130,8 @@ LETTERS: Final = Table(
     Column("note", Text, nullable=False),
     Column("discarded_because", Text),
     Column("sums", Text, nullable=False),
+    Column("corrected_by", String),  # the key of the request that was sent instead
+    Column("correction", String),  # that key, while it is not known what became of it
     Index("letters_in_order", "quarantined_at", "id"),
     Index("letters_by_state", "state", "quarantined_at", "id"),
     Index("letters_by_reason", "state", "reason"),
@@ -162,6 +177,9 @@ PROPOSALS: Final = Table(
     Column("state", String, nullable=False),
     Column("rule", Text),
     Column("rule_id", String),  # under which the guard enforces it
+    Column(
+        "unsure", Boolean, nullable=False, server_default=false()
+    ),  # whether the guard does what this row says
     Column("tested", Text),
     Column("owner", String, nullable=False),
     Column("note", Text, nullable=False),
@@ -224,8 +242,22 @@ TAKEN: Final = Table(
 )
 
 
+_TO_2: Final = (
+    "ALTER TABLE incidents ADD COLUMN base VARCHAR NOT NULL DEFAULT ''",
+    "ALTER TABLE incidents ADD COLUMN apart BOOLEAN NOT NULL DEFAULT 0",
+    "ALTER TABLE incidents ADD COLUMN note TEXT NOT NULL DEFAULT ''",
+    "UPDATE incidents SET base = fingerprint",
+    "ALTER TABLE proposals ADD COLUMN unsure BOOLEAN NOT NULL DEFAULT 0",
+    "ALTER TABLE letters ADD COLUMN corrected_by VARCHAR",
+    "ALTER TABLE letters ADD COLUMN correction VARCHAR",
+)
+
+
 def migrate(connection: Connection, found: int) -> None:
     """Bring the tables of version `found` (0: an empty file) to SCHEMA, inside the caller's transaction."""
     assert found < SCHEMA, found
+    if found == 1:
+        for statement in _TO_2:
+            connection.exec_driver_sql(statement)
     METADATA.create_all(connection)
     connection.exec_driver_sql(f"PRAGMA user_version = {SCHEMA}")

@@ -33,12 +33,15 @@ class Guard:
         self.serving = True
         self.epoch = 3
         self.refuses = False
+        self.is_mute = False  # it does what it is asked, and its answer is lost
         outer = self
 
         class Handler(socketserver.StreamRequestHandler):
             def handle(self) -> None:
                 told = json.loads(self.rfile.readline())
-                self.wfile.write(json.dumps(outer.answer(told)).encode() + b"\n")
+                answer = outer.answer(told)
+                if not (outer.is_mute and told["verb"] != "status"):
+                    self.wfile.write(json.dumps(answer).encode() + b"\n")
 
         self._server = socketserver.ThreadingUnixStreamServer(str(path), Handler)
         self._server.daemon_threads = True
@@ -72,6 +75,7 @@ class Ledger:
     def __init__(self) -> None:
         self.done: dict[str, int] = {}
         self.headers: list[dict[str, str]] = []
+        self.bodies: list[bytes] = []
         self.answer: Callable[[str], tuple[int, Told]] = self.book
         self.held = threading.Event()
         self.release = threading.Event()
@@ -87,7 +91,7 @@ class Ledger:
                     self._say(404, {"type": "/problems/command-not-found", "outcome": "not_done"})
 
             def do_POST(self) -> None:
-                self.rfile.read(int(self.headers["Content-Length"] or 0))
+                outer.bodies.append(self.rfile.read(int(self.headers["Content-Length"] or 0)))
                 outer.headers.append(dict(self.headers))
                 outer.held.set()
                 outer.release.wait(30)

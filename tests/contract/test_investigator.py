@@ -1,3 +1,4 @@
+import json
 import os
 import stat
 import subprocess
@@ -26,7 +27,7 @@ def shared() -> Iterator[World]:
 
 @pytest.fixture
 def world(shared: World) -> World:
-    shared.guard.serving, shared.guard.refuses = True, False
+    shared.guard.serving, shared.guard.refuses, shared.guard.is_mute = True, False, False
     shared.guard.asked.clear()
     shared.ledger.answer = shared.ledger.book
     shared.ledger.held.clear()
@@ -248,6 +249,125 @@ def test_a_bulk_of_more_than_is_allowed_or_of_nothing_is_refused(world: World) -
     assert world.post("letters/bulk", many)[1]["type"] == "/problems/too-many"
     nothing = {"verb": "hold", "where": {"account": "nobody"}}
     assert world.post("letters/bulk", nothing)[1]["type"] == "/problems/nothing-matches"
+
+
+def test_a_correction_is_another_request_and_its_letter_is_discarded_with_the_link(world: World) -> None:
+    letter = _letter(world)
+    status, told = world.post(f"letters/{letter}/correct", {"body": {"postings": []}})
+    assert (status, told["state"]) == (200, "DISCARDED")
+    key = told["corrected_by"]
+    assert key not in ("", told["idempotency_key"])
+    assert world.ledger.done == {**world.ledger.done, key: 1}
+    assert json.loads(world.ledger.bodies[-1]) == {"postings": []}
+    assert letter in world.guard.rules  # what it said before goes on being refused
+    assert told["history"][-1]["what"] == "correction"
+    assert world.post(f"letters/{letter}/undo-discard")[1]["type"] == "/problems/letter-corrected"
+
+
+def test_a_correction_that_the_ledger_refuses_leaves_the_letter_where_it_was(world: World) -> None:
+    letter = _letter(world)
+    world.ledger.answer = lambda _: (422, {"type": "/problems/account-closed", "outcome": "not_done"})
+    told = world.post(f"letters/{letter}/correct", {"body": {"postings": []}})[1]
+    assert (told["state"], told["reason"], told["corrected_by"]) == ("QUARANTINED", "CRASHED_CORE", "")
+    assert letter in world.guard.rules
+
+
+def test_what_was_booked_already_is_not_corrected(world: World) -> None:
+    letter = _letter(world)
+    world.ledger.done[world.get(f"letters/{letter}")["idempotency_key"]] = 1
+    sent = len(world.ledger.bodies)
+    told = world.post(f"letters/{letter}/correct", {"body": {"postings": []}})[1]
+    assert told["type"] == "/problems/letter-resolved"
+    assert world.state(letter) == "RESOLVED"
+    assert len(world.ledger.bodies) == sent
+
+
+@pytest.mark.parametrize("body", ["{", "[]", "3", '{"amount": NaN}'])
+def test_a_correction_that_is_none_is_refused(world: World, body: str) -> None:
+    letter = _letter(world)
+    told = world.post(f"letters/{letter}/correct", {"body": body})[1]
+    assert told["type"] == "/problems/correction-unreadable"
+    same = world.get(f"letters/{letter}")["payload"]
+    assert world.post(f"letters/{letter}/correct", {"body": same})[1]["type"] == "/problems/correction-same"
+    assert world.state(letter) == "QUARANTINED"
+
+
+def test_the_guard_is_told_that_we_keep_the_record(world: World) -> None:
+    letter = _letter(world)
+    _retry(world, letter)
+    assert world.guard.asked
+    assert all(asked["audited"] is True for asked in world.guard.asked)
+
+
+def _incident(world: World, number: int, **facts: Any) -> str:
+    """An incident with a proposal that a machine enforces: a request that was held without proof."""
+    incident = f"01a1{number:04x}-0000-7000-8000-0000000000aa"
+    trial = {"name": "a" * 32, "ordeal": "untried", "letter": "x", "fingerprint": f"{number:064x}"}
+    told = {"version": 1, "id": incident, "diagnosis": "CRASHED", "trials": [trial], **facts}
+    draft = world.data / "draft"
+    draft.mkdir()
+    (draft / "incident.json").write_text(json.dumps(told))
+    (world.data / "incidents").mkdir(exist_ok=True)
+    draft.rename(world.data / "incidents" / incident)
+    until(lambda: world.ask("GET", f"incidents/{incident}")[0] == 200, "the incident to be read")
+    return incident
+
+
+def _proposal(world: World, incident: str) -> dict[str, Any]:
+    [found] = world.get(f"proposals?incident={incident}")["items"]
+    return dict(found)
+
+
+def test_a_proposal_that_is_accepted_by_two_at_once_is_one_rule(world: World) -> None:
+    proposal = _proposal(world, _incident(world, next(NUMBERS)))
+    before = set(world.guard.rules)
+    threads = [
+        threading.Thread(target=world.post, args=(f"proposals/{proposal['id']}/accept",)) for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20)
+    [rule] = world.guard.rules - before
+    assert world.post(f"proposals/{proposal['id']}/revoke")[1]["state"] == "revoked"
+    assert rule not in world.guard.rules
+
+
+def test_a_rule_whose_answer_was_lost_does_not_outlive_the_word_that_was_not_taken(own: World) -> None:
+    proposal = _proposal(own, _incident(own, 1))
+    own.guard.is_mute = True
+    assert own.post(f"proposals/{proposal['id']}/accept")[1]["type"] == "/problems/guard-away"
+    assert own.guard.rules
+    own.kill()
+    own.guard.is_mute = False
+    own.start()
+    until(lambda: not own.guard.rules, "the rule to be taken away again")
+    assert own.get("proposals")["items"][0]["state"] == "open"
+
+
+def test_the_evidence_of_an_incident_can_be_removed_and_its_line_stays(world: World) -> None:
+    incident = _incident(world, next(NUMBERS))
+    assert world.post(f"incidents/{incident}/note", {"text": "seen"})[1]["note"] == "seen"
+    assert world.post(f"incidents/{incident}/remove-evidence")[0] == 200
+    assert not (world.data / "incidents" / incident).exists()
+    assert world.get(f"incidents/{incident}")["note"] == "seen"
+    again = world.post(f"incidents/{incident}/remove-evidence")[1]
+    assert again["type"] == "/problems/evidence-absent"
+    assert world.post("incidents/..%2F..%2Fstate/remove-evidence")[0] == 404
+
+
+def test_groups_are_put_together_and_taken_apart(world: World) -> None:
+    incidents = [_incident(world, next(NUMBERS), diagnosis=one) for one in ("CRASHED", "FROZEN")]
+    one, other = (world.get(f"incidents?limit=500&diagnosis={name}") for name in ("CRASHED", "FROZEN"))
+    first, second = (
+        next(line["fingerprint"] for line in lines["items"] if line["id"] == incident)
+        for lines, incident in zip((one, other), incidents, strict=True)
+    )
+    assert world.post(f"groups/{first}/merge", {"into": second})[1]["merged"] == [first]
+    assert world.post(f"groups/{second}/split")[1]["merged"] == []
+    assert world.post(f"groups/{second}/split")[1]["type"] == "/problems/group-whole"
+    acts = [act["verb"] for act in world.get("audit")["items"]]
+    assert acts[:3] == ["split", "split", "merge"]
 
 
 def test_a_drill_is_told(world: World) -> None:

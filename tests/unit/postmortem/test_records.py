@@ -368,3 +368,85 @@ def test_trends_count_weeks_and_say_how_long() -> None:
     assert [week["incidents"] for week in told["weeks"]] == [7, 3]
     assert told["causes"][0]["p50_ms"] == 450.0
     assert told["causes"][0]["p90_ms"] == 900.0
+
+
+def test_groups_that_were_put_together_take_in_later_deaths_and_come_apart_again(
+    records: Records, archive: Archive
+) -> None:
+    _put(records, _story(1), _story(2, fingerprint="f2"), _story(3, fingerprint="f3"))
+    with records.writing() as connection:
+        assert stories.merge(connection, "f1", "f2") is None
+        assert stories.merge(connection, "f2", "f3") is None
+    _put(records, _story(4), _story(1, outage_ms=5.0))
+    merged = archive.group("f3")
+    assert merged is not None
+    assert (merged.count, merged.merged, merged.newest) == (4, ("f1", "f2"), "i00004")
+    assert [group.merged for group in archive.groups(Filter(), 5).items] == [("f1", "f2")]
+    with records.writing() as connection:
+        assert stories.split(connection, "f3") is None
+        assert stories.split(connection, "f3") == Refusal("group_whole", {})
+    found = {group.fingerprint: group.count for group in archive.groups(Filter(), 5).items}
+    assert found == {"f1": 2, "f2": 1, "f3": 1}
+    _put(records, _story(4))  # it is read once more, for its group's name
+    named = archive.group("f1")
+    assert named is not None
+    assert (named.title["en"], named.why) == ("Deaths", ("SIGSEGV",))
+
+
+def test_an_incident_that_was_taken_out_of_its_group_stays_out(records: Records, archive: Archive) -> None:
+    _put(records, _story(1), _story(2))
+    with records.writing() as connection:
+        assert stories.take_apart(connection, "f1", "nobody") == Refusal("incident_unknown", {})
+        assert stories.take_apart(connection, "f1", "i00001") is None
+        assert stories.take_apart(connection, "f1", "i00002") == Refusal("group_whole", {})
+    _put(records, _story(1, outage_ms=5.0))
+    assert {group.fingerprint: group.count for group in archive.groups(Filter(), 5).items} == {
+        "f1": 1,
+        "apart-i00001": 1,
+    }
+    with records.writing() as connection:
+        assert stories.merge(connection, "apart-i00001", "f1") is None
+    back = archive.group("f1")
+    assert back is not None
+    assert back.count == 2
+
+
+@pytest.mark.parametrize(("one", "other"), [("f1", "f9"), ("f9", "f1"), ("f9", "f9"), ("f1", "f1")])
+def test_only_two_groups_that_are_there_are_put_together(records: Records, one: str, other: str) -> None:
+    _put(records, _story(1))
+    with records.writing() as connection:
+        assert isinstance(stories.merge(connection, one, other), Refusal)
+
+
+def test_a_note_stays_when_its_incident_is_read_again(records: Records, archive: Archive) -> None:
+    _put(records, _story(1))
+    with records.writing() as connection:
+        assert stories.put_note(connection, "i00001", "<b>the cat</b>")
+        assert not stories.put_note(connection, "nobody", "x")
+    _put(records, _story(1, outage_ms=5.0))
+    found = archive.incident("i00001")
+    assert found is not None
+    assert (found.note, found.outage_ms) == ("<b>the cat</b>", 5.0)
+
+
+def test_an_archive_of_the_first_version_is_brought_forward(tmp_path: Path) -> None:
+    path = tmp_path / "hardcore.db"
+    opened = open_records(path)
+    assert isinstance(opened, Records)
+    _put(opened, _story(1))
+    with opened.writing() as connection:
+        for table, column in (
+            ("incidents", "base"), ("incidents", "apart"), ("incidents", "note"),
+            ("proposals", "unsure"), ("letters", "corrected_by"), ("letters", "correction"),
+        ):  # fmt: skip
+            connection.exec_driver_sql(f"ALTER TABLE {table} DROP COLUMN {column}")
+        connection.exec_driver_sql("DROP TABLE merges")
+        connection.exec_driver_sql("PRAGMA user_version = 1")
+    opened.close()
+    again = open_records(path)
+    assert isinstance(again, Records)
+    _put(again, _story(1, outage_ms=5.0), _story(2))
+    found = Archive(again, tmp_path / "hits").group("f1")
+    again.close()
+    assert found is not None
+    assert found.count == 2
