@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
-from postmortem import bundle, placing, reading
+from postmortem import bundle, found_rules, placing, reading
 from postmortem.bundle import Found
 from postmortem.dead_letters import slip as slips
 from postmortem.dead_letters import spool
@@ -34,17 +34,37 @@ READ_AT_ONCE_MAX: Final = 16
 SUMMARY_MAX: Final = 2_000
 #: The lists of one incident: accounts, and facts that its group is made of.
 LIST_MAX: Final = 64
+#: How a trial ended, in a sentence.
+_ENDS: Final = {
+    "died": "ended the core",
+    "hung": "hung",
+    "grew": "passed its bound of memory",
+    "survived": "was carried out",
+    "committed": "was in the ledger already",
+}
 
 _LOG: Final = logging.getLogger("postmortem.intake")
 
 
 @dataclass(frozen=True, slots=True)
 class Intake:
-    """The two places that are looked at, and the archive that it goes into."""
+    """The places that are looked at, and the archive that it goes into. `rules`: the guard's file."""
 
     records: Records
     spool: Path
     incidents: Path
+    rules: Path = Path("/dev/null")
+
+    def begin(self) -> None:
+        """Take in what waits, then what only the guard's rules tell. For the beginning."""
+        # The rules first: a letter's message is in the spool before its rule says so.
+        found = found_rules.read(self.rules)
+        self.take_spool()
+        if (made := found.take_letters(self.records)) > 0:
+            _LOG.warning("%d letters were made of the guard's rules alone", made)
+            told = Act(placing.now(), "investigator", "found", f"{made} rules of letters", "", "letters made")
+            with self.records.writing() as connection:
+                log.add_act(connection, told)
 
     def look(self) -> int:
         """Take in what is new; return how much of it there was. Raises what the archive raises."""
@@ -75,6 +95,8 @@ class Intake:
             with self.records.writing() as connection:
                 stories.put(connection, story, mark)
             taken += 1
+        if taken:
+            found_rules.read(self.rules).take_proposals(self.records)
         return taken
 
     def _folders(self) -> Iterator[tuple[Found, str]]:
@@ -179,21 +201,38 @@ def story_of(found: Found, told: Mapping[str, Any]) -> Story:
         drill=_text(told.get("drill")) or None,
     )
     title = _texts(told.get("title")) or summary
-    proposals = told.get("proposals")
-    made = map(_proposed, proposals[:LIST_MAX] if isinstance(proposals, list) else [])
+    made = (_proposed(one, _trials(told)) for one in _dicts(told.get("proposals")))
     return Story(line, title, _list(told.get("why")), tuple(one for one in made if one is not None))
 
 
-def _proposed(told: object) -> Proposed | None:
-    if not isinstance(told, dict) or not (text := _texts(told.get("text"))):
+def _proposed(told: Mapping[str, Any], trials: Mapping[str, str]) -> Proposed | None:
+    if not (text := _texts(told.get("text"))):
         return None
     rule = told.get("rule")
+    rule = rule if isinstance(rule, dict) else None
     return Proposed(
         kind=_text(told.get("kind")) or "person",
         text=text,
-        rule=rule if isinstance(rule, dict) else None,
-        tested=_text(told.get("tested")) or None,
+        rule=rule,
+        tested=_text(told.get("tested")) or trials.get(_text((rule or {}).get("fingerprint"))),
     )
+
+
+def _trials(told: Mapping[str, Any]) -> dict[str, str]:
+    """What a throw-away core said of each wish that was tried, by its fingerprint: the test of a rule that refuses it."""
+    found = {}
+    for one in _dicts(told.get("trials")):
+        wish, ordeal, took_ms = _text(one.get("fingerprint")), _text(one.get("ordeal")), one.get("took_ms")
+        if wish and ordeal not in ("", "untried"):
+            took = f" after {took_ms:.0f} ms" if isinstance(took_ms, int | float) else ""
+            found[wish] = (
+                f"In a throw-away core on a copy of the ledger it {_ENDS.get(ordeal, ordeal)}{took}."
+            )
+    return found
+
+
+def _dicts(given: object) -> list[Mapping[str, Any]]:
+    return [one for one in given[:LIST_MAX] if isinstance(one, dict)] if isinstance(given, list) else []
 
 
 def _begun(found: Found) -> str:

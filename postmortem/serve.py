@@ -117,8 +117,10 @@ class Investigator:
     def __init__(self, wishes: Wishes, records: Records) -> None:
         self._wishes = wishes
         self._records = records
-        guard = GuardLine(wishes.control)
-        self._intake = Intake(records, wishes.data / "spool", wishes.data / "incidents")
+        guard, state = GuardLine(wishes.control), wishes.data / "state"
+        self._intake = Intake(
+            records, wishes.data / "spool", wishes.data / "incidents", state / "quarantine.json"
+        )
         archive = Archive(records, wishes.data / "state" / "rule_hits.json")
         self._diary = Diary(records)
         self._retrier = Retrier(records, guard, Court(wishes.data, wishes.limits))
@@ -151,7 +153,7 @@ class Investigator:
             name = self._records.put_aside.name
             _LOG.error("the archive was damaged; it is kept as %s and a new one is begun", name)
             self._diary.write("damaged", name, "", "a new archive was begun")
-        await asyncio.to_thread(self._intake.take_spool)
+        await asyncio.to_thread(self._intake.begin)
         config = uvicorn.Config(
             self._gate,
             log_config=None,

@@ -58,6 +58,16 @@ def take(connection: Connection, slip: LetterSlip) -> str:
     return identity
 
 
+def take_unknown(connection: Connection, slip: LetterSlip) -> bool:
+    """Write a letter that nobody here knows by its number or its name; False: somebody does."""
+    by_name = select(LETTERS.c.id).where(LETTERS.c.name == slip.name)
+    by_number = select(ALIASES.c.id).where(ALIASES.c.id == slip.id)
+    if any(connection.execute(asked).first() is not None for asked in (by_name, by_number)):
+        return False
+    take(connection, slip)
+    return True
+
+
 def _begun(slip: LetterSlip) -> dict[str, Any]:
     state = LetterState.HELD if slip.held else LetterState.QUARANTINED
     return {"state": state, "note": "", "quarantined_at": slip.quarantined_at}

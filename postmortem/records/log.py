@@ -87,6 +87,14 @@ def unsure_decisions(connection: Connection) -> list[RowMapping]:
     return list(connection.execute(select(PROPOSALS).where(PROPOSALS.c.unsure)).mappings())
 
 
+def find_accepted(connection: Connection, enforced: Sequence[str]) -> None:
+    """Call the open ones of these proposals accepted: the guard enforces them, and who said so is forgotten."""
+    meant = (PROPOSALS.c.state == ProposalState.OPEN) & ~PROPOSALS.c.unsure
+    for one in enforced:
+        found = update(PROPOSALS).where(PROPOSALS.c.id == one, meant)
+        connection.execute(found.values(state=ProposalState.ACCEPTED, rule_id=stories.rule_id(one)))
+
+
 def begin_bulk(
     connection: Connection, bulk_id: str, verb: str, who: str, letter_ids: Sequence[str], reason: str
 ) -> None:

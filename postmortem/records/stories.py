@@ -25,6 +25,7 @@ PROPOSALS_MAX: Final = 16
 #: Groups that people put into others.
 MERGES_MAX: Final = 1_000
 MANY: Final = 2
+PROPOSAL_RULE: Final = "proposal-"
 _COUNTED: Final = ("id", "opened_at", "outage_ms", "account_ids", "diagnosis", "summary")
 
 
@@ -236,7 +237,7 @@ def proposal_id(incident: str, one: Proposed) -> str:
 
 def rule_id(proposal: str) -> str:
     """The id under which the guard enforces a proposal: the same one however often it is asked for."""
-    return f"proposal-{proposal}"
+    return f"{PROPOSAL_RULE}{proposal}"
 
 
 def _count(connection: Connection, fingerprint: str, arrived: Story | None, told: Story | None) -> None:

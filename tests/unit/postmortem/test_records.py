@@ -1,4 +1,6 @@
 import errno
+import json
+import os
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,7 +11,8 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-from postmortem import intake
+from postmortem import found_rules, intake
+from postmortem.bundle import Found
 from postmortem.dead_letters import slip as slips
 from postmortem.dead_letters import spool
 from postmortem.dead_letters.life import Trigger
@@ -227,7 +230,7 @@ def test_a_message_that_can_not_be_opened_now_is_taken_in_later(
         raise OSError(errno.EMFILE, "Too many open files")
 
     with monkeypatch.context() as patched:
-        patched.setattr(spool.os, "open", no_descriptor)
+        patched.setattr(os, "open", no_descriptor)
         assert taken.take_spool() == 0
     assert archive.audit(5).total == 0
     assert taken.take_spool() == 1
@@ -450,3 +453,74 @@ def test_an_archive_of_the_first_version_is_brought_forward(tmp_path: Path) -> N
     again.close()
     assert found is not None
     assert found.count == 2
+
+
+def _rules(tmp_path: Path, *rules: dict[str, Any]) -> Path:
+    path = tmp_path / "quarantine.json"
+    path.write_text(json.dumps({"version": 1, "serial": 3, "rules": rules}))
+    return path
+
+
+def test_what_the_guard_refuses_is_on_the_list_also_in_an_archive_that_was_lost(
+    records: Records, archive: Archive, tmp_path: Path
+) -> None:
+    known = _take(records, number=1)
+    rule = {"type": "letter", "digest": None, "fingerprint": "b" * 64, "account_ids": ["assets:cash"]}
+    path = _rules(
+        tmp_path,
+        {**rule, "id": "l1", "name": f"{1:032x}", "reason": "CRASHED_CORE"},  # of a letter that is here
+        {**rule, "id": "l2", "name": f"{2:032x}", "reason": "UNPROVEN"},
+        {**rule, "id": "l3", "name": f"{3:032x}", "reason": "HUNG_CORE", "unsent": {"id": "l3"}},
+        {"id": "l4", "type": "parked", "seq": 812, "account_ids": ["assets:cash"]},
+        {"id": "l5", "type": "limit", "kind": "transaction.post", "per_minute": 3},
+        {"id": "../l6", "type": "letter", "name": 3},
+    )
+    taken = intake.Intake(records, tmp_path / "spool", tmp_path / "incidents", path)
+    for _ in range(2):
+        taken.begin()
+    found = {one.id: one for one in archive.letters(Filter(), 9).items}
+    assert set(found) == {known, "l2", "l4"}
+    assert (found["l2"].state, found["l4"].seq) == (LetterState.HELD, 812)
+    assert [one.id for one in archive.letters(Filter(account="assets:cash"), 9).items if one.id == "l4"]
+    assert [act.verb for act in archive.audit(9).items] == ["found"]
+
+
+def test_a_proposal_that_the_guard_enforces_is_an_accepted_one(
+    records: Records, archive: Archive, tmp_path: Path
+) -> None:
+    _put(records, _story(1), _story(2))
+    enforced = archive.proposals("i00001")[0].id
+    path = _rules(tmp_path, {"id": f"proposal-{enforced}", "type": "fingerprint", "fingerprint": "f" * 64})
+    found_rules.read(path).take_proposals(records)
+    assert {one.incident: str(one.state) for one in archive.proposals()} == {
+        "i00001": "accepted",
+        "i00002": "open",
+    }
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{", '{"version": 9, "rules": [1]}', '{"version": 1, "rules": 3}']
+)
+def test_rules_that_can_not_be_read_make_no_letters(records: Records, tmp_path: Path, text: str) -> None:
+    (tmp_path / "quarantine.json").write_text(text)
+    assert found_rules.read(tmp_path / "quarantine.json").take_letters(records) == 0
+
+
+def test_a_proposal_says_what_the_trial_of_its_wish_found(tmp_path: Path) -> None:
+    wish = "f" * 64
+    told = {
+        "trials": [{"fingerprint": wish, "ordeal": "survived", "took_ms": 12.4}, {"ordeal": "died"}, 3],
+        "proposals": [
+            {
+                "kind": "fingerprint",
+                "text": {"en": "x"},
+                "rule": {"type": "fingerprint", "fingerprint": wish},
+            },
+            {"kind": "person", "text": {"en": "y"}},
+        ],
+    }
+    found = intake.story_of(Found("i1", tmp_path, partial=False), told).proposals
+    assert [one.tested for one in found] == [
+        "In a throw-away core on a copy of the ledger it was carried out after 12 ms.",
+        None,
+    ]
