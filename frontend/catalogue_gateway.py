@@ -7,6 +7,30 @@ problems. A sentence may say only what the gateway knows when it sends it.
 #: The number of what was set aside, by language.
 NUMBER: dict[str, str] = {"ko": "번호: {id}", "en": "Number: {id}"}
 
+#: The same for some of which nobody knows whether it was done, wholly or in part.
+DOUBTFUL: dict[str, dict[str, tuple[str, str]]] = {
+    "set-aside": {
+        "ko": (
+            "이 요청은 따로 보관했어요",
+            "처리 중에 서버가 멈춘 요청이라 더는 시도하지 않아요. 이미 처리된 부분이 있을 수 있으니 내역을 확인해 주세요. 서버 관리자에게 번호를 알려 주세요.",
+        ),
+        "en": (
+            "This request was set aside",
+            "The server stopped while handling it, so it is not tried any more. Some of it may have been done: please check the records, and tell the administrator its number.",
+        ),
+    },
+    "source-stopped": {
+        "ko": (
+            "이 브라우저의 입력을 잠시 멈췄어요",
+            "여기에서 보낸 요청 때문에 서버가 여러 번 멈췄어요. 보기는 할 수 있어요. 이 요청이 전에 처리됐는지는 내역에서 확인해 주세요.",
+        ),
+        "en": (
+            "Changes from here are paused",
+            "Requests sent from here stopped the server several times. You can still look at everything. Please check the records for whether this request was done before.",
+        ),
+    },
+}
+
 #: slug -> language -> (title, detail)
 PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
     "bad-request": {

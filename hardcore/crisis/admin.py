@@ -212,7 +212,7 @@ class AdminDoor:
         if course.passed_bytes > ANSWER_BYTES_MAX:
             self._cut(course)
             return
-        if not course.endless:
+        if not course.endless and not course.exchange.stalled:
             course.exchange.client.limit.set(self._limits.upstream_deadline_ms)
         course.exchange.client.more(data)
 
@@ -261,6 +261,8 @@ class AdminDoor:
                 exchange.client.limit.clear()  # the client has a limit of its own
             else:
                 course.connection.resume()
+                if not course.endless:
+                    exchange.client.limit.set(self._limits.upstream_deadline_ms)
 
     def upkeep(self) -> None:
         """Now and then: close connections that nobody used."""

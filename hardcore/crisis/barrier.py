@@ -39,17 +39,21 @@ HITS_MS: Final = 2_000
 COUNTED_MAX: Final = 10_000
 #: Verdicts remembered.
 VERDICTS_MAX: Final = 4_096
+_SETS_ASIDE: Final = frozenset({Verdict.CONVICTED, Verdict.HELD})
 
 
 def source_of(exchange: Exchange) -> str:
     """Who sends a request, as a letter names it: never the cookie itself, which opens what is its browser's."""
-    browser = exchange.browser if exchange.browser is not None else browser_of(exchange.head.cookie)
-    return source_named(browser, exchange.client.address)
+    return source_named(_browser(exchange), exchange.client.address)
 
 
 def source_named(browser: bytes | None, address: str) -> str:
     """The same, from the cookie that tells browsers apart, or from where somebody sits."""
     return f"peer:{address}" if browser is None else f"browser:{hashlib.sha256(browser).hexdigest()[:16]}"
+
+
+def _browser(exchange: Exchange) -> bytes | None:
+    return exchange.browser if exchange.browser is not None else browser_of(exchange.head.cookie)
 
 
 class Barrier:
@@ -92,8 +96,21 @@ class Barrier:
             if self._took(await self._loop.run_in_executor(thread, _read, path)):
                 for name in known:
                     self._fresh.pop(name, None)
+                self._let_go()
         self._reading = None
         self.renewed()
+
+    def _let_go(self) -> None:
+        """Forget the verdicts whose rule is gone: a person has let run what they name."""
+        gone = [
+            said.name
+            for said in self._verdicts.values()
+            if said.outcome in _SETS_ASIDE
+            and said.name not in self.rules.names
+            and said.name not in self._fresh
+        ]
+        for name in gone:
+            del self._verdicts[name]
 
     def _took(self, read: Rules | str | None) -> bool:
         if isinstance(read, str):
@@ -108,7 +125,7 @@ class Barrier:
         self._verdicts.pop(verdict.name, None)
         self._verdicts[verdict.name] = verdict
         self._fresh.pop(verdict.name, None)
-        if verdict.outcome in {Verdict.CONVICTED, Verdict.HELD}:
+        if verdict.outcome in _SETS_ASIDE:
             self._fresh[verdict.name] = verdict.letter or ""
             self.look()
         for memory in (self._verdicts, self._fresh):
@@ -132,23 +149,24 @@ class Barrier:
     def bars(self, exchange: Exchange) -> bool:
         """Whether a request must not reach a core; why is written down with it."""
         exchange.refusal = self._refusal(exchange)
+        exchange.barred |= exchange.refusal is not None
         return exchange.refusal is not None
 
     def _refusal(self, exchange: Exchange) -> Refusal | None:
         rules = self.rules
         if exchange.head.safe or not (rules.names or rules.digests or rules.sources or self._fresh):
             return None
-        until = rules.sources.get(source_of(exchange), 0.0) - time.time() if rules.sources else 0.0
-        if until > 0:
-            return Stopped(max(1, math.ceil(until)))
+        browser = _browser(exchange) if rules.sources else None
+        # An address is nobody: all programs of this machine have one, and all who come through a proxy.
+        if browser is not None:
+            until = rules.sources.get(source_named(browser, ""), 0.0) - time.time()
+            if until > 0:
+                return Stopped(max(1, math.ceil(until)))
         name = exchange.name
         letter = self.letter(name) if name is not None else None
         if letter is None and rules.digests and exchange.whole and not exchange.streamed:
             letter = rules.digests.get(exchange.digest_hex())
-        if letter is None:
-            return None
-        self.hit(letter)
-        return SetAside(letter)
+        return None if letter is None else SetAside(letter)
 
     # -- how often -------------------------------------------------------------------------------------
 

@@ -27,8 +27,9 @@ _LOG = logging.getLogger(__name__)
 #: Bytes of all cases together, and of the body of one.
 CASES_BYTES_MAX: Final = 64 << 20
 BODY_BYTES_MAX: Final = 1 << 20
-#: A case that is older was forgotten by everybody.
+#: A case that is older was forgotten by everybody; so often they are looked for.
 KEPT_S: Final = 24 * 3600
+SWEEP_S: Final = 3600
 #: What opens doors.
 _SECRET: Final = frozenset({b"authorization", b"cookie", b"proxy-authorization"})
 
@@ -69,8 +70,12 @@ class Cases:
         self._folder = folder
         self._filed = filed
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="cases") if folder is not None else None
-        self._sizes: dict[str, int] = {}  # of what lies there, by name
-        self._coming: dict[str, int] = {}  # of what is being written
+        self._filed_bytes = (
+            0  # of all that lies there; the guard takes away too, so only the thread counts anew
+        )
+        self._there: set[str] = set()  # whose case lies there
+        self._coming: set[str] = set()  # whose case is being written
+        self._swept_s = loop.time()
         self._early: set[str] | None = (
             None if folder is None else set()
         )  # suspects named before the folder was read
@@ -82,44 +87,53 @@ class Cases:
             self._soon(self._begin(self._folder))
 
     async def _begin(self, folder: Path) -> None:
-        found = await self._loop.run_in_executor(self._thread, _swept, folder, time.time() - KEPT_S)
-        self._sizes = found | self._sizes
+        self._there |= await self._loop.run_in_executor(self._thread, self._sweep, folder)
         early, self._early = self._early or set(), None
         self.tell(early)
+
+    def upkeep(self) -> None:
+        """Now and then: let go of what has become too old."""
+        if self._folder is not None and self._loop.time() - self._swept_s >= SWEEP_S:
+            self._swept_s = self._loop.time()
+            self._soon(self._again(self._folder))
+
+    async def _again(self, folder: Path) -> None:
+        found = await self._loop.run_in_executor(self._thread, self._sweep, folder)
+        self._there &= found | self._coming
 
     def tell(self, names: Collection[str]) -> None:
         """These are suspects: say which of them have their case, to a guard that may not have heard it."""
         if self._early is not None:
             self._early.update(names)
         for name in names:
-            if name in self._sizes:
+            if name in self._there:
                 self._filed(name)
 
     def has(self, name: str) -> bool:
         """Whether a case lies there, or will in a moment."""
-        return name in self._sizes or name in self._coming
+        return name in self._there or name in self._coming
 
     def file(self, draft: Draft) -> None:
         """File a case, if there is room."""
-        if self._folder is None or not draft.files:
-            return
-        size = draft.body_bytes * 2  # as it will lie there, nearly
-        taken = {**self._sizes, **self._coming, draft.name: size}
-        if sum(taken.values()) <= CASES_BYTES_MAX:
-            self._coming[draft.name] = size
+        if self._folder is not None and draft.files and draft.name not in self._coming:
+            self._coming.add(draft.name)
             self._soon(self._file(self._folder, draft))
 
     async def _file(self, folder: Path, draft: Draft) -> None:
-        size = await self._loop.run_in_executor(self._thread, _written, folder, draft)
-        self._coming.pop(draft.name, None)
-        if size is not None:
-            self._sizes[draft.name] = size
+        written = await self._loop.run_in_executor(self._thread, self._write, folder, draft)
+        self._coming.discard(draft.name)
+        if written:
+            self._there.add(draft.name)
             self._filed(draft.name)
+
+    def hand_over(self, name: str) -> None:
+        """A case is the guard's now, who takes it away once its letter is written."""
+        self._there.discard(name)
 
     def remove(self, name: str) -> None:
         """A case is over."""
         if self._folder is not None:
-            self._sizes.pop(name, None)
+            self._there.discard(name)
             self._soon(self._remove(self._folder / f"{name}.json"))
 
     async def _remove(self, path: Path) -> None:
@@ -140,6 +154,26 @@ class Cases:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
             _LOG.error("a case could not be seen to: %s", describe(error))
+
+    # -- on the thread ---------------------------------------------------------------------------------
+
+    def _sweep(self, folder: Path) -> set[str]:
+        """Let go of what is too old, and count the rest: who has a case."""
+        found = _swept(folder, time.time() - KEPT_S)
+        self._filed_bytes = sum(found.values())
+        return set(found)
+
+    def _write(self, folder: Path, draft: Draft) -> bool:
+        """Write a case, if there is room: whether it lies there."""
+        wanted = draft.body_bytes * 2  # as it will lie there, nearly
+        if self._filed_bytes + wanted > CASES_BYTES_MAX:
+            self._sweep(folder)
+        if self._filed_bytes + wanted > CASES_BYTES_MAX:
+            _LOG.warning("a case was not written: there are %d bytes of them", self._filed_bytes)
+            return False
+        size = _written(folder, draft)
+        self._filed_bytes += size or 0
+        return size is not None
 
 
 def _swept(folder: Path, oldest_s: float) -> dict[str, int]:

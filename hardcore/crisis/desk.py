@@ -83,15 +83,15 @@ class Desk:
         way = self.moves.way(exchange.head.path)
         if way in _TO_CORE:
             _read_key(exchange)
-            if self.moves.barrier.bars(exchange):
+            if self._comes_early(exchange):
+                return
+            if (known := self.promises.knows(exchange)) is not None:
+                self._is_ours(exchange)
+                exchange.client.answer(known.head, known.body)
+                return
+            if self.moves.barrier.bars(exchange) and not exchange.askable:
                 self.moves.move(exchange, Trigger.BARRED)
                 return
-        if way in _TO_CORE and self._comes_early(exchange):
-            return
-        if way in _TO_CORE and (known := self.promises.knows(exchange)) is not None:
-            self._is_ours(exchange)
-            exchange.client.answer(known.head, known.body)
-            return
         match way:
             case Route.LIVE | Route.READY | Route.STATUS | Route.OWN | Route.DRILL:
                 self.counter.asked(exchange, way)
@@ -168,6 +168,7 @@ class Desk:
 
     def slow_reader(self, exchange: Exchange, *, slow: bool) -> None:
         """The client cannot take the answer as fast as it comes, or can again."""
+        exchange.stalled = slow
         self.admin.slow_reader(exchange, slow=slow)
         if exchange.life is not Life.ANSWERING or exchange.upstream is None:
             return
@@ -200,7 +201,9 @@ class Desk:
     def _passes(self, exchange: Exchange) -> bool:
         """Whether a request that has just come may go to the core at once."""
         moves = self.moves
-        return moves.core_has_room() and not moves.dock.suspects(exchange) and moves.precedence.lets(exchange)
+        if not moves.core_has_room() or exchange.refusal is not None or moves.dock.suspects(exchange):
+            return False
+        return moves.precedence.lets(exchange)
 
     def _heard_of_suspects(self, message: Heard) -> None:
         """A line that is about suspects or rules, once the outlook has taken it in."""
@@ -225,7 +228,7 @@ class Desk:
     def upkeep(self) -> None:
         """What is due now and then."""
         self.moves.outlook.upkeep()
-        self.moves.dock.departed.upkeep()
+        self.moves.dock.upkeep()
         self.admin.upkeep()
         self.live.upkeep()
         self.sockets.upkeep()

@@ -199,6 +199,13 @@ class Dock:
                 self._judge(exchange, verdict)
         if verdict.outcome.ends_case:
             self.cases.remove(verdict.name)
+        else:
+            self.cases.hand_over(verdict.name)
+
+    def upkeep(self) -> None:
+        """Now and then: let go of what is too old."""
+        self.departed.upkeep()
+        self.cases.upkeep()
 
     # -- whose client is gone --------------------------------------------------------------------------
 

@@ -48,6 +48,7 @@ class Exchange:
     __slots__ = (
         "answer_status",
         "arrived_ns",
+        "barred",
         "body",
         "browser",
         "called",
@@ -56,6 +57,7 @@ class Exchange:
         "closes",
         "dial",
         "digest",
+        "digested",
         "fault",
         "flowing",
         "head",
@@ -71,6 +73,7 @@ class Exchange:
         "rests",
         "sends",
         "spent",
+        "stalled",
         "started",
         "streamed",
         "upstream",
@@ -93,6 +96,7 @@ class Exchange:
         self.closes = False  # the connection ends with the answer that was begun
         self.started = False  # the desk has it
         self.digest: RequestDigest | None = None  # of a streamed body, as far as a core was given it
+        self.digested = ""  # the name of its bytes, once it was asked for: a whole body is read for it
         self.fault: Problem | None = None
         self.life = Life.ARRIVED
         self.upstream: UpstreamConnection | None = None
@@ -106,7 +110,9 @@ class Exchange:
         self.rests = False  # the core that had it did not know of it, and is asked again after a pause
         self.met_outage = False
         self.answer_status = 0
+        self.stalled = False  # its client does not take its answer as fast as it comes
         self.refusal: Refusal | None = None  # why it must not reach a core
+        self.barred = False  # there was such a reason once
         self.cleared = False  # its trial has shown that it does no harm
         self.made_name = ""  # what a core was told to call it, where it has no key
 
@@ -117,12 +123,21 @@ class Exchange:
 
     def digest_hex(self) -> str:
         """The name of its bytes. The key alone may be another one's, whose answer is not this one's."""
-        digest = self.digest
-        if digest is None:
-            digest = RequestDigest(self.head)
-            for data in self.body:
-                digest.add(data)
+        if self.digest is not None:
+            return self.digest.hex()
+        if self.digested:
+            return self.digested
+        digest = RequestDigest(self.head)
+        for data in self.body:
+            digest.add(data)
+        if self.whole and not self.streamed:
+            self.digested = digest.hex()
         return digest.hex()
+
+    @property
+    def askable(self) -> bool:
+        """Whether the ledger can be asked what became of it."""
+        return self.head.key is not None and not self.head.safe and self.whole and not self.streamed
 
     def keep(self, data: bytes) -> None:
         """Keep a piece of the body. Thousands of tiny ones would take far more memory than their bytes."""

@@ -9,11 +9,13 @@ Spreading these rules over the connection code was tried in a sketch: every new 
     ARRIVED --PASS--> FORWARDED --ANSWER--> ANSWERED        LOST --REPEAT--> FORWARDED
        |  \              |  ^ |  \--BEGUN--> ANSWERING         \--ASK--> ASKED --FOUND, ABSENT--> ANSWERED
        |   KEEP     NOT_RUN |  \--LOST--> LOST                           ^ |
-       |     \--> HELD <-/ PASS    HELD --ASK (a suspect)---------------/ |   LOST <--NOT_YET-- ASKED (of the same core)
+       |     \--> HELD <-/ PASS    HELD --ASK (a suspect, or BARRED)----/ |   LOST <--NOT_YET-- ASKED (of the same core)
        |           ^--CLEARED-- ON_TRIAL <--SUSPECTED (absent)-----------/
-       \--BARRED (HELD too)--> ANSWERED      ON_TRIAL --CONVICTED, HELD_BACK, DROPPED, LIMIT--> ANSWERED
+       \--BARRED (HELD, ASKED)--> ANSWERED   ON_TRIAL --CONVICTED, HELD_BACK, DROPPED, LIMIT--> ANSWERED
 
 A suspect reaches a core by one way only: ON_TRIAL, CLEARED, HELD, PASS. Deaths of a core change nothing for it.
+What a rule names and has a key waits for a core like any other and is refused once that does not have it: what is done
+is told again, whatever the rules.
 Whoever takes a promise for an answer is kept when his time is over (PROMISE): HELD or ON_TRIAL -> KEEPING, LOST or
 ASKED -> KEEPING_LOST, and from there only an answer. What is promised runs outside of this table (`receipts`).
 """
@@ -193,6 +195,7 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
             Trigger.FOUND: (Life.ANSWERED, Deed.SAY_STORED),
             Trigger.ABSENT: (Life.ANSWERED, Deed.SAY_ABSENT),
             Trigger.SUSPECTED: (Life.ON_TRIAL, Deed.TRY),
+            Trigger.BARRED: (Life.ANSWERED, Deed.SAY_SET_ASIDE),
             Trigger.NOT_YET: (Life.LOST, Deed.ASK_LATER),
             Trigger.GARBLED: (Life.ANSWERED, Deed.SAY_UNKNOWN),
             Trigger.CORE_LOST: (Life.LOST, Deed.REMEMBER),

@@ -31,12 +31,14 @@ from hardcore.crisis.holding import (
     hold_limit_ms,
 )
 from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.line import Line
 from hardcore.crisis.mishap import describe
 from hardcore.crisis.outcomes import OutageBook
 from hardcore.crisis.outlook import Outlook, Ties
 from hardcore.crisis.plight import cover
 from hardcore.crisis.precedence import Precedence
 from hardcore.crisis.problems import STATUS, Outcome, Problem
+from hardcore.crisis.quarantine import SetAside
 from hardcore.crisis.receipts import Receipt
 from hardcore.crisis.receipts_desk import Kept, Promises, moments
 from hardcore.crisis.receipts_pages import promised
@@ -45,7 +47,7 @@ from hardcore.crisis.returns import Returns
 from hardcore.crisis.routing import Route, route
 from hardcore.crisis.sending import Courier
 from hardcore.crisis.shelf import Shelf
-from hardcore.crisis.telling import Told, told_for, words
+from hardcore.crisis.telling import Told, of_a_refused, told_for, words
 from hardcore.model.phases import Face
 
 _LOG = logging.getLogger(__name__)
@@ -82,7 +84,7 @@ class Moves:
         self.room = WaitingRoom(limits)
         self.book = OutageBook()
         self.outlook = Outlook(loop, limits, Ties(self._changed, self._pump_soon, teller, now_ns))
-        self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits, self._accuses))
+        self.courier = Courier(self.outlook, limits, Returns(self, self.outlook, limits, self._absent))
         self.barrier = Barrier(loop, state)
         self.outlook.ruled = self.barrier.hit
         self.barrier.renewed = self._ruled_anew
@@ -90,12 +92,12 @@ class Moves:
         cases = partial(Cases, loop, folder)
         self.dock = Dock(self.outlook, self.barrier, cases, teller, now_ns, self.step)
         self.promises = Promises(loop, limits, self.outlook, receipts, self.dock, moments(now_ns))
-        self.precedence = Precedence(loop, limits, self.outlook, self.promises, now_ns, self._pump_soon)
+        self.precedence = Precedence(loop, limits, self.outlook, self.promises, now_ns, self._look_again)
         self._loop = loop
         self._limits = limits
         self._teller = teller
         self._now_ns = now_ns
-        self._held: dict[Exchange, None] = {}  # in order of arrival
+        self._held = Line()
         self._lost: dict[Exchange, None] = {}
         self._at_core: dict[Exchange, None] = {}
         self._keeping: dict[Exchange, None] = {}  # their promise is being stored
@@ -135,6 +137,7 @@ class Moves:
         match self.outlook.posture:
             case Face.FORWARD:
                 self.precedence.released()
+                self._held.close_up()
                 self._pump()
                 self._flush_book(over=True)
             case Face.REFUSE:
@@ -167,10 +170,10 @@ class Moves:
             if exchange.life is Life.LOST and (newer or not exchange.rests):
                 if not self.core_has_room():
                     return
-                suspected = self.dock.suspects(exchange)
+                suspected = self.dock.suspects(exchange) or self.barrier.bars(exchange)
                 self.step(exchange, after_release(exchange.plea(), suspected=suspected, newer=newer))
         ahead = self.precedence.ahead()
-        for exchange in list(self._held):
+        for exchange in self._held.ready():
             if not self.core_has_room():
                 return
             if exchange.life is Life.HELD:
@@ -178,20 +181,36 @@ class Moves:
 
     def _let_go(self, exchange: Exchange, ahead: Collection[bytes]) -> None:
         """Give the core a request that waits, unless something has been said of it or goes before it."""
-        if self.barrier.bars(exchange):
-            self.step(exchange, Trigger.BARRED)
-        elif self.dock.suspects(exchange):
-            self.step(exchange, Trigger.ASK)
+        if (said := self._said_of(exchange)) is not None:
+            self.step(exchange, said)
         elif self.precedence.lets(exchange, ahead):
             self.step(exchange, Trigger.PASS)
+        elif self.precedence.touches(exchange):
+            self._held.step_aside(exchange)
 
-    def _accuses(self, exchange: Exchange) -> bool:
-        return self.dock.accuses(exchange)
+    def _said_of(self, exchange: Exchange) -> Trigger | None:
+        """What becomes of a request that waits, if a rule or the guard has named it. It may be done already, so the
+        ledger is asked before it is refused, wherever it can be.
+        """
+        if self.barrier.bars(exchange):
+            return Trigger.ASK if exchange.askable else Trigger.BARRED
+        return Trigger.ASK if self.dock.suspects(exchange) else None
+
+    def _absent(self, exchange: Exchange) -> Trigger:
+        """What becomes of a request that the ledger does not have, and never will by itself."""
+        if self.dock.accuses(exchange):
+            return Trigger.SUSPECTED
+        return Trigger.BARRED if self.barrier.bars(exchange) else Trigger.ABSENT
 
     def _ruled_anew(self) -> None:
         """Other rules are in force: whoever waits may be named by one."""
-        self._pump_soon()
+        self._look_again()
         self.promises.look()
+
+    def _look_again(self) -> None:
+        """Something was said that may free, or name, whoever waits."""
+        self._held.close_up()
+        self._pump_soon()
 
     def core_has_room(self) -> bool:
         """Whether the serving core can be given one more request now."""
@@ -236,10 +255,10 @@ class Moves:
                 if exchange.life is Life.ON_TRIAL:
                     self._limit_from(exchange, exchange.lost_ns or exchange.waiting_ns, limit_ms)
             case Deed.FREE:
-                self._held[exchange] = None
+                self._held.join(exchange)
                 self._pump_soon()
             case Deed.SAY_SET_ASIDE:
-                self._say_barred(exchange)
+                self._say_barred(exchange, looked_up=before in {Life.ASKED, Life.ON_TRIAL})
             case Deed.SAY_PROMISED:
                 assert answer is not None
                 self._settle(exchange, "promised", answer.head.status)
@@ -259,6 +278,8 @@ class Moves:
                 if deed is Deed.SAY_STORED and exchange.head.navigation:
                     answer = pages.stored_for_tab(answer, exchange.head)
                 exchange.client.answer(answer.head, answer.body)
+                if exchange.barred:
+                    self.promises.look(exchange.name)  # what was promised of it may be set aside, and is done now
             case Deed.FINISH:
                 self._settle(exchange, _how(exchange), exchange.answer_status)
                 exchange.client.end()
@@ -288,7 +309,7 @@ class Moves:
 
     def time_is_over(self, exchange: Exchange) -> None:
         """A request waits, or runs, for too long: whoever takes a promise gets one, if there is one to give."""
-        if exchange.life is Life.HELD and self.core_has_room():
+        if exchange.life is Life.HELD and self.core_has_room() and self._said_of(exchange) is None:
             self.move(exchange, Trigger.PASS)  # it has let its browser's promises go first for long enough
             return
         promised = exchange.life in WAITING and self.promises.takes(exchange)
@@ -332,7 +353,7 @@ class Moves:
                 return
             exchange.in_room = True
         self._meet(exchange, outage=self.outlook.posture is not Face.FORWARD)
-        self._held[exchange] = None
+        self._held.join(exchange)
         exchange.waiting_ns = exchange.waiting_ns or self._now_ns()
         limit_ms = hold_limit_ms(self._limits, navigation=exchange.head.navigation)
         self._limit_from(exchange, exchange.waiting_ns, limit_ms)
@@ -398,17 +419,21 @@ class Moves:
         close = told.word == "gone" or told.problem in _CLOSES
         exchange.client.answer(answer.head, answer.body, close=close)
 
-    def _say_barred(self, exchange: Exchange) -> None:
+    def _say_barred(self, exchange: Exchange, *, looked_up: bool) -> None:
         """Say that it was refused, and under which number."""
-        assert exchange.refusal is not None, "nothing else is refused at the door"
-        answer = pages.barred(exchange.refusal, exchange.head)
-        self._settle(exchange, Outcome.NOT_DONE, answer.head.status)
+        refusal = exchange.refusal
+        assert refusal is not None, "nothing else is refused at the door"
+        if isinstance(refusal, SetAside):
+            self.barrier.hit(refusal.letter)
+        outcome = of_a_refused(exchange, looked_up=looked_up)
+        answer = pages.barred(refusal, exchange.head, outcome)
+        self._settle(exchange, outcome, answer.head.status)
         exchange.client.answer(answer.head, answer.body)
 
     # -- the end of a request --------------------------------------------------------------------------
 
     def _unlist(self, exchange: Exchange) -> None:
-        self._held.pop(exchange, None)
+        self._held.leave(exchange)
         self._lost.pop(exchange, None)
         self._at_core.pop(exchange, None)
         self._keeping.pop(exchange, None)

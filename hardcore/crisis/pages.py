@@ -15,7 +15,7 @@ from http import HTTPStatus
 from typing import Final, assert_never
 from urllib.parse import urlsplit
 
-from frontend.catalogue_gateway import NUMBER, PROBLEMS
+from frontend.catalogue_gateway import DOUBTFUL, NUMBER, PROBLEMS
 from frontend.render import language
 from hardcore.crisis.heads import ALLOW, AnswerHead, Header, RequestHead
 from hardcore.crisis.problems import RETRY_AFTER_S, STATUS, Outcome, Problem
@@ -70,7 +70,7 @@ def problem(
     as usual; `more` are further fields.
     """
     tongue = language(accept_language)
-    title, detail = PROBLEMS[what][tongue]
+    title, detail = _words(what, tongue, outcome)
     status = STATUS[what]
     fields: dict[str, object] = {
         "type": f"/problems/{what}",
@@ -91,12 +91,18 @@ def problem(
     return whole(status, b"application/problem+json", body, extra)
 
 
-def plain(what: Problem, head: RequestHead, number: str = "") -> Answer:
+def _words(what: Problem, tongue: str, outcome: Outcome | None) -> tuple[str, str]:
+    """What a problem is called, and what it says; other words for some of which nobody knows whether it was done."""
+    doubtful = DOUBTFUL.get(what) if outcome is Outcome.UNKNOWN else None
+    return (doubtful or PROBLEMS[what])[tongue]
+
+
+def plain(what: Problem, head: RequestHead, number: str = "", outcome: Outcome | None = None) -> Answer:
     """A problem as a bare page. One that only reads comes back by itself; nothing is ever sent again. `number`: of
     what was set aside.
     """
     tongue = language(head.accept_language)
-    title, detail = (html.escape(words) for words in PROBLEMS[what][tongue])
+    title, detail = (html.escape(words) for words in _words(what, tongue, outcome))
     seconds = RETRY_AFTER_S.get(what)
     again = f'<meta http-equiv="refresh" content="{seconds}">' if head.safe and seconds else ""
     if number:
@@ -105,17 +111,17 @@ def plain(what: Problem, head: RequestHead, number: str = "") -> Answer:
     return whole(STATUS[what], HTML, body, _of_a_page(tongue, _PLAIN_POLICY, what))
 
 
-def barred(refusal: Refusal, head: RequestHead) -> Answer:
+def barred(refusal: Refusal, head: RequestHead, outcome: Outcome) -> Answer:
     """A request that the quarantine refuses: to a program with the letter's whole number, to a tab with its end."""
     match refusal:
         case Stopped(for_s=for_s):
             if head.navigation:
-                return plain(Problem.SOURCE_STOPPED, head)
-            return problem(Problem.SOURCE_STOPPED, head.accept_language, Outcome.NOT_DONE, again_s=for_s)
+                return plain(Problem.SOURCE_STOPPED, head, outcome=outcome)
+            return problem(Problem.SOURCE_STOPPED, head.accept_language, outcome, again_s=for_s)
         case SetAside(letter=letter):
             if head.navigation:
-                return plain(Problem.SET_ASIDE, head, letter[-NUMBER_CHARACTERS:])
-            return problem(Problem.SET_ASIDE, head.accept_language, Outcome.NOT_DONE, letter=letter)
+                return plain(Problem.SET_ASIDE, head, letter[-NUMBER_CHARACTERS:], outcome)
+            return problem(Problem.SET_ASIDE, head.accept_language, outcome, letter=letter)
         case _:
             assert_never(refusal)
 

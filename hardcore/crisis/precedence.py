@@ -19,7 +19,7 @@ from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.outlook import Outlook
 from hardcore.crisis.receipts_desk import Promises
-from hardcore.crisis.touching import names_one_of
+from hardcore.crisis.touching import Accounts
 
 #: A timer may ring a little before its time.
 _EARLY_MS = 10
@@ -46,7 +46,7 @@ class Precedence:
         self._epoch = 0
         self._until_ns = 0
         self._account_hold_ms = limits.account_hold_ms
-        self._accounts: frozenset[str] = frozenset()
+        self._accounts = Accounts()
         self._accounts_until_ns = 0
 
     def released(self) -> None:
@@ -64,12 +64,13 @@ class Precedence:
     def suspected(self) -> None:
         """The guard has named suspects, or the last of them has its verdict."""
         accounts = frozenset(self._outlook.standing.account_ids)
-        before, self._accounts = self._accounts, accounts
+        before = self._accounts.names
+        if accounts != before:
+            self._accounts = Accounts(accounts)
         if not accounts <= before:
             self._accounts_until_ns = self._now_ns() + self._account_hold_ms * 1_000_000
             self._loop.call_later((self._account_hold_ms + _EARLY_MS) / 1000, self.freed)
-        elif accounts != before:
-            self.freed()
+        self.freed()
 
     def lets(self, exchange: Exchange, ahead: Collection[bytes] | None = None) -> bool:
         """Whether nothing goes before this request. `ahead`: as `ahead` says it, if that is known."""
@@ -77,7 +78,13 @@ class Precedence:
             return True
         if exchange.browser is not None and exchange.browser in (self.ahead() if ahead is None else ahead):
             return False
-        if not self._accounts or self._now_ns() >= self._accounts_until_ns:
-            return True
+        return not self.touches(exchange)
+
+    def touches(self, exchange: Exchange) -> bool:
+        """Whether it waits for a trial, because it names an account of a suspect. One that was cleared never does."""
+        if exchange.head.safe or exchange.cleared:
+            return False
+        if not self._accounts.names or self._now_ns() >= self._accounts_until_ns:
+            return False
         head, body = exchange.head, b"" if exchange.streamed else b"".join(exchange.body)
-        return not names_one_of(self._accounts, head.path, head.headers, body)
+        return self._accounts.named_in(head.path, head.headers, body)

@@ -127,7 +127,7 @@ class Promises:
         self._runner.pump()
 
     def look(self, judged: str | None = None) -> None:
-        """Something was learned about the core, or there is a verdict on the suspect `judged`."""
+        """Something was learned about the core, or there is a verdict on, or an answer to, what is named `judged`."""
         if self._runner is None or not self.usable:
             return
         if judged is not None:
@@ -258,10 +258,13 @@ class Promises:
             return None  # the ledger itself knows the key
         if receipt.wish.digest != request_digest(head, exchange.body):
             return _refusal(Problem.KEY_REUSED, head)
-        if letter_of(receipt) is not None and self._dock.letter(receipt.wish) is None:
-            assert self._runner is not None
-            self._runner.look_again(key)  # a person has let it go: what becomes of it, the ledger will say
-            return None
+        if letter_of(receipt) is not None:
+            if self._dock.letter(receipt.wish) is None:
+                assert self._runner is not None
+                self._runner.look_again(
+                    key
+                )  # a person has let it go: what becomes of it, the ledger will say
+            return None  # else the barrier says its number
         if head.navigation:
             return receipts_pages.shown_at(receipt.wish.key)
         # Its sender takes no promise for an answer: he is told where it is, and to ask again. Sent past its receipt,

@@ -159,9 +159,10 @@ class Runner:
             self._resting.pop(key).cancel()
 
     def judged(self, name: str) -> None:
-        """There is a verdict on a suspect: if it was promised, it waits for nothing more."""
+        """There is a verdict on a suspect, or one that was named got its answer: if it was promised, it waits no more."""
         for receipt in [one for one in self.book.open() if one.wish.key_hash == name]:
-            self._past_of(receipt.wish.key).rests = 0
+            past = self._past_of(receipt.wish.key)
+            past.rests, past.looked_epoch = 0, 0
             if receipt.wish.key in self._resting:
                 self._resting.pop(receipt.wish.key).cancel()
         self.pump()

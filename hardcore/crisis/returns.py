@@ -28,12 +28,12 @@ class Returns:
     """The `sending.Sender` of the house."""
 
     def __init__(
-        self, mover: Mover, outlook: Outlook, limits: GatewayLimits, accuses: Callable[[Exchange], bool]
+        self, mover: Mover, outlook: Outlook, limits: GatewayLimits, absent: Callable[[Exchange], Trigger]
     ) -> None:
         self._mover = mover
         self._outlook = outlook
         self._limits = limits
-        self._accuses = accuses  # whether a request that the ledger does not have is a suspect
+        self._absent = absent  # what becomes of a request that the ledger does not have
 
     def answered(self, exchange: Exchange, head: AnswerHead, body: bytes) -> None:
         """The answer is whole."""
@@ -57,7 +57,8 @@ class Returns:
 
     def continued(self, exchange: Exchange, data: bytes) -> None:
         """A piece of the answer that was begun."""
-        exchange.client.limit.set(self._limits.upstream_deadline_ms)
+        if not exchange.stalled:  # the core is not to blame; the client has a limit of its own
+            exchange.client.limit.set(self._limits.upstream_deadline_ms)
         exchange.client.more(data)
 
     def not_run(self, exchange: Exchange, pool: Pool) -> None:
@@ -93,7 +94,7 @@ class Returns:
         elif pool.epoch <= exchange.lost_epoch:
             self._mover.step(exchange, Trigger.NOT_YET)
         else:
-            self._mover.step(exchange, Trigger.SUSPECTED if self._accuses(exchange) else Trigger.ABSENT)
+            self._mover.step(exchange, self._absent(exchange))
 
     def not_told(self, exchange: Exchange, pool: Pool) -> None:
         """No word of the contract came: the last one of a later core, but one that had it may die and leave it to the next."""

@@ -38,6 +38,8 @@ def told_for(deed: Deed, exchange: Exchange, *, early: bool) -> Told:
     match deed:
         case Deed.SAY_NOT_DONE | Deed.SAY_UNTRIED if in_parts:
             return Told(Problem.OUTCOME_UNKNOWN, Outcome.UNKNOWN, offers=True)
+        case Deed.SAY_NOT_DONE if exchange.refusal is not None and exchange.askable:
+            return Told(Problem.OUTCOME_UNKNOWN, Outcome.UNKNOWN)  # it waited only to be looked up
         case Deed.SAY_NOT_DONE:
             why = exchange.fault or Problem.RECOVERING
             return Told(why, Outcome.NOT_DONE, "refused" if early else None)
@@ -62,6 +64,14 @@ def told_for(deed: Deed, exchange: Exchange, *, early: bool) -> Told:
         case _:
             assert deed is Deed.DROP_SENT, f"nobody says anything for {deed}"
             return Told(Problem.OUTCOME_UNKNOWN, doubtful, "gone")
+
+
+def of_a_refused(exchange: Exchange, *, looked_up: bool) -> Outcome:
+    """What became of a request that a rule refuses. `looked_up`: the ledger does not have its key."""
+    head = exchange.head
+    if head.key is None:
+        return Outcome.UNKNOWN if exchange.sends else Outcome.NOT_DONE
+    return Outcome.NOT_DONE if looked_up and not head.navigation else Outcome.UNKNOWN
 
 
 def words(

@@ -1,17 +1,15 @@
-"""Suspects in the gateway: looked up, tried, run once or never; and what the quarantine refuses at the door."""
+"""Suspects in the gateway: looked up, tried, run once or never."""
 
 import base64
-import contextlib
 import json
 import socket
 import struct
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.contract.gateway_world import Call, Client, Core, World, key_hash, silent, world
+from tests.contract.gateway_world import World, key_hash, silent
 from tests.contract.receipts_world import (
     FORM,
     LOOK_UP,
@@ -24,66 +22,25 @@ from tests.contract.receipts_world import (
     receipt,
     sent,
 )
+from tests.contract.trials_world import (
+    BODY,
+    KEY,
+    LETTER,
+    PATH,
+    a_letter,
+    case_of,
+    on_trial,
+    rules,
+    trying,
+    verdict,
+)
 from tests.waiting import until
-
-BODY = b'{"account":"assets:cash"}'
-PATH = "/api/ledger/t"
-KEY = "Idempotency-Key: "
-LETTER = "01939f00-0000-7000-8000-00000000abcd"
-
-
-@contextlib.contextmanager
-def trying(folder: Path, **limits: int) -> Iterator[World]:
-    """A world whose gateway keeps cases and goes by rules."""
-    (folder / "state").mkdir(exist_ok=True)
-    options = ("--state", str(folder / "state"), "--receipts", str(folder / "receipts.db"))
-    with world(
-        folder, *options, **{"hold_ms": 20_000, "probe_ms": 20, "receipt_pause_ms": 20, **limits}
-    ) as w:
-        yield w
 
 
 @pytest.fixture
 def w(tmp_path: Path) -> Iterator[World]:
     with trying(tmp_path) as made:
         yield made
-
-
-def rules(w: World, serial: int, *, told: bool = True, **fields: Any) -> None:
-    """The guard writes its file, and says so."""
-    made = {"version": 1, "serial": serial, "rules": [], "suspects": [], "sources": [], **fields}
-    (w.folder / "state" / "quarantine.json").write_text(json.dumps(made))
-    if told:
-        w.feed.say("quarantine", serial=serial)
-
-
-def a_letter(**fields: Any) -> dict[str, Any]:
-    return {"id": LETTER, "type": "letter", "name": "0" * 32, "digest": None, "fingerprint": None, **fields}
-
-
-def case_of(w: World, name: str) -> Any:
-    """The case that the gateway has told of."""
-    w.feed.wait("case", lambda line: line["name"] == name)
-    return json.loads((w.folder / "state" / "cases" / f"{name}.json").read_text())
-
-
-def verdict(w: World, name: str, outcome: str, letter: str | None = None) -> None:
-    w.feed.say("verdict", name=name, outcome=outcome, letter=letter, reason=None)
-
-
-def on_trial(
-    w: World, *headers: str, ledger: Ledger | None = None, body: bytes = BODY
-) -> tuple[Client, Core, Ledger]:
-    """A request under the key `a` that a core died of, and that the next core does not have."""
-    core = w.serving(silent)
-    client = w.client().ask("POST", PATH, KEY + "a", *headers, body=body)
-    core.wait(PATH)
-    w.die(core)
-    ledger = ledger or Ledger()
-    second = w.core(2, ledger)
-    w.feed.serve(second, incident="i1", suspects=(key_hash("a"),))
-    case_of(w, key_hash("a"))
-    return client, second, ledger
 
 
 def test_a_suspect_runs_once_when_its_trial_has_cleared_it(w: World) -> None:
@@ -276,68 +233,6 @@ def test_what_touches_a_suspects_account_does_not_wait_for_ever(tmp_path: Path) 
         assert w.ask("POST", PATH, KEY + "b", body=BODY).status == 201
         assert ledger.booked == ["b"]
         assert sent(core, "a") == []
-
-
-def test_the_quarantine_refuses_by_name_and_by_digest_before_a_core_sees_it(w: World) -> None:
-    rules(w, 1, told=False, rules=[a_letter(name=key_hash("a"), digest=name_of("POST", PATH, BODY))])
-    core = w.serving(Ledger())
-    by_name = w.ask("POST", PATH, KEY + "a", body=b"{}")
-    by_digest = w.ask("POST", PATH, KEY + "b", body=BODY)
-    by_form = w.ask("POST", PATH, FORM, TAB, body=b"_idempotency_key=a")
-    assert [one.status for one in (by_name, by_digest, by_form)] == [422, 422, 422]
-    assert (by_name.json()["letter"], by_digest.json()["outcome"]) == (LETTER, "not_done")
-    assert core.targets() == []
-    assert w.ask("POST", PATH, KEY + "b", body=b"{}").status == 201
-    hits = w.folder / "state" / "rule_hits.json"
-    until(lambda: hits.exists() and json.loads(hits.read_text())["hits"][LETTER]["count"] >= 1, "the count")
-    rules(w, 2)
-    until(lambda: w.ask("POST", PATH, KEY + "a", body=BODY).status == 201, "the rule to go")
-
-
-def test_a_verdict_that_is_told_once_more_does_not_outlive_its_rule(w: World) -> None:
-    rules(w, 1, told=False)
-    w.serving(Ledger())
-    verdict(w, key_hash("a"), "convicted", LETTER)  # as a guard says it to a gateway that joins late
-    until(lambda: w.ask("POST", PATH, KEY + "a", body=BODY).status == 201, "what the rules say to count")
-
-
-def test_hostile_files_leave_the_rules_before_them_in_force(w: World) -> None:
-    rules(w, 1, told=False, rules=[a_letter(name=key_hash("a"))])
-    core = w.serving(Ledger())
-    path = w.folder / "state" / "quarantine.json"
-    for data in (b"", b"{", b"[" * 100_000, b'{"version": 2}', b"\xff\xfe", b'{"version":1,"serial":"9"}'):
-        path.write_bytes(data)
-        w.feed.say("quarantine", serial=2)
-        assert w.ask("POST", PATH, KEY + "a", body=b"{}").status == 422
-    odd = [None, 7, {"id": 5}, {"id": "../x", "type": "letter", "name": key_hash("b")}, {"type": "letter"}]
-    rules(
-        w, 3, rules=[*odd, a_letter(name=key_hash("c"))], suspects=[{"name": 1}], sources=["x", {"source": 1}]
-    )
-    until(lambda: w.ask("POST", PATH, KEY + "c", body=b"{}").status == 422, "the rule that makes sense")
-    assert w.ask("POST", PATH, KEY + "b", body=b"{}").status == 201
-    assert sent(core, "a") == []
-
-
-def test_a_source_that_is_stopped_may_read_and_change_nothing(w: World) -> None:
-    stopped = [{"source": "peer:127.0.0.1", "until": "2099-01-01T00:00:00Z"}]
-    rules(w, 1, told=False, sources=[*stopped, {"source": "peer:::1", "until": "soon"}])
-    core = w.serving(Ledger())
-    refused = w.ask("POST", PATH, KEY + "a", body=BODY)
-    assert (refused.status, refused.json()["type"]) == (429, "/problems/source-stopped")
-    assert int(refused.header("Retry-After") or 0) > 60
-    assert w.ask("GET", "/x").status == 200
-    assert w.ask("POST", PATH, KEY + "a", "Cookie: __hc=other", body=BODY).status == 201
-    assert sent(core, "a") == [PATH]
-
-
-def test_which_rule_a_core_has_refused_by_is_counted_and_not_passed_on(w: World) -> None:
-    def limited(call: Call) -> None:
-        call.answer(429, b"{}", headers=("X-Core-Rule: limit-1",))
-
-    w.serving(limited)
-    assert w.ask("POST", PATH, KEY + "a", body=BODY).header("X-Core-Rule") is None
-    hits = w.folder / "state" / "rule_hits.json"
-    until(lambda: hits.exists() and "limit-1" in json.loads(hits.read_text())["hits"], "the count")
 
 
 # -- what was promised -----------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardcore.crisis.quarantine import FILE_BYTES_MAX, Rules, read_rules
-from hardcore.crisis.touching import names_one_of
+from hardcore.crisis.touching import Accounts
 
 NAME, DIGEST = "a" * 32, "b" * 64
 FORM = ((b"Content-Type", b"application/x-www-form-urlencoded"),)
@@ -110,4 +110,4 @@ def test_a_source_is_stopped_until_its_time_and_only_if_that_is_one() -> None:
 def test_an_account_is_named_by_a_whole_part(
     path: bytes, headers: tuple[tuple[bytes, bytes], ...], body: bytes, *, named: bool
 ) -> None:
-    assert names_one_of({"assets:cash", "자산:현금"}, path, headers, body) is named
+    assert Accounts({"assets:cash", "자산:현금"}).named_in(path, headers, body) is named
