@@ -338,7 +338,9 @@ TEXTS: Final[Mapping[str, Text]] = {
     "said_removed": _text("증거를 지웠어요.", "The evidence is deleted."),
     # Trends
     "trends_title": _text("추세", "Trends"),
-    "trends_weeks": _text("주마다 사건 수", "Incidents a week"),
+    "trends_weeks": _text(
+        "주마다 사건 수(연습과 계획한 것 제외)", "Incidents a week (without drills and planned ones)"
+    ),
     "trends_week": _text("주", "Week"),
     "trends_recovery": _text("원인별 멈춘 시간", "Outage by cause"),
     "trends_p50": _text("절반은 이보다 빨리", "Half are back within"),

@@ -43,12 +43,12 @@ WITNESSES: Mapping[str, str] = {
 }
 
 #: How far a command had come.
-STAGES: Mapping[str, str] = {
-    "QUEUED": "차례 기다림",
-    "DECIDING": "처리 중",
-    "WRITING": "기록 중",
-    "COMMITTED": "기록됨",
-    "ANSWERING": "응답 중",
+STAGES: Mapping[str, Mapping[str, str]] = {
+    "QUEUED": {"ko": "차례 기다림", "en": "waiting its turn"},
+    "DECIDING": {"ko": "처리 중", "en": "at work"},
+    "WRITING": {"ko": "기록 중", "en": "being written"},
+    "COMMITTED": {"ko": "기록됨", "en": "written"},
+    "ANSWERING": {"ko": "응답 중", "en": "being answered"},
 }
 
 #: What a command was.

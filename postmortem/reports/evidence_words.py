@@ -15,7 +15,8 @@ def kind_word(kind: str, language: str) -> str:
 
 def stage_word(stage: str, language: str) -> str:
     """Return how far a command had come."""
-    return texts.STAGES.get(stage, stage) if language == "ko" else stage
+    known = texts.STAGES.get(stage)
+    return known[language] if known is not None else stage
 
 
 def command_word(kind: str, language: str) -> str:
