@@ -18,7 +18,7 @@ from typing import Any, assert_never
 from hardcore.clearing import Clearing
 from hardcore.court_room import CourtRoom
 from hardcore.handover import Handover
-from hardcore.host import clock, deaths, lives, logs, memory, processes
+from hardcore.host import build, clock, core_control, deaths, lives, logs, memory, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import CoreLimits, Life, Terms
 from hardcore.host.steps import Steps
@@ -45,6 +45,8 @@ HALT_S = 1.0
 #: The launcher reaps an orphan within milliseconds; without its word a death is told as one of unknown cause.
 ORPHAN_LOOKS_MAX, ORPHAN_LOOK_S = 25, 0.002
 LOG_S = 1.0
+#: A core that serves says in milliseconds which code it runs.
+NAMED_S = 1.0
 #: A core says WATCHDOG=1 at least twice in this time; its silence is judged by the recorder, not by this.
 WATCHDOG_USEC = 2_000_000
 
@@ -94,7 +96,8 @@ class Executor:
         self._adopted_in = ""
         self._tasks: set[asyncio.Task[None]] = set()
         self.investigators = Investigators(folders, self)
-        self.filing = Filing(folders.incidents, self, self._report, shelter=folders.shelter)
+        self.filing = Filing(folders.incidents, self, self._report, shelter=folders.shelter, ran=self._ran)
+        self.policy_sha256 = ""  # of the policy in force, as its recording says it
         self.serving: tuple[dict[str, object], ...] = ()
         self._taking = Taking(self, folders, tell, self._handover.calm, bounds.image if bounds else None)
         doors = Doors(tell, publish, self._controls, self._handover.calm, self.filing.add_trials)
@@ -263,6 +266,7 @@ class Executor:
             self._tell(seen.CoreExited(at_ns, life.number, how, page, kills, said))
         except Exception as error:  # noqa: BLE001  # a death that nobody was told of would never be answered
             logs.end_with(f"the end of a core could not be told: {_said(error)}")
+        self.begin(self._name_code(life))
         self.begin(self._bury(life))
 
     async def _bury(self, ended: Life) -> None:
@@ -276,6 +280,26 @@ class Executor:
         for number in {*spares, *over[:-LIVES_KEPT_MAX]}:
             life = self.lives.pop(number)
             await self.in_hand(life.discard)
+
+    async def _name_code(self, life: Life) -> None:
+        """Learn which code a core runs that has not said so: from itself, or from the disk that it was just loaded from."""
+        if life.build or life.spare:
+            return
+        await self._handover.calm()
+        if not life.ended:
+            told = core_control.Told(self._folders.core_control(life.nonce), {"verb": "status"})
+            life.build = str((await told.answer(NAMED_S)).said.get("build", ""))
+        if not (life.build or life.adopted_ns):
+            life.build = await self.in_hand(build.build_id)
+
+    def _ran(self, incident: orders.Incident) -> dict[str, object]:
+        """Return what ran in an incident, as its facts say it; None: it is not known."""
+        life = self.lives.get(incident.life)
+        return {
+            "build": (life.build or None) if life else None,
+            "schema": life.schema if life else None,
+            "policy_sha256": self.policy_sha256 or None,
+        }
 
     # ---- a switch ----
 
@@ -418,6 +442,7 @@ class Executor:
         told = {"released_at": clock.wall(at_ns), "incident_released": order.incident}
         self.begin(self.in_hand(functools.partial(self.mark, "released", **told)))
         self.begin(self.filing.served_again(at_ns))
+        self.begin(self._name_code(life))
 
     def _waited_in(self, incident: str | None) -> str | None:
         """Return the incident in which people wait now: it may be one that an earlier guard did not live to end."""
@@ -448,7 +473,7 @@ class Executor:
         brief = dataclasses.replace(
             incident, in_flight=(), requests=(), suspects=incident.suspects[:SUSPECTS_A_LINE]
         )
-        self.steps.tell(facts(brief, *self._whose(incident), clock.wall))
+        self.steps.tell(facts(brief, *self._whose(incident), clock.wall, self._ran(incident)))
         self.begin(self._open(incident))
 
     async def _open(self, incident: orders.Incident) -> None:

@@ -36,7 +36,7 @@ from hardcore.model import observations as seen
 from hardcore.model.phases import LIVING, SERVING
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
-from hardcore.recovery.flight import Tape
+from hardcore.recovery.flight import CODEC, Tape, digest
 from hardcore.recovery.reading import Reading
 from hardcore.sentinel.heartbeat import (
     CONTROL_VERSION,
@@ -131,6 +131,7 @@ class Runtime:
 
     def _begin(self) -> None:
         setup = self.setup
+        self.executor.policy_sha256 = digest(CODEC.encode(setup.in_force.policy))
         if setup.in_force.fault:
             self.executor.note("policy", fault=setup.in_force.fault)
         found = setup.leftovers
@@ -314,6 +315,7 @@ class Runtime:
             why = f"it speaks version {told.control} of the control socket, this guard version {CONTROL_VERSION}"
             self.executor.reject(life, why)
             return
+        life.build, life.schema = told.build, None if told.migrates else told.schema
         self.feed(seen.SpareReady(at_ns, life.number, told.build, told.schema, told.migrates))
         if self.court.rules.aside.serial:  # it may have read the rules before the last change was made
             self.begin(self.court.rules.tell_cores())

@@ -68,6 +68,8 @@ class Life:
     spare: bool = False  # it was started as one and has not been promoted
     ended: bool = False  # its end was seen
     adopted_ns: int = 0  # since when it is this guard's, if another one started it
+    build: str = ""  # the name of the code that it runs, once it is known
+    schema: int | None = None  # of the store as it found it, if it said so
     _ticks: int = 0
     _threads: Threads = field(default_factory=Threads)
     _one_is_slow: bool = False

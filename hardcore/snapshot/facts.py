@@ -5,6 +5,7 @@ Pure but for `wall`, which is given: the story itself only knows the monotonic c
 
 from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime
+from types import MappingProxyType
 from typing import Any
 
 from hardcore.model.actions import Incident
@@ -20,8 +21,17 @@ ABANDONED = "abandoned"
 _MS = 1_000_000
 
 
-def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int], str]) -> dict[str, Any]:
-    """Return the facts of an incident, an open one has no time of closing. `wall` makes RFC 3339 of a monotonic time."""
+def facts(
+    incident: Incident,
+    pid: int | None,
+    nonce: str,
+    wall: Callable[[int], str],
+    ran: Mapping[str, object] = MappingProxyType({}),
+) -> dict[str, Any]:
+    """Return the facts of an incident, an open one has no time of closing. `wall` makes RFC 3339 of a monotonic time.
+
+    `ran`: the code, the store's schema and the policy, under the names of the facts.
+    """
     steps = dict(incident.timeline)
     fault = steps["fault"]
     return {
@@ -63,6 +73,7 @@ def facts(incident: Incident, pid: int | None, nonce: str, wall: Callable[[int],
         "next_epoch": incident.next_epoch,
         "waits_for": str(incident.waits_for) if incident.waits_for else None,
         "trials": trials(incident.trials),
+        **ran,
     }
 
 

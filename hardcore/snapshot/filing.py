@@ -46,7 +46,10 @@ class Hands(Protocol):
 
 
 class Filing:
-    """Files the incidents of one guard. `report` has the report of a folder made and returns then."""
+    """Files the incidents of one guard.
+
+    `report` has the report of a folder made and returns then; `ran` says which code, schema and policy an incident met.
+    """
 
     def __init__(
         self,
@@ -55,12 +58,14 @@ class Filing:
         report: Callable[[Path], Awaitable[None]],
         pauses_s: Sequence[float] = RETRY_PAUSES_S,
         shelter: Path | None = None,
+        ran: Callable[[Incident], Mapping[str, object]] = lambda _: {},
     ) -> None:
         self._incidents = incidents
         self._hands = hands
         self._report = report
         self._pauses_s = pauses_s
         self._shelter = shelter
+        self._ran = ran
         self._going_on: dict[str, dict[str, Any]] = {}
         self._lost: dict[str, EvidenceFailed] = {}
         self._trials: dict[str, list[dict[str, Any]]] = {}  # of incidents that are open
@@ -86,7 +91,7 @@ class Filing:
 
         `after`: its evidence, which comes first. Nothing waits for this, least of all the closing.
         """
-        told = self._going_on[incident.id] = facts(incident, pid, nonce, clock.wall)
+        told = self._going_on[incident.id] = facts(incident, pid, nonce, clock.wall, self._ran(incident))
         for evidence in after:
             await evidence.wait()
         pauses, folder = self._pauses(), self._incidents / incident.id
@@ -112,7 +117,7 @@ class Filing:
         self._going_on.pop(incident.id, None)
         if incident.outcome == "manual":
             self._stopped.append(incident.id)
-        told = facts(incident, pid, nonce, clock.wall)
+        told = facts(incident, pid, nonce, clock.wall, self._ran(incident))
         if self.left_open and incident.diagnosis is Diagnosis.SENTINEL_LOST:
             told = in_the_middle(told, self.left_open)
         folder = self._incidents / incident.id

@@ -1,5 +1,6 @@
 """Poison in other places than one request: in many at once, in a row of a file, after its answer, in the log itself."""
 
+import json
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
@@ -62,6 +63,9 @@ def test_ten_poisons_at_once_cost_one_death_and_refuse_nobody_else(house: House)
     assert len(house.incidents()) == before + 1
     assert sorted(one for one in house.booked() if one in sent) == innocents
     until(lambda: not house.folders.armed.exists(), "each to be disarmed by its verdict")
+    told = json.loads((house.folders.incidents / house.incidents()[0]["id"] / "incident.json").read_text())
+    ran = {name: len(str(told[name])) for name in ("build", "policy_sha256")}
+    assert ran == {"build": 16, "policy_sha256": 64}, "what changed since can be told by that"
 
 
 def test_a_poison_row_of_a_file_costs_that_row_and_one_death(house: House) -> None:

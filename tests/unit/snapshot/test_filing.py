@@ -97,6 +97,22 @@ def test_facts_that_could_not_be_written_are_tried_again(tmp_path: Path) -> None
     assert hands.reported == [ID]
 
 
+def test_an_incident_says_which_code_schema_and_policy_it_met(tmp_path: Path) -> None:
+    ran = {"build": "ab" * 8, "schema": 4, "policy_sha256": "cd" * 32}
+
+    async def both() -> None:
+        hands = Hands(lambda: None)
+        filing = Filing(tmp_path, hands, hands.report, (), ran=lambda _: ran)
+        await filing.open(going_on(), 7, "n", [])
+        assert reading.all_reports(tmp_path)[0].incident.versions.build == ran["build"]
+        await filing.close(incident(), 7, "n", [])
+
+    asyncio.run(both())
+    told = facts(tmp_path / ID)
+    assert {name: told[name] for name in ran} == ran
+    assert reading.all_reports(tmp_path)[0].incident.versions.schema == 4
+
+
 def going_on(*deaths: DeathNote) -> Incident:
     return replace(
         incident(),
