@@ -251,6 +251,16 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
             "One of its records has been set aside. It can be read as before. Account: {account}. Number: {letter}.",
         ),
     },
+    "partly-done": {
+        "ko": (
+            "앞부분만 처리했어요",
+            "나머지는 따로 보관해 둔 기록이 있어서 하지 않았어요. 내역을 먼저 확인해 주세요. 번호: {letter}.",
+        ),
+        "en": (
+            "Only the first part was done",
+            "The rest was not, because a record it needs has been set aside. Please check the records first. Number: {letter}.",
+        ),
+    },
     "limited": {
         "ko": (
             "지금은 이런 요청을 더 받지 않아요",

@@ -67,7 +67,7 @@ _PROBLEM: Final[dict[str, Any]] = {
         },
         "letter": {
             "type": "string",
-            "description": "Of `set-aside` and `account-set-aside`: the number under which it is kept.",
+            "description": "Of `set-aside`, `account-set-aside` and `partly-done`: the number under which it is kept.",
         },
         "account": {"type": "string", "description": "Of `account-set-aside`: the account."},
         "rule": {"type": "string", "description": "Of `limited`: the rule that takes no more."},

@@ -43,6 +43,8 @@ YEAR_S: Final = 365 * 24 * 3_600
 NO_AMOUNT: Final = "?"
 _GONE: Final = frozenset({Slug.ENTRY_NOT_FOUND, Slug.ENTRY_REVERSED})  # there is no form to show again
 
+_SET_ASIDE: Final = frozenset({"set-aside", "account-set-aside"})
+
 #: The accounts of an empty start, by the name of their text. The first is what a form begins with.
 EXAMPLES: Final[tuple[tuple[str, AccountType], ...]] = (
     ("example_bank", AccountType.ASSET),
@@ -152,7 +154,10 @@ async def start(request: Request) -> Response:
         if not is_currency(currency):
             raise ProblemError(Problem("invalid-parameter"))
         for number, (text, kind) in enumerate(EXAMPLES):
-            await _open_example(request, form, f":{number}", page_text(text, lang), kind, currency)
+            try:
+                await _open_example(request, form, f":{number}", page_text(text, lang), kind, currency)
+            except ProblemError as error:
+                raise ProblemError(_of_a_part(error.problem, number)) from None
         return go_on(request, "/", "account_added")
 
     return await _granted(request, form, wish, None)
@@ -183,6 +188,14 @@ async def _open_example(
         # Pressed twice, or half done before: what is there already is what was wished.
         if error.problem.slug != Slug.ACCOUNT_EXISTS:
             raise
+
+
+def _of_a_part(problem: Problem, done: int) -> Problem:
+    """Return what is told of a form of which so many parts are done: never that it was not.
+
+    Where the same form may be sent again its key sees to the rest, and nothing else need be said.
+    """
+    return replace(problem, slug="partly-done") if done and problem.slug in _SET_ASIDE else problem
 
 
 async def _granted(

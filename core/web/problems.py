@@ -78,6 +78,7 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "key-reused": ProblemKind(422),
     "set-aside": ProblemKind(422, Outcome.NOT_DONE),
     "account-set-aside": ProblemKind(422, Outcome.NOT_DONE),
+    "partly-done": ProblemKind(422, Outcome.UNKNOWN),
     "limited": ProblemKind(429, Outcome.NOT_DONE),
     "internal": ProblemKind(500),
     "busy": ProblemKind(503, Outcome.NOT_DONE, again=True),

@@ -13,6 +13,9 @@ from websockets.sync.client import unix_connect
 from websockets.typing import Subprotocol
 
 from core.guarded.poison import name_of
+from core.ledger.accounts import AccountType
+from core.ledger.book import ids_for
+from frontend.paper import page_text
 from tests.integration.lone_core import Answer, moving, verify
 from tests.integration.test_imports import form, statement
 from tests.integration.wired_core import Guard, Wired, guarding
@@ -121,6 +124,14 @@ def test_each_rule_refuses_what_it_names_and_is_heard_of_without_a_restart(ruled
         "POST", "/entries", fields, Accept="text/html", Accept_Language="en", Content_Type=form_type
     )
     assert b"Number: L-1." in page
+    cash = ids_for(page_text("example_cash", "en"), AccountType.ASSET, "KRW")[0]
+    ruled.rule(parked(4, cash))
+    ruled.told(life, 1)
+    start = {"Accept": "application/json", "Accept_Language": "en", "Content_Type": form_type}
+    half = core.ask("POST", "/start", b"currency=KRW&_idempotency_key=start", **start)
+    assert (half.status, half.body["type"], half.body["outcome"]) == (422, "/problems/partly-done", "unknown")
+    assert (half.headers["x-core-rule"], half.body["letter"]) == ("L-2", "L-2")
+    assert len(core.ask("GET", "/api/ledger/accounts").body["items"]) == 4, "the first of them is there"
 
     ruled.rule(parked(4, "a"), limit(per_minute=1))
     ruled.told(life, 2)
@@ -183,7 +194,9 @@ def test_an_event_that_kills_every_start_is_left_out_once_it_is_parked(ruled: Ru
     said_no(life.core.move(1, "a", "c"), 422, "account-set-aside", "L-2", account="a")
     assert life.core.open("d").status == 201
     assert life.core.move(1, "c", "d").status == 201
-    assert len(life.core.ask("GET", "/api/ledger/transactions?account=a").body["items"]) == 1
+    listed = life.core.ask("GET", "/api/ledger/transactions?account=a").body["items"]
+    assert [(one["seq"], one["state"]) for one in listed] == [(4, "set-aside")]
+    assert [one["amount"] for one in listed[0]["postings"]] == ["5", "-5"]
     kinds = [Subprotocol("hardcore.v1")]
     with unix_connect(str(life.folder / "sock"), "ws://core/ws?after=3", subprotocols=kinds) as page:
         said = [json.loads(page.recv(WAIT_S))["type"] for _ in range(2)]
