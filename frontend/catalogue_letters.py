@@ -97,7 +97,7 @@ REFUSALS: Final[Mapping[str, Text]] = {
     ),
     "evidence_absent": _text("증거가 이미 지워졌어요.", "Its evidence is gone already."),
     "evidence_in_use": _text(
-        "아직 기록하고 있는 사고예요. 끝난 뒤에 다시 해 주세요.",
+        "아직 기록하고 있는 사건이에요. 끝난 뒤에 다시 해 주세요.",
         "This incident is still being written. Try again once it is over.",
     ),
     "not_found": _text("이 주소에는 아무것도 없어요.", "There is nothing at this address."),

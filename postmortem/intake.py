@@ -183,7 +183,7 @@ def read_story(found: Found) -> Story:
 
 def story_of(found: Found, told: Mapping[str, Any]) -> Story:
     """Return what the archive keeps of an incident; `told`: its report, in which anything may be missing."""
-    unread = {"ko": "이 사고의 기록을 읽지 못했어요.", "en": "The record of this incident could not be read."}
+    unread = {"ko": "이 사건의 기록을 읽지 못했어요.", "en": "The record of this incident could not be read."}
     summary = _texts(told.get("summaries")) or unread
     line = IncidentLine(
         id=found.id,
