@@ -107,6 +107,7 @@ TEXTS: Final[Mapping[str, Text]] = {
     "now_beat": _text("마지막 심장 박동", "Last heartbeat"),
     "now_beat_ms": _text("{n} ms 전", "{n} ms ago"),
     "now_memory": _text("메모리", "Memory"),
+    "now_memory_of": _text("{held} (한도 {limit})", "{held} (limit {limit})"),
     "now_held": _text("기다리는 요청", "Requests waiting"),
     "now_tabs": _text("연결된 화면", "Pages connected"),
     "now_spare": _text("예비 서버", "Spare"),

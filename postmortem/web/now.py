@@ -45,6 +45,8 @@ Fact = tuple[str, str, str]
 async def now(lobby: Lobby, request: Request) -> Response:
     """GET /admin/."""
     status = mapping(await lobby.places.ask_guard({"verb": "status"}))
+    answer = mapping(await lobby.places.ask_guard({"verb": "policy"})) if status else {}
+    limit_mib = number(mapping(answer.get("policy")).get("memory_limit_mb"))
     at = datetime.now(UTC)
     lang = reader_of(request).lang
     known = await lobby.read(lambda: lobby.reads.incidents(Filter(drills=False), 1))
@@ -68,7 +70,7 @@ async def now(lobby: Lobby, request: Request) -> Response:
         proof=_proof(words_of(request), drilled[0] if drilled else None, lang),
         day=_day(lately.items, at, lang, watched_s),
         last=lines[0] if lines else None,
-        facts=_facts(words_of(request), status, sum(counts.values()), lang),
+        facts=_facts(words_of(request), status, sum(counts.values()), limit_mib, lang),
         faults=FAULTS,
     )
 
@@ -131,7 +133,9 @@ async def _order(lobby: Lobby, order: Mapping[str, Any], verb: str, what: str, d
     return lead_to(_HERE, code)
 
 
-def _facts(words: Any, status: Mapping[str, Any], letters: int, lang: Language) -> list[Fact]:
+def _facts(
+    words: Any, status: Mapping[str, Any], letters: int, limit_mib: int | None, lang: Language
+) -> list[Fact]:
     """Return what is known at this moment: name, value, where it leads. What nobody knows is left out."""
     gateway, core = mapping(status.get("gateway")), mapping(status.get("core"))
     budget, spare = mapping(status.get("budget")), status.get("spare")
@@ -139,7 +143,9 @@ def _facts(words: Any, status: Mapping[str, Any], letters: int, lang: Language) 
     if (beat := duration(core.get("heartbeat_age_ms"))) is not None:
         facts.append((words("now_beat"), words("now_beat_ms", n=round(beat)), ""))
     if (rss := number(core.get("rss_bytes"))) is not None:
-        facts.append((words("now_memory"), f"{rss / (1 << 20):.0f} MiB", ""))
+        held = f"{rss / (1 << 20):.0f} MiB"
+        told = held if limit_mib is None else words("now_memory_of", held=held, limit=f"{limit_mib} MiB")
+        facts.append((words("now_memory"), told, ""))
     if (pid := number(core.get("pid"))) is not None:
         epoch = number(core.get("epoch"))
         told = words("now_core_of", pid=str(pid), epoch="?" if epoch is None else str(epoch))

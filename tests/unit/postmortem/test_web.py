@@ -117,6 +117,11 @@ def test_what_the_guard_does_not_say_is_left_out(visitor: Visitor) -> None:
     assert "The guard does not answer" in visitor.get("/admin/").text
 
 
+def test_memory_is_told_with_its_limit(visitor: Visitor) -> None:
+    visitor.status = {"state": "OPERATIONAL", "core": {"rss_bytes": 61 << 20}}
+    assert "61 MiB (limit 512 MiB)" in visitor.get("/admin/").text
+
+
 def test_the_strip_of_the_day_claims_nothing_for_the_time_before_somebody_watched(visitor: Visitor) -> None:
     assert "d-up" not in visitor.get("/admin/").text
     visitor.status = {"state": "OPERATIONAL", "launcher": {"pid": os.getpid()}}

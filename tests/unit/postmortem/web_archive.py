@@ -302,6 +302,8 @@ class Visitor:
             self.asked.append(order)
             if self.status is None:
                 return None
+            if order["verb"] == "policy":
+                return {"ok": True, "policy": {"memory_limit_mb": 512}}
             return self.status if order["verb"] == "status" else {"ok": True}
 
         async def write_down(verb: str, what: str, reason: str, outcome: str) -> None:
