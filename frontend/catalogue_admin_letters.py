@@ -137,6 +137,7 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
     "attempt_trial": _text("시험", "trial"),
     "attempt_dry-run": _text("시험 실행", "dry run"),
     "attempt_retry": _text("다시 처리", "retry"),
+    "attempt_correction": _text("고쳐서 보내기", "correction"),
     # Acts
     "do_dry-run": _text("시험 실행", "Dry run"),
     "do_retry": _text("다시 처리", "Retry"),

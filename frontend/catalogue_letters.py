@@ -141,6 +141,10 @@ WORDS: Final[Mapping[str, Text]] = {
     "not_so": _text(
         "처리되지 않았어요. 요청은 보관함에 그대로 있어요.", "It was not done; it stays in the queue."
     ),
+    "corrected": _text(
+        "고친 요청을 처리했어요. 키: {key}", "The corrected request is booked. Its key: {key}"
+    ),
+    "corrected_by": _text("고쳐 보낸 요청", "Sent instead"),
     "queued": _text("줄의 맨 뒤에 넣었어요.", "It is at the end of the line."),
     "ask": _text(
         "{verb} · {count}건, 계좌 {accounts}개, 합계 {sums}. 계속할까요?",

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from decimal import Decimal, InvalidOperation
-from typing import Any, Final
+from typing import Any, Final, NoReturn, TextIO
 
 import click
 
@@ -25,6 +25,8 @@ from postmortem.reports.visible import visible
 LISTED: Final = 50
 BULK_MAX: Final = 500
 PROGRESS_S: Final = 0.25
+#: A request that is larger than this is none that the ledger takes.
+BODY_CHARACTERS_MAX: Final = 1 << 20
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _FULL: Final = 36
 _WHERE: Final = frozenset({"state", "reason", "account"})
@@ -41,7 +43,7 @@ _letter = click.argument("letter", required=False, default="")
 @options
 @click.pass_context
 def dlq(context: click.Context, /, **given: object) -> None:
-    """Requests that were set aside: list, show, dry-run, retry, requeue, hold, discard, undo."""
+    """Requests that were set aside: list, show, dry-run, retry, correct, requeue, hold, discard, undo."""
     keep(context, given)
     if context.invoked_subcommand is None:
         context.invoke(dlq_list, data=None, as_json=False, lang=None, where=())
@@ -108,12 +110,27 @@ def dlq_retry(
         _many(asked, "retry", where, yes=yes)
     found = _one(asked, letter, "retry", {"anyway": anyway})
     _say_state(asked, found)
-    if found["state"] == "RESOLVED":
-        return
-    last = found["history"][-1] if found["history"] else {"detail": ""}
-    _say(asked, word("not_so", asked.lang))
-    _say(asked, word("why", asked.lang, why=visible(last["detail"])))
-    sys.exit(1)
+    if found["state"] != "RESOLVED":
+        _say_why_not(asked, found)
+
+
+@dlq.command("correct")
+@click.argument("letter")
+@click.option(
+    "--file", "changed", type=click.File(encoding="utf-8"), required=True, help="JSON; - for stdin."
+)
+@operator
+def dlq_correct(asked: Asked, letter: str, changed: TextIO) -> None:
+    """Send changed contents as a new request; the old one is discarded with the link. Exit code 0: it is booked."""
+    try:
+        body = changed.read(BODY_CHARACTERS_MAX)
+    except (OSError, ValueError):
+        asked.fail(refusal("correction_unreadable", asked.lang, {}))
+    found = _one(asked, letter, "correct", {"body": body})
+    _say_state(asked, found)
+    if not found["corrected_by"]:
+        _say_why_not(asked, found)
+    _say(asked, word("corrected", asked.lang, key=found["corrected_by"]))
 
 
 @dlq.command("requeue")
@@ -282,6 +299,14 @@ def _narrowed(asked: Asked, where: Sequence[str]) -> dict[str, str]:
 def _say(asked: Asked, words: str) -> None:
     if not asked.json:
         click.echo(wrapped(words))
+
+
+def _say_why_not(asked: Asked, found: Mapping[str, Any]) -> NoReturn:
+    """Say why the last try was not done, and end."""
+    last = found["history"][-1] if found["history"] else {"detail": ""}
+    _say(asked, word("not_so", asked.lang))
+    _say(asked, word("why", asked.lang, why=visible(last["detail"])))
+    sys.exit(1)
 
 
 def _say_state(asked: Asked, found: Mapping[str, Any]) -> None:

@@ -85,6 +85,7 @@ def _facts(one: Mapping[str, Any], lang: str) -> list[tuple[str, str]]:
         ("event", str(one["seq"]) if one["seq"] is not None else ""),
         ("dry_run", tried),
         ("discarded", one["discarded_because"] or ""),
+        ("corrected_by", one["corrected_by"]),
         ("note", one["note"]),
     ]
 
