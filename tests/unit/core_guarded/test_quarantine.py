@@ -74,6 +74,24 @@ def test_suspects_are_names_and_nothing_else() -> None:
     assert rules_of(suspects=said).suspects == {NAME}
 
 
+def test_a_source_is_stopped_until_a_moment_and_by_nothing_that_is_none() -> None:
+    until = {"source": "import:1", "until": "2026-11-22T14:00:00.250Z"}
+    strange = [
+        {"source": "a", "until": "soon"},
+        {"source": "b", "until": "2026-11-22T14:00:00"},
+        {"source": "c", "until": 5},
+        {"source": "d", "until": "0001-01-01T00:00:00+14:00"},
+        {"source": None, "until": until["until"]},
+        {"until": until["until"]},
+        "import:2",
+        None,
+    ]
+    found = rules_of(sources=[*strange, until]).sources
+    assert found.pop("import:1") == 1_795_356_000 * 10**9
+    assert all(moment <= 0 for moment in found.values())
+    assert rules_of(sources="import:1").sources == {}
+
+
 @pytest.mark.parametrize(
     "rule",
     [
@@ -129,6 +147,7 @@ ANYTHING = st.recursive(
 def test_no_rule_raises(said: object) -> None:
     assert isinstance(read_rules(json.dumps(said).encode()), Rules | Unreadable)
     assert isinstance(read_rules(file_of(said)), Rules)
+    assert isinstance(read_rules(file_of(sources=[said, {"source": "a", "until": said}])), Rules)
 
 
 def test_a_file_that_cannot_be_read_leaves_the_rules_before_it_in_force(tmp_path: Path) -> None:
