@@ -178,13 +178,13 @@ def _blow(instance: Watched, fault: str, tally: Tally) -> str | None:
 
 def _send_poison(address: tuple[str, int], key: str) -> None:
     with Line(address) as line:
-        line.post(TRANSACTIONS, _booking(POISONED), key)
+        line.post(TRANSACTIONS, _booking(POISONED, key), key)  # each another request: the same one is refused
 
 
-def _booking(accounts: tuple[str, ...]) -> dict[str, Any]:
+def _booking(accounts: tuple[str, ...], words: str) -> dict[str, Any]:
     lines = zip(accounts, ("-1", "1"), strict=True)
     postings = [{"account": account, "amount": amount, "currency": "KRW"} for account, amount in lines]
-    return {**transaction("poisoned"), "postings": postings}
+    return {**transaction(words), "postings": postings}
 
 
 def _open_poisoned(instance: Watched) -> None:
