@@ -1,5 +1,8 @@
 """A dead letter's way back into the ledger, in a real house: set aside, tried, run once, and looked at with all of it stopped."""
 
+import json
+from pathlib import Path
+
 import pytest
 
 from tests.integration.house import House, transaction
@@ -39,3 +42,22 @@ def test_a_letter_is_tried_and_run_once_and_can_be_read_with_everything_stopped(
     assert [one["id"] for one in stopped.told] == [letter]
     away = house.cli("dlq", "retry", "../../etc/passwd")
     assert away.code == 1
+
+
+@pytest.mark.timeout(120)  # as above
+def test_a_letter_that_was_corrected_is_booked_as_another_request_and_stays_refused(
+    house: House, tmp_path: Path
+) -> None:
+    key = armed(house)
+    refused = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
+    assert refused.status == 422, refused
+    letter = letter_of(house, key)
+    until(lambda: house.cli("--json", "dlq", "show", letter).code == 0, "the letter to be in the archive")
+    changed = tmp_path / "changed.json"
+    changed.write_text(json.dumps(transaction("what was meant")))
+    done = house.cli("--json", "dlq", "correct", letter, "--file", str(changed))
+    assert (done.code, done.told["state"]) == (0, "DISCARDED"), done
+    booked = house.booked()
+    assert (booked.count("what was meant"), booked.count("the poison")) == (1, 0)
+    again = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
+    assert (again.status, letter in {rule["id"] for rule in rules(house)}) == (422, True)
