@@ -172,3 +172,10 @@ def test_a_drill_is_disarmed_by_its_own_name_alone(folders: Folders) -> None:
     assert not quarantine_file.disarm(folders, "b" * 32)
     assert quarantine_file.disarm(folders, "a" * 32)
     assert not folders.armed.exists()
+
+
+def test_a_rule_that_is_asked_for_under_a_number_has_that_number() -> None:
+    wish = {"type": "fingerprint", "fingerprint": HEX}
+    named = quarantine_file.judge({**wish, "id": "proposal-1"}, "new")
+    assert named == {**wish, "id": "proposal-1"}
+    assert quarantine_file.judge({**wish, "id": "two words"}, "new") == {**wish, "id": "new"}
