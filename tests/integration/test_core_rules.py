@@ -234,6 +234,13 @@ def test_a_suspect_row_waits_for_its_trial_and_costs_itself_alone(ruled: Ruled) 
     assert life.hears("X_CASE")["X_CASE"] == cleared
     assert json.loads((ruled.state / "cases" / f"{cleared}.json").read_text())["case"]["row"]["ordinal"] == 3
     assert _imported(life, import_id)["done"] <= 2
+    until(
+        lambda: (_imported(life, import_id)["waiting"] or {}).get("reason") == "trial",
+        "it to say why it rests",
+    )
+    page = life.core.raw("GET", f"/import/{import_id}", Accept="text/html", Accept_Language="en")
+    assert b'data-waiting="trial"' in page
+    assert b"whether a row of this file stopped the server" in page
     ruled.rule(suspects=(poison,))
     life.core.process.kill()
     ended(life)
@@ -244,6 +251,6 @@ def test_a_suspect_row_waits_for_its_trial_and_costs_itself_alone(ruled: Ruled) 
     ruled.told(after, 1)
     until(lambda: _imported(after, import_id)["state"] == "done", "the rest to be booked")
     seen = _imported(after, import_id)
-    assert (seen["rows"]["new"], seen["rows"]["refused"]) == (59, 1)
+    assert (seen["rows"]["new"], seen["rows"]["refused"], seen["waiting"]) == (59, 1, None)
     assert [one["reason"] for one in seen["problems"]] == ["set-aside"]
     assert "L-1" in seen["problems"][0]["sentence"]

@@ -86,7 +86,7 @@ def test_a_source_is_stopped_until_a_moment_and_by_nothing_that_is_none() -> Non
         "import:2",
         None,
     ]
-    found = rules_of(sources=[*strange, until]).sources
+    found = dict(rules_of(sources=[*strange, until]).sources)
     assert found.pop("import:1") == 1_795_356_000 * 10**9
     assert all(moment <= 0 for moment in found.values())
     assert rules_of(sources="import:1").sources == {}
