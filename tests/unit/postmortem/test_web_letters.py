@@ -1,0 +1,164 @@
+"""The dashboard's pages of dead letters: what one says, and what may be done with one or with many at once."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from postmortem.views import DryRun, LetterState
+from postmortem.web.letter import is_fresh
+from postmortem.web.letters import sums_of
+from tests.unit.postmortem.web_archive import LETTER_ID, Archive, Visitor, letter
+
+LETTER = f"/admin/dlq/{LETTER_ID}"
+HOSTILE = "<script>alert(1)</script>\u202egnp.exe\x1b[2J"
+
+
+@pytest.fixture
+def visitor(tmp_path: Path) -> Visitor:
+    return Visitor(tmp_path, Archive())
+
+
+def test_nothing_set_aside_is_told_as_that(visitor: Visitor) -> None:
+    assert "Nothing set aside" in visitor.get("/admin/dlq").text
+
+
+def test_a_letter_says_its_reason_and_what_to_do_next(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    page = visitor.get(LETTER).text
+    assert "makes the core die" in page
+    assert "12000 KRW" in page
+    assert page.index("Dry run</button>") < page.index("Retry</button>")
+    visitor.archive.kept[0] = letter(reason="NEWER_THAN_US")
+    assert "NEWER_THAN_US" in visitor.get(LETTER).text
+
+
+def test_a_discard_wants_a_reason_and_can_be_undone(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    asked = visitor.post(f"{LETTER}/discard")
+    assert "Discard this request?" in asked.text
+    assert "No money moves. It stays on record." in asked.text
+    assert "The reason is empty" in visitor.post(f"{LETTER}/discard", sure="1", text="  ").text
+    assert visitor.archive.done == []
+    done = visitor.post(f"{LETTER}/discard", sure="1", text="sent twice")
+    page = visitor.get(done.headers["location"]).text
+    assert "sent twice" in page
+    assert f"{LETTER}/undo" in page
+    assert f"{LETTER}/undo" not in visitor.get(LETTER).text
+    visitor.post(f"{LETTER}/undo")
+    assert visitor.archive.kept[0].state is LetterState.QUARANTINED
+
+
+def test_a_retry_without_a_fresh_dry_run_has_to_be_said_as_that(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    asked = visitor.post(f"{LETTER}/retry").text
+    assert "Retry anyway" in asked
+    assert 'name="anyway" value="1"' in asked
+    now = datetime.now(UTC).isoformat()
+    visitor.archive.kept[0] = letter(dry_run=DryRun(now, "survived", 201, 40, None, ""))
+    asked = visitor.post(f"{LETTER}/retry").text
+    assert "anyway" not in asked
+    visitor.post(f"{LETTER}/retry", sure="1")
+    assert visitor.archive.done == [("retry", False, LETTER_ID)]
+
+
+def test_a_dry_run_is_fresh_for_ten_minutes_if_it_went_well() -> None:
+    at = datetime(2026, 11, 22, 12, 0, tzinfo=UTC)
+
+    def ran(ordeal: str, when: str) -> DryRun:
+        return DryRun(when, ordeal, None, 1, None, "")
+
+    assert is_fresh(ran("survived", "2026-11-22T11:50:01Z"), at)
+    assert not is_fresh(ran("survived", "2026-11-22T11:50:00Z"), at)
+    assert not is_fresh(ran("survived", "2026-11-22T12:00:01Z"), at)
+    assert not is_fresh(ran("died", "2026-11-22T11:59:59Z"), at)
+    assert not is_fresh(ran("survived", "yesterday"), at)
+    assert not is_fresh(None, at)
+
+
+def test_a_refusal_is_told_where_the_question_stood(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    visitor.archive.refuses = "letter_busy"
+    answer = visitor.post(f"{LETTER}/hold")
+    assert answer.status == 409
+    assert "it is not run twice" in answer.text
+    assert 'id="confirm"' in answer.text
+    assert '<button class="primary">' not in answer.text
+
+
+def test_a_payload_is_an_attackers_text(visitor: Visitor) -> None:
+    visitor.archive.kept.append(
+        letter(payload=HOSTILE + "A" * 1_000_000, kind=HOSTILE, path=HOSTILE, source=HOSTILE)
+    )
+    for path in (LETTER, "/admin/dlq"):
+        page = visitor.get(path).text
+        assert "<script>alert" not in page
+        assert "\u202e" not in page
+        assert len(page) < 40_000
+    whole = visitor.get(f"{LETTER}/payload")
+    assert len(whole.body) > 1_000_000
+    assert whole.headers["content-disposition"].startswith("attachment")
+    assert whole.headers["content-type"].startswith("text/plain")
+
+
+def test_postings_are_a_table_and_the_rest_a_form(visitor: Visitor) -> None:
+    payload = {
+        "date": "2026-11-21",
+        "postings": [{"account": HOSTILE, "amount": "-12000", "currency": "KRW"}],
+    }
+    visitor.archive.kept.append(letter(payload=payload))
+    page = visitor.get(LETTER).text
+    assert "-12000 KRW</td>" in page
+    assert "<dt>postings</dt>" not in page
+    assert "<script>alert" not in page
+    visitor.archive.kept[0] = letter(payload={"postings": [{"account": 5}]})
+    assert "<dt>postings</dt>" in visitor.get(LETTER).text
+
+
+def test_many_are_asked_about_with_number_accounts_and_sum(visitor: Visitor) -> None:
+    other = LETTER_ID[:-1] + "b"
+    visitor.archive.kept += [letter(), letter(id=other, account_ids=("assets:cash",), sums=("500.50 USD",))]
+    asked = visitor.post("/admin/dlq/bulk", verb="retry", id=[LETTER_ID, other]).text
+    assert "Retry 2 requests?" in asked
+    assert "3 accounts, total 12,000 KRW, 500.50 USD." in asked
+    assert visitor.archive.done == []
+    begun = visitor.post("/admin/dlq/bulk", verb="retry", id=[LETTER_ID, other], sure="1")
+    assert begun.headers["location"] == "/admin/dlq/bulk/b-1"
+    assert visitor.archive.done == [("bulk", "retry", [LETTER_ID, other], "")]
+    assert "1 of 3 finished" in visitor.get("/admin/dlq/bulk/b-1").text
+    visitor.post("/admin/dlq/bulk/b-1/cancel")
+    assert "the others are where they were" in visitor.get("/admin/dlq/bulk/b-1").text
+
+
+def test_all_that_match_means_the_filter_and_not_the_page(visitor: Visitor) -> None:
+    visitor.archive.kept += [letter(), letter(id=LETTER_ID[:-1] + "b", reason="UNPROVEN")]
+    asked = visitor.post("/admin/dlq/bulk", verb="discard", all="1", reason="UNPROVEN", id=LETTER_ID)
+    assert "Discard 1 request?" in asked.text
+    assert 'name="reason" value="UNPROVEN"' in asked.text
+    visitor.post("/admin/dlq/bulk", verb="discard", all="1", reason="UNPROVEN", sure="1", text="old")
+    _, verb, wanted, why = visitor.archive.done[0]
+    assert (verb, wanted.reason, why) == ("discard", "UNPROVEN", "old")
+
+
+def test_nothing_selected_is_told_and_nothing_is_begun(visitor: Visitor) -> None:
+    answer = visitor.post("/admin/dlq/bulk", verb="hold")
+    assert "select requests first" in visitor.get(answer.headers["location"]).text
+
+
+def test_sums_are_added_by_currency_and_nonsense_is_passed_over() -> None:
+    assert sums_of([letter(sums=("1 KRW", "x USD")), letter(sums=("2.50 KRW",))]) == ["3.50 KRW"]
+
+
+def test_a_letter_is_corrected_only_after_a_question_and_shows_the_new_key(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    assert f"{LETTER}/correct" in visitor.get(LETTER).text
+    body = json.dumps({"amount": "-1"})
+    asked = visitor.post(f"{LETTER}/correct", text=body)
+    assert (asked.status, visitor.archive.done) == (200, [])
+    assert "&#34;amount&#34;" in asked.text
+    visitor.post(f"{LETTER}/correct", text=body, sure="1")
+    assert visitor.archive.done == [("correct", body, LETTER_ID)]
+    page = visitor.get(LETTER).text
+    assert "under the key key-2" in page
+    assert f"{LETTER}/correct" not in page
