@@ -1,12 +1,16 @@
 """The hands that hold court in the simulation: a throw-away core for each case, and what is written down.
 
-What a trial shows is the truth of the world, unless a fault says that it is held badly. It ends with its guard.
+What a trial shows is the truth of the world, unless a fault says that it is held badly. It ends with its guard. As with
+the real hands, what the court remembers does not wait for the disk that takes its rules: a guard may die between the two.
 """
 
 from typing import TYPE_CHECKING
 
+from hardcore import quarantine_file
+from hardcore.court_words import settled_by, unruled
 from hardcore.model import trials
-from hardcore.model.trials import Ordeal
+from hardcore.model.trials import CourtMemory, Ordeal
+from hardcore.recovery.letters import letter as letter_of
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.harms import REPRODUCED, Harm
 from tests.simulation.switches import Trying
@@ -16,6 +20,7 @@ if TYPE_CHECKING:  # guards have hands
     from tests.simulation.workload import Request
 
 COPY_MS = (20, 600)
+SLOW_COPY_MS = (20_000, 170_000)
 CASE_MS = (5, 200)
 
 
@@ -28,6 +33,14 @@ class Courtroom:
         self._sitting = 0
         self._limit_ms = 0
 
+    def take_up(self, memory: CourtMemory | None) -> CourtMemory | None:
+        """Go on where an earlier guard was: what it remembered as set aside gets its rule."""
+        if memory is None:
+            return None
+        for one in unruled(memory, self.world.aside):
+            self._set_aside(letter_of(one))
+        return settled_by(memory, self.world.aside)
+
     def carry_out(self, order: trials.TrialAction) -> None:
         """Obey."""
         world = self.world
@@ -39,23 +52,34 @@ class Courtroom:
             case trials.EndTrials():
                 self._end("")
             case trials.SetAside(letter=letter):
-                world.set_aside[letter.name if letter.seq is None else letter.id] = letter
-                if letter.seq is not None:
-                    world.store.parked.add(letter.seq)
-                world.gateway.set_aside(letter.name)
+                self._set_aside(letter)
             case trials.Acquit():
                 world.gateway.acquitted(order.name, run=order.run)
             case trials.KeepCourt():
                 world.disk_court = order.memory
-                world.gateway.suspects = frozenset(note.name for note in order.suspects)
+                world.gateway.suspected(note.name for note in order.suspects)
             case trials.StopSource() | trials.AddTrials():
                 pass  # the checkers have looked at it
+
+    def _set_aside(self, letter: trials.Letter) -> None:
+        """Write its rule, for good; only then is anybody told."""
+        self.guard.soon(self.world.switches.rule_write_ns, lambda: self._rule_is_written(letter))
+
+    def _rule_is_written(self, letter: trials.Letter) -> None:
+        world = self.world
+        if world.aside.rule(letter.id) is None and letter.id not in world.aside.released:
+            world.aside = quarantine_file.set_aside(world.aside, letter, {})
+            world.letters[letter.id] = letter
+            if letter.seq is not None:
+                world.store.parked.add(letter.seq)
+        if world.aside.rule(letter.id) is not None:
+            world.gateway.set_aside(letter.name)
 
     def _sit(self, names: tuple[str, ...], limit_ms: int) -> None:
         self._sitting += 1
         self._limit_ms = limit_ms
         trying = self.world.switches.trying()
-        wait_ns = self._wait_ns(COPY_MS)
+        wait_ns = self._copy(trying)
         if trying is Trying.HANGS:
             return
         for number, name in enumerate(names):
@@ -72,7 +96,7 @@ class Courtroom:
     def _sit_on_log(self, after_seq: int) -> None:
         self._sitting += 1
         trying = self.world.switches.trying()
-        wait_ns = self._wait_ns(COPY_MS)
+        wait_ns = self._copy(trying)
         found = sorted(seq for seq in self.world.store.lethal - self.world.store.parked if seq > after_seq)
         if trying is Trying.HANGS:
             return
@@ -81,7 +105,7 @@ class Courtroom:
             self._say(wait_ns, trials.Tried(now_ns, "", Ordeal.DIED, 5, signal=9, seq=found[0]))
         if trying is Trying.UNTRIED:
             self._say(wait_ns, trials.Tried(now_ns, "", Ordeal.UNTRIED, 5, why="nobody could"))
-        if found and trying in {Trying.HELD, Trying.SLOW}:
+        if found and trying in {Trying.HELD, Trying.SLOW, Trying.COPIES}:
             self._say(wait_ns, trials.Tried(now_ns, "", Ordeal.DIED, 5, signal=11, seq=found[0]))
         self._over(wait_ns + NS_PER_MS, "it was killed" if trying is Trying.DIES else "")
 
@@ -109,7 +133,14 @@ class Courtroom:
             return trials.Tried(now_ns, name, Ordeal.DIED, took_ms, code=1)
         return trials.Tried(now_ns, name, Ordeal.DIED, took_ms, signal=11)
 
-    def _say(self, wait_ns: int, fact: trials.Tried) -> None:
+    def _copy(self, trying: Trying) -> int:
+        """Begin to copy the ledger; return how long that takes."""
+        wait_ns = self._wait_ns(SLOW_COPY_MS if trying is Trying.COPIES else COPY_MS)
+        if trying is not Trying.HANGS:
+            self._say(wait_ns, trials.CourtAtWork(self.world.clock.now_ns))
+        return wait_ns
+
+    def _say(self, wait_ns: int, fact: trials.Tried | trials.CourtAtWork) -> None:
         sitting = self._sitting
 
         def say() -> None:

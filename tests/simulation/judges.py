@@ -41,7 +41,7 @@ class Judges:
         """Each order is right at the moment it is given."""
         match order:
             case trials.Try() | trials.TryLog():
-                hold(not self.sits or self.world.switches.trials_failed, "one court at a time")
+                hold(not self.sits or self.world.switches.court_hung, "one court at a time")
                 self.sits = True
             case trials.SetAside(letter=letter):
                 self._set_aside(letter)
@@ -60,11 +60,18 @@ class Judges:
             return
         guilty = any(x.harm in REPRODUCED for x in self.world.gateway.requests if x.key_hash == letter.name)
         if letter.held:
-            excused = self.world.switches.trials_failed or letter.deaths >= HELD_DEATHS
-            hold(excused or guilty, f"{letter.name} is left to a person after {letter.deaths} deaths")
+            hold(
+                letter.deaths >= HELD_DEATHS,
+                f"{letter.name} is left to a person after {letter.deaths} deaths",
+            )
             return
         hold(guilty, f"{letter.name} is convicted, and is innocent")
         self.convicted[letter.name] += 1
+
+    def rule_is_written_for(self, letter: str) -> bool:
+        """Whether what is remembered as set aside is refused, unless a person took the rule away."""
+        aside = self.world.aside
+        return aside.rule(letter) is not None or letter in aside.released
 
     def forwarded(self, request: "Request") -> None:
         """The gateway sends a request to a core."""
@@ -78,6 +85,9 @@ class Judges:
         """In the quiet nobody is on trial any more."""
         court = self.world.guard.manager.state()["court"]
         assert isinstance(court, Court), "a manager remembers its court"
+        if self.world.guard.works:
+            for one in court.register:
+                hold(not one.letter or self.rule_is_written_for(one.letter), f"{one.letter} keeps nobody out")
         if self.world.guard.works and court.served_ns is not None:
             hold(court.docket is None, "a court sits for ever")
             hold(not [x for x in court.register if x.open and x.filed], "a suspect is never tried")

@@ -1,14 +1,19 @@
 """Poisonous commands, and what goes wrong with trials, by name."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from hardcore.model.trials import RuleRemoved
+from hardcore.quarantine_file import without_rule
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.harms import Harm
 from tests.simulation.switches import Trying
 from tests.simulation.world import World
 
 Fault = Callable[[World], None]
+
+#: More than are tried under a policy that tries few.
+BATCH = 8
 
 
 def _poison(harm: Harm, times: int = 1) -> Fault:
@@ -47,27 +52,62 @@ def _at_an_order(world: World) -> None:
 def _killed_in_court(world: World) -> None:
     """The core is killed from outside while somebody is on trial."""
     _poison(Harm.CRASH)(world)
-
-    def kill() -> None:
-        if (core := world.core) is not None and not world.quiet:
-            core.signal(9)
-
-    world.clock.after(world.rng.randrange(50, 2500) * NS_PER_MS, kill)
+    _later(world, world.rng.randrange(50, 2500), lambda: _core_dies(world, 9))
 
 
 def _letter_is_released(world: World) -> None:
     """A person takes a rule away, and what it named comes again."""
-    letters = [*world.set_aside.values()]
-    if not letters:
+    if not world.aside.rules:
         return
-    letter = world.rng.choice(letters)
-    world.set_aside = {name: one for name, one in world.set_aside.items() if one is not letter}
+    letter = world.letters[str(world.rng.choice(world.aside.rules)["id"])]
+    world.aside = without_rule(world.aside, letter.id)
     if letter.seq is not None:
         world.store.parked.discard(letter.seq)
     world.to_guard(RuleRemoved(world.clock.now_ns, letter.id))
     again = next((x for x in world.gateway.requests if x.key_hash == letter.name and x.keyed), None)
     if again is not None:
         world.gateway.submit(again.key, harm=again.harm)
+
+
+def _letter_is_released_a_day_later(world: World) -> None:
+    """When a person takes a rule away, no guard remembers its trial any more; the next core starts from what it named."""
+    _poison(Harm.LOG)(world)
+
+    def a_day_later() -> None:
+        if world.quiet or world.disk_court is None:
+            return
+        open_ = tuple(one for one in world.disk_court.suspects if one.open)
+        world.kill_guard()
+        world.disk_court = replace(world.disk_court, suspects=open_)
+        _later(world, 1500, lambda: _letter_is_released(world))
+        _later(world, 2000, lambda: _core_dies(world, 9))
+
+    _later(world, 500, lambda: _core_dies(world, 9))  # its successor starts from the event
+    _later(world, world.rng.randrange(2000, 6000), a_day_later)
+
+
+def _batch_dies(world: World) -> None:
+    """A core dies of nothing that a trial shows, with many at work in it."""
+    for n in range(BATCH):
+        world.gateway.submit(f"batch-{world.clock.now_ns}-{n}")
+    _later(world, world.rng.randrange(4, 14), lambda: _core_dies(world, 11))
+
+
+def _rule_waits_for_the_disk(world: World) -> None:
+    """The disk takes a rule only after a while, and meanwhile the guard may die."""
+    world.switches.rule_write_ns = world.rng.randrange(100, 4000) * NS_PER_MS
+    _poison(world.rng.choice([Harm.CRASH, Harm.WRITE]))(world)
+    if world.rng.random() < 0.7:
+        _later(world, world.rng.randrange(500, 4000), world.kill_guard)
+
+
+def _core_dies(world: World, signal: int) -> None:
+    if (core := world.core) is not None and not world.quiet:
+        core.signal(signal)
+
+
+def _later(world: World, wait_ms: int, deed: Callable[[], None]) -> None:
+    world.clock.after(wait_ms * NS_PER_MS, deed)
 
 
 POISON: Mapping[str, Fault] = {
@@ -86,4 +126,8 @@ POISON: Mapping[str, Fault] = {
     "guard dies in court": _guard_dies_in_court,
     "core is killed in court": _killed_in_court,
     "letter is released": _letter_is_released,
+    "letter is released a day later": _letter_is_released_a_day_later,
+    "a full batch dies": _batch_dies,
+    "copy for the court is slow": _trials(Trying.COPIES),
+    "rule waits for the disk": _rule_waits_for_the_disk,
 }

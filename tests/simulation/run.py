@@ -40,6 +40,7 @@ POLICIES = (
         max_restart_count=2,
         restart_window_sec=15,
         slow_retry_sec=5,
+        trial_limit=2,
         startup_timeout_ms=2000,
         memory_image="on_request",
     ),

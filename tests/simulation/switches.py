@@ -57,6 +57,7 @@ class Trying(Enum):
     UNTRIED = "nobody can be tried"
     KILLED = "each core in it is killed from outside"
     SLOW = "each case is slow, once"
+    COPIES = "the copy of the ledger takes minutes"
 
 
 @dataclass(slots=True)
@@ -79,7 +80,9 @@ class Switches:
     spare_plans: deque[BootPlan] = field(default_factory=deque)
     drains: deque[Draining] = field(default_factory=deque)
     trials: deque[Trying] = field(default_factory=deque)
-    trials_failed: bool = False  # some court went badly
+    court_hung: bool = False  # some court was given up before it was over
+    #: What it takes to write a rule, for good.
+    rule_write_ns: int = NS_PER_MS
     looking: Looking = Looking.WORKS
     #: What a small write of the guard's own takes.
     own_write_ns: int = NS_PER_MS
@@ -95,6 +98,7 @@ class Switches:
         self.trials.clear()
         self.failing_spawns, self.tick_late_ns, self.orders_until_death = 0, 0, None
         self.own_write_ns, self.unseen_until_ns = NS_PER_MS, 0
+        self.rule_write_ns = NS_PER_MS
 
     def late_ns(self, ticks: int) -> int:
         """How late the guard's next tick comes after so many."""
@@ -139,7 +143,7 @@ class Switches:
     def trying(self) -> Trying:
         """How the next court goes."""
         trying = self.trials.popleft() if self.trials else Trying.HELD
-        self.trials_failed = self.trials_failed or trying not in {Trying.HELD, Trying.SLOW}
+        self.court_hung = self.court_hung or trying is Trying.HANGS
         return trying
 
     def safe_order(self) -> Order:

@@ -34,6 +34,22 @@ def test_each_of_ten_poisons_is_convicted_once() -> None:
         assert len(result.convicted) + 2 * result.unseen >= 10 * result.faults.total()
 
 
+def test_a_copy_that_takes_minutes_costs_no_verdict() -> None:
+    convicted = 0
+    for seed in range(SEEDS):
+        result = run(seed, Script("crisis", 0, ((500, "copy for the court is slow"),), warm=True))
+        assert result.broken is None, result
+        convicted += result.convicted.total()
+        assert result.letters == result.convicted.total(), f"seed {seed}: somebody was left to a person"
+    assert convicted > SEEDS // 3
+
+
+def test_a_full_batch_that_dies_of_nothing_that_a_trial_shows_costs_no_request() -> None:
+    for seed in range(SEEDS):
+        result = run(seed, Script("crisis", 1, ((500, "a full batch dies"),), warm=True))
+        assert (result.broken, result.letters) == (None, 0), result
+
+
 def test_a_hundred_and_fifty_kills_from_outside_convict_nobody() -> None:
     kills = seed = 0
     while kills < KILLS:

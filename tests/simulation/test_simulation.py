@@ -9,6 +9,7 @@ import pytest
 
 from hardcore.model.observations import Sampled
 from hardcore.model.phases import Phase
+from hardcore.model.trials import Ordeal, Suspect, TrialAction
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Verdict
 from hardcore.recovery import court, failover, moves, plan, transitions, trial
 from hardcore.recovery.budget import Budget
@@ -24,6 +25,7 @@ from hardcore.sentinel import verdict
 from hardcore.sentinel.seen_time import SeenTime
 from hardcore.sentinel.verdict import Bench, Patience
 from hardcore.sentinel.witnesses.own_stall import OwnStall
+from tests.simulation import court as courtroom
 from tests.simulation.faults import LOAD
 from tests.simulation.run import POLICIES, Script, run, write_script
 
@@ -133,6 +135,12 @@ def _always(value: object) -> Callable[..., object]:
     return lambda *asked, **named: (value, asked, named)[0]
 
 
+def _hold_who_was_not_tried(
+    court: Court, one: Suspect, why: str, now_ns: int, new_id: Callable[[], str]
+) -> list[TrialAction]:
+    return court._hold(one, Ordeal.UNTRIED, why, now_ns, new_id)
+
+
 def _kill_what_is_only_late(patch: pytest.MonkeyPatch) -> None:
     judge = Bench.judge
 
@@ -202,6 +210,9 @@ MUTANTS: dict[str, Mutation] = {
     "suspects replayed": _instead(trial, "touched", _always(())),
     "whoever is killed on trial is a poison": _instead(court, "is_its_own", _always(value=True)),
     "nobody is ever tried": _instead(Court, "_try", lambda *_: []),
+    "who can't be tried is held": _instead(Court, "_untried", _hold_who_was_not_tried),
+    "who is beyond the limit is held": _instead(Court, "_untried", _hold_who_was_not_tried),
+    "what is remembered without a rule stays so": _instead(courtroom, "unruled", _always(())),
     "a new guard forgets who is suspect": _instead(Register, "inherit", lambda *_: None),
     "own stall held against the core": _instead(OwnStall, "look", _always(value=False)),
     "no patience": _instead(plan, "patience", _always(Patience(100, 100, 110, 120))),
@@ -245,6 +256,9 @@ WHERE_IT_SHOWS = {
     "suspects replayed": ("poison crashes", "poison exits", "poison blocks"),
     "whoever is killed on trial is a poison": ("cores on trial are killed",),
     "nobody is ever tried": ("poison crashes",),
+    "who can't be tried is held": ("court tries nobody", "court dies"),
+    "who is beyond the limit is held": ("a full batch dies",),
+    "what is remembered without a rule stays so": ("rule waits for the disk",),
     "a new guard forgets who is suspect": ("guard dies in court",),
     "own stall held against the core": tuple(LOAD),
     "no patience": tuple(LOAD),

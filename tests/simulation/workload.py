@@ -5,6 +5,7 @@ replays nothing before a release, replays only what has a key and is no suspect,
 gives every request one answer. So what is wrong in the ledger at the end was caused by the guard's orders.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
@@ -109,7 +110,7 @@ class Gateway:
         self.released = False  # any face but FORWARD takes it back
         self.requests: list[Request] = []
         self.open: list[Request] = []
-        self.suspects: frozenset[str] = frozenset()
+        self.suspects: set[str] = set()
         self.nameless: list[Request] = []
 
     # ---- clients ----
@@ -271,6 +272,7 @@ class Gateway:
         now_ns = self.world.clock.now_ns
         if request.key in self.world.store.keys:
             self.settle(request, "done")
+            self.suspects.discard(request.key_hash)
             self.world.to_guard(SuspectsSettled(now_ns, (request.key_hash,)))
             return
         if request.at is not At.ON_TRIAL:
@@ -282,8 +284,13 @@ class Gateway:
         self.world.cases[request.key_hash] = request
         self.world.to_guard(CaseFiled(self.world.clock.now_ns, request.key_hash, f"peer:{request.key}"))
 
+    def suspected(self, names: Iterable[str]) -> None:
+        """The guard says who is suspect; each is so until it says what becomes of it."""
+        self.suspects |= set(names)
+
     def acquitted(self, name: str, *, run: bool) -> None:
         """The guard says what becomes of a suspect."""
+        self.suspects.discard(name)
         for request in [r for r in self.open if r.key_hash == name and r.at is At.ON_TRIAL]:
             if run:
                 request.at, request.suspect = At.HELD, False
@@ -293,6 +300,7 @@ class Gateway:
 
     def set_aside(self, name: str) -> None:
         """The guard says that this is refused from now on."""
+        self.suspects.discard(name)
         for request in [r for r in self.open if r.key_hash == name]:
             if request.at in {At.ON_TRIAL, At.HELD}:
                 self.settle(request, "set_aside")
@@ -302,3 +310,4 @@ class Gateway:
         for request in list(self.open):
             self.settle(request, "gone")
         self.face, self.serving, self.released = Face.HOLD, None, False
+        self.suspects = set()  # it is told anew

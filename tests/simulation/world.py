@@ -11,6 +11,7 @@ from hardcore.model import observations as seen
 from hardcore.model.phases import Wanted
 from hardcore.model.trials import CourtMemory, Letter
 from hardcore.model.verdicts import Diagnosis
+from hardcore.quarantine_file import Aside
 from hardcore.recovery.policy import Policy
 from tests.simulation.checkers import Checkers
 from tests.simulation.clock import NS_PER_MS, Clock
@@ -50,7 +51,8 @@ class World:
         self.disk_deaths_ns: tuple[int, ...] = ()
         self.disk_court: CourtMemory | None = None
         self.cases: dict[str, Request] = {}  # on the disk
-        self.set_aside: dict[str, Letter] = {}
+        self.aside = Aside()  # the rules on the disk
+        self.letters: dict[str, Letter] = {}  # whose rules were ever written, by their numbers
         self.slowed: set[str] = set()  # whom a trial found slow for no fault of theirs
         self.slept_ns = self.wall_shift_ns = 0
         self.truths: dict[Diagnosis, int] = {}
@@ -61,6 +63,11 @@ class World:
             self.switches.looking = Looking.DENIED if dice < DENIED else Looking.NEVER
         self.checkers = Checkers(self)
         self.gateway = Gateway(self)
+
+    @property
+    def set_aside(self) -> frozenset[str]:
+        """Whose requests the rules on the disk refuse."""
+        return frozenset(str(rule["name"]) for rule in self.aside.rules if rule["type"] == "letter")
 
     # ---- who is there ----
 
@@ -96,7 +103,8 @@ class World:
         own = page(found) if found is not None else None
         suspects = self._suspected(before) if before is not None and self.warm else ()
         since_ns = found.served_ns if found is not None else None
-        began = seen.SentinelBegan(self.clock.now_ns, others, last, own, suspects, since_ns, self.disk_court)
+        memory = guard.courtroom.take_up(self.disk_court)
+        began = seen.SentinelBegan(self.clock.now_ns, others, last, own, suspects, since_ns, memory)
         guard.hear(began)
 
     def _adoptable(self, before: Guard) -> Life | None:

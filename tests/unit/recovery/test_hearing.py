@@ -297,9 +297,9 @@ def test_a_court_that_makes_a_large_copy_is_not_ended() -> None:
     play.now_ns += 179 * S
     assert play.tell(trials.CourtAtWork(play.now_ns)) == []
     play.manager.handle_deadline(play.now_ns + 30 * S)
-    assert "EndTrials" not in kinds(play.manager.take_actions())
+    assert "EndTrials" not in kinds(list(play.manager.take_actions()))
     play.manager.handle_deadline(play.now_ns + 40 * S)
-    assert "EndTrials" in kinds(play.manager.take_actions())
+    assert "EndTrials" in kinds(list(play.manager.take_actions()))
 
 
 def test_a_drill_counts_on_no_budget_and_alarms_nobody() -> None:
