@@ -20,6 +20,7 @@ from bench import (
     bench_page,
     crowd,
     culprits,
+    dashboard,
     deaths,
     faults,
     losses,
@@ -101,6 +102,11 @@ PARTS: dict[str, Part] = {
         "what a person at the page waits for",
         lambda folder: bench_page.measure(folder, kills=20, slow_starts=10, reloads=5),
         lambda folder: bench_page.measure(folder, kills=1, slow_starts=1, reloads=1),
+    ),
+    "dashboard": Part(
+        "each page of the dashboard, with all that is ever kept",
+        lambda folder: dashboard.measure(folder, folders=200, lines=10_000, held=1_000, rounds=20, say=note),
+        lambda folder: dashboard.measure(folder, folders=5, lines=200, held=20, rounds=2, say=note),
     ),
 }
 #: Long ones, measured only when they are named.
