@@ -228,7 +228,8 @@ class Desk:
     def upkeep(self) -> None:
         """What is due now and then."""
         self.moves.outlook.upkeep()
-        self.moves.dock.upkeep()
+        self.moves.dock.departed.upkeep()
+        self.moves.dock.cases.upkeep()
         self.admin.upkeep()
         self.live.upkeep()
         self.sockets.upkeep()

@@ -202,11 +202,6 @@ class Dock:
         else:
             self.cases.hand_over(verdict.name)
 
-    def upkeep(self) -> None:
-        """Now and then: let go of what is too old."""
-        self.departed.upkeep()
-        self.cases.upkeep()
-
     # -- whose client is gone --------------------------------------------------------------------------
 
     def keep(self, exchange: Exchange) -> None:

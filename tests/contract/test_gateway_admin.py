@@ -36,6 +36,15 @@ def investigators(w: World) -> Iterator[Core]:
         one.close()
 
 
+@contextlib.contextmanager
+def slow_world(folder: Path) -> Iterator[World]:
+    """A gateway whose answers may be silent for a short time only, and whose readers may be slow."""
+    limits = {"upstream_deadline_ms": 1_000, "client_stall_ms": 20_000}
+    with world(folder, "--investigator", str(folder / "admin.sock"), **limits) as made:
+        made.holding()
+        yield made
+
+
 def begin_events(call: Call) -> None:
     """The beginning of a stream that has no end."""
     call.raw(b"HTTP/1.1 200 OK\r\n" + EVENTS + b"\r\nTransfer-Encoding: chunked\r\n\r\n")
@@ -120,6 +129,55 @@ def test_a_long_answer_is_passed_on_whole_and_as_it_comes(w: World) -> None:
         while not taken.endswith(b"0\r\n\r\n"):
             taken += client.socket.recv(1 << 16)
         assert taken.count(b"Q") == 20 * len(piece)
+
+
+def test_investigators_who_stop_in_the_middle_are_not_waited_for_once_their_reader_has_caught_up(
+    tmp_path: Path,
+) -> None:
+    piece = b"Q" * 100_000
+
+    def half(call: Call) -> None:
+        call.raw(b"HTTP/1.1 200 OK\r\nContent-Type: application/zip\r\nTransfer-Encoding: chunked\r\n\r\n")
+        for _ in range(40):
+            call.raw(b"%x\r\n%b\r\n" % (len(piece), piece))
+
+    with slow_world(tmp_path) as w, investigators(w) as admin:
+        admin.script = half
+        client = w.client()
+        client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+        client.ask("GET", "/admin/api/incidents/1/zip")
+        admin.wait("/admin/api/incidents/1/zip")
+        taken = bytearray()
+        while data := client.socket.recv(1 << 16):
+            taken += data
+        assert taken.count(b"Q") == 40 * len(piece)
+        assert not taken.endswith(b"0\r\n\r\n")
+
+
+def test_a_reader_who_is_slow_but_reads_is_not_cut_by_the_deadline_of_the_answer(tmp_path: Path) -> None:
+    piece = b"Q" * 100_000
+
+    def whole(call: Call) -> None:
+        call.raw(b"HTTP/1.1 200 OK\r\nContent-Type: application/zip\r\nTransfer-Encoding: chunked\r\n\r\n")
+        for _ in range(30):
+            call.raw(b"%x\r\n%b\r\n" % (len(piece), piece))
+        call.raw(b"0\r\n\r\n")
+
+    with slow_world(tmp_path) as w, investigators(w) as admin:
+        admin.script = whole
+        client = w.client()
+        client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+        client.ask("GET", "/admin/api/incidents/1/zip")
+        admin.wait("/admin/api/incidents/1/zip")
+        taken, pause = bytearray(), threading.Event()
+        while len(taken) < 1 << 20:  # a few seconds at its pace: longer than any answer may be silent
+            taken += client.socket.recv(1 << 12)
+            pause.wait(0.01)
+        while not taken.endswith(b"0\r\n\r\n"):
+            data = client.socket.recv(1 << 16)
+            assert data, "the answer was cut"
+            taken += data
+        assert taken.count(b"Q") == 30 * len(piece)
 
 
 def test_an_answer_without_an_end_ends_with_the_gateway(w: World) -> None:

@@ -5,6 +5,7 @@ import itertools
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -32,13 +33,12 @@ def w(tmp_path: Path) -> Iterator[World]:
         yield made
 
 
-def in_force(w: World, serial: int, **fields: object) -> None:
+def in_force(w: World, serial: int, **fields: list[dict[str, Any]]) -> None:
     """These rules, once the gateway goes by them: it refuses a probe, each under a key of its own."""
     probe = b"%d" % serial
     letters = fields.pop("rules", [])
-    assert isinstance(letters, list)
     probes = a_letter(id="probe", name="f" * 32, digest=name_of("DELETE", "/probe", probe))
-    rules(w, serial, rules=[*letters, probes], **fields)
+    rules(w, serial, rules=[*letters, probes], sources=fields.pop("sources", []))
     keys = (KEY + f"probe-{n}" for n in itertools.count())
     until(lambda: w.ask("DELETE", "/probe", next(keys), body=probe).status == 422, "the rules")
 
