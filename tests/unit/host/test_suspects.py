@@ -24,7 +24,7 @@ def folders(tmp_path: Path) -> Folders:
 
 
 def test_a_court_is_remembered(folders: Folders) -> None:
-    memory = CourtMemory((OPEN, TRIED), settled_seq=7, parked=(3,))
+    memory = CourtMemory((OPEN, TRIED), settled_seq=7)
     since = suspects.times({}, CourtMemory(), memory, NOW)
     suspects.write(folders, memory, since, durable=True)
     assert suspects.read(folders, NOW) == (memory, since)
