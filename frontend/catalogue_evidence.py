@@ -303,8 +303,21 @@ def in_korean(line: str) -> str:
 def _korean(sentence: str) -> str | None:
     for pattern, korean in _sentences():
         if (match := pattern.fullmatch(sentence)) is not None:
-            return korean.format_map(match.groupdict())
+            return korean.format_map({name: _word(name, said) for name, said in match.groupdict().items()})
     return None
+
+
+def _word(field: str, said: str) -> str:
+    """Return what stands in a sentence's field: a code of ours as its word, everything else as it was said."""
+    match field:
+        case "stage" if said in STAGES:
+            return STAGES[said]["ko"]
+        case "ordeal" if said in ORDEALS:
+            return ORDEALS[said]["ko"]
+        case "kind":
+            return KINDS.get(said, said)
+        case _:
+            return said
 
 
 @cache

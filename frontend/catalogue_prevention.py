@@ -136,7 +136,7 @@ WORDS: Mapping[str, Text] = {
     "root_causes": _text("근본 원인", "Root causes"),
     "trigger": _text("계기", "Trigger"),
     "resolution": _text("해결", "Resolution"),
-    "detection": _text("발견", "Detection"),
+    "detection_head": _text("발견", "Detection"),
     "action_items": _text("조치 항목", "Action items"),
     "lessons": _text("배운 점", "Lessons learned"),
     "went_well": _text("잘된 점", "What went well"),

@@ -29,6 +29,7 @@ from postmortem.incident import (
     was_committed,
     went_on,
 )
+from postmortem.reports.evidence_words import command_word
 
 LANGUAGES = texts.LANGUAGES
 MS_PER_S = 1000
@@ -309,7 +310,10 @@ def next_step(incident: Incident, language: str) -> str | None:
 
 def finding_line(finding: Finding, language: str) -> str:
     """Return a finding as a sentence."""
-    return texts.FINDINGS[finding.rule][language].format_map(finding.values)
+    values = dict(finding.values)
+    if "kind" in values:
+        values["kind"] = command_word(values["kind"], language)
+    return texts.FINDINGS[finding.rule][language].format_map(values)
 
 
 def refusal(kind: str, language: str, **values: object) -> str:

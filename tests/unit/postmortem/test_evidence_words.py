@@ -56,3 +56,9 @@ def test_what_is_said_of_a_death_is_known(how: Exit) -> None:
 def test_words_unknown_here_are_shown_as_they_are() -> None:
     for word in (kind_word, stage_word, command_word):
         assert word("SOMETHING_NEW", "ko") == "SOMETHING_NEW"
+
+
+def test_codes_in_a_known_sentence_are_words_in_korean_and_what_is_no_code_stays() -> None:
+    assert told("tried in a throw-away core: cmd-1 died after 7 ms", "ko").endswith("결과 또 종료됨, 7ms")
+    assert "단계: 처리 중" in told("the recorder's slot had it in stage DECIDING", "ko")
+    assert "단계: <b>" in told("the recorder's slot had it in stage <b>", "ko")

@@ -332,7 +332,7 @@ def test_the_markdown_tells_the_whole_story(language: str) -> None:
     assert "None" not in text
     headings = [line.lstrip("# ") for line in text.splitlines() if line.startswith("## ")]
     fields = (
-        *("summary", "impact", "root_causes", "trigger", "resolution", "detection"),
+        *("summary", "impact", "root_causes", "trigger", "resolution", "detection_head"),
         *("action_items", "lessons", "timeline", "supporting"),
     )
     words = words_of(language)
