@@ -7,8 +7,8 @@ were not chosen: they mean nothing after the machine has been off.
 
 import datetime as dt
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Final
+from dataclasses import fields, replace
+from typing import Any, Final
 
 from hardcore.host import files
 from hardcore.host.folders import Folders
@@ -21,6 +21,7 @@ KEPT: Final = dt.timedelta(days=1)
 
 FILE_BYTES_MAX: Final = 8 << 20
 
+_MEMBERS = {cls: frozenset(field.name for field in fields(cls)) for cls in (CourtMemory, Suspect)}
 _CODEC = Codec((CourtMemory, Suspect, Conviction, Ordeal, Diagnosis))
 
 
@@ -33,11 +34,32 @@ def write(folders: Folders, memory: CourtMemory, at: Mapping[str, str], *, durab
 def read(folders: Folders, now: dt.datetime) -> tuple[CourtMemory, dict[str, str]]:
     """Return what an earlier guard remembered, and since when; nothing where that can't be read."""
     told = files.read_json(folders.suspects, FILE_BYTES_MAX)
-    memory, at = _CODEC.decode(told.get("memory")), told.get("at")
+    memory, at = _CODEC.decode(_known(told.get("memory"))), told.get("at")
     if told.get("version") != VERSION or not isinstance(memory, CourtMemory) or not isinstance(at, dict):
         return CourtMemory(), {}
     kept = tuple(one for one in memory.suspects if one.ordeal is None or _young(at.get(one.name), now))
     return replace(memory, suspects=kept), {one.name: str(at.get(one.name) or _written(now)) for one in kept}
+
+
+def _known(memory: Any) -> Any:
+    """Return the memory without what only another version of this guard knows: no suspect is forgotten for that."""
+    match memory:
+        case {"CourtMemory": dict() as body}:
+            kept = {name: value for name, value in body.items() if name in _MEMBERS[CourtMemory]}
+            suspects = kept.get("suspects")
+            if isinstance(suspects, list):
+                kept["suspects"] = [_known_of(one) for one in suspects]
+            return {"CourtMemory": kept}
+        case _:
+            return memory
+
+
+def _known_of(suspect: Any) -> Any:
+    match suspect:
+        case {"Suspect": dict() as body}:
+            return {"Suspect": {name: value for name, value in body.items() if name in _MEMBERS[Suspect]}}
+        case _:
+            return suspect
 
 
 def times(before: Mapping[str, str], old: CourtMemory, new: CourtMemory, now: dt.datetime) -> dict[str, str]:

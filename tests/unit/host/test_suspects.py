@@ -55,3 +55,12 @@ def test_a_time_that_makes_no_sense_is_an_old_one(folders: Folders) -> None:
     suspects.write(folders, CourtMemory((TRIED,)), {TRIED.name: "yesterday"}, durable=False)
     assert json.loads(folders.suspects.read_text())["at"] == {TRIED.name: "yesterday"}
     assert suspects.read(folders, NOW)[0].suspects == ()
+
+
+def test_what_another_version_of_the_guard_has_written_beside_it_costs_no_suspect(folders: Folders) -> None:
+    suspects.write(folders, CourtMemory((OPEN,), settled_seq=7), {}, durable=False)
+    told = json.loads(folders.suspects.read_text())
+    told["memory"]["CourtMemory"]["parked"] = [3]
+    told["memory"]["CourtMemory"]["suspects"][0]["Suspect"]["of_tomorrow"] = True
+    folders.suspects.write_text(json.dumps(told))
+    assert suspects.read(folders, dt.datetime.now(dt.UTC))[0] == CourtMemory((OPEN,), settled_seq=7)
