@@ -6,29 +6,29 @@ with its sentence in the asked language). The readings happen on a thread, so th
 
 import json
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import Any, Final, assert_never
 
 from starlette.concurrency import run_in_threadpool
-from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from postmortem import as_told, bundle, reading
+from postmortem import as_told, asked, bundle, reading
 from postmortem.guard_line import GuardLine
 from postmortem.reports.as_json import as_story
-from postmortem.views import Acts, Bulk, Filter, Group, IncidentLine, Letter, Proposal, Reads, Refusal
+from postmortem.views import Acts, Bulk, Group, IncidentLine, Letter, Proposal, Reads, Refusal
 from postmortem.web.places import Places
 
 LIMIT: Final = 50
 LIMIT_MAX: Final = 500
 WEEKS: Final = 26
-FILTER_CHARACTERS_MAX: Final = 256
 FOLLOW: Final = "/admin/api"
 
 Answer = Callable[[Request], Awaitable[Response]]
-_FILTERS: Final = tuple(one.name for one in fields(Filter) if one.name != "drills")
+#: What the body of an act may say; every other name in it is refused.
+_SAID: Final[Mapping[str, str]] = {"retry": "anyway", "correct": "body", "discard": "reason", "note": "text"}
+_SAID_OF_INCIDENTS: Final[Mapping[str, str]] = {"merge": "into", "split": "incident", "note": "text"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,9 @@ class Api:
 
     async def incidents(self, request: Request) -> Response:
         """The list of incidents."""
-        found = await run_in_threadpool(self.reads.incidents, wanted(request.query_params), *_piece(request))
+        found = await run_in_threadpool(
+            self.reads.incidents, asked.listed(request.query_params), *_piece(request)
+        )
         return as_json(as_told.page(found, asdict))
 
     async def incident(self, request: Request) -> Response:
@@ -60,7 +62,9 @@ class Api:
 
     async def letters(self, request: Request) -> Response:
         """The list of letters."""
-        found = await run_in_threadpool(self.reads.letters, wanted(request.query_params), *_piece(request))
+        found = await run_in_threadpool(
+            self.reads.letters, asked.listed(request.query_params), *_piece(request)
+        )
         lang = _lang(request)
         counts = await run_in_threadpool(self.reads.counts)
         return as_json({**as_told.page(found, lambda one: as_told.letter(one, lang)), "counts": dict(counts)})
@@ -72,12 +76,13 @@ class Api:
 
     async def act(self, request: Request) -> Response:
         """One act on one letter."""
-        told, letter_id = await _told(request), request.path_params["id"]
-        match request.path_params["verb"]:
+        letter_id, verb = request.path_params["id"], request.path_params["verb"]
+        told = await asked.body_of(request, *filter(None, [_SAID.get(verb)]))
+        match verb:
             case "dry-run":
                 done = await self.acts.dry_run(letter_id)
             case "retry":
-                done = await self.acts.retry(letter_id, anyway=told.get("anyway") in (True, "1", "true"))
+                done = await self.acts.retry(letter_id, anyway=asked.flag(told, "anyway", otherwise=False))
             case "correct":
                 body = told.get("body")
                 done = await self.acts.correct(letter_id, body if isinstance(body, str) else json.dumps(body))
@@ -86,27 +91,21 @@ class Api:
             case "hold":
                 done = await self.acts.hold(letter_id)
             case "discard":
-                done = await self.acts.discard(letter_id, _text(told, "reason"))
+                done = await self.acts.discard(letter_id, asked.text_in(told, "reason"))
             case "undo-discard":
                 done = await self.acts.undo_discard(letter_id)
             case "note":
-                done = await self.acts.note(letter_id, _text(told, "text"))
+                done = await self.acts.note(letter_id, asked.text_in(told, "text"))
             case _:
                 done = Refusal("not_found", {})
         return _answer(done, _lang(request))
 
     async def begin_bulk(self, request: Request) -> Response:
         """Begin many at once: `verb`, and `ids` or `where`."""
-        told = await _told(request)
-        ids, where = told.get("ids"), told.get("where")
-        meant: Filter | list[str]
-        if isinstance(ids, list) and all(isinstance(one, str) for one in ids):
-            meant = ids
-        elif isinstance(where, dict):
-            meant = wanted(where)
-        else:
-            return _no(Refusal("not_readable", {}), _lang(request))
-        done = await self.acts.bulk(_text(told, "verb"), meant, _text(told, "reason"))
+        told = await asked.body_of(request, "verb", "ids", "where", "reason")
+        done = await self.acts.bulk(
+            asked.text_in(told, "verb"), asked.meant(told), asked.text_in(told, "reason")
+        )
         return _answer(done, _lang(request), status=202)
 
     async def bulk(self, request: Request) -> Response:
@@ -120,26 +119,31 @@ class Api:
 
     async def decide(self, request: Request) -> Response:
         """A person's word on a proposal."""
-        told, place = await _told(request), request.path_params
-        done = await self.acts.decide(place["id"], place["verb"], _text(told, "owner"), _text(told, "note"))
+        told, place = await asked.body_of(request, "owner", "note"), request.path_params
+        owner, note = asked.text_in(told, "owner"), asked.text_in(told, "note")
+        done = await self.acts.decide(place["id"], place["verb"], owner, note)
         return _answer(done, _lang(request))
 
     async def mark_fixed(self, request: Request) -> Response:
         """A person's word on a group."""
-        told = await _told(request)
-        done = await self.acts.mark_fixed(request.path_params["id"], _text(told, "version"))
+        told = await asked.body_of(request, "version")
+        done = await self.acts.mark_fixed(request.path_params["id"], asked.text_in(told, "version"))
         return _answer(done, _lang(request))
 
     async def change_incidents(self, request: Request) -> Response:
         """A group put into another one or taken apart, an incident's note, or its evidence removed."""
-        told, identity, acts = await _told(request), request.path_params["id"], self.acts.incidents
-        match request.url.path.rpartition("/")[2]:
+        verb, identity = request.url.path.rpartition("/")[2], request.path_params["id"]
+        told, acts = (
+            await asked.body_of(request, *filter(None, [_SAID_OF_INCIDENTS.get(verb)])),
+            self.acts.incidents,
+        )
+        match verb:
             case "merge":
-                done: Group | IncidentLine | Refusal = await acts.merge(identity, _text(told, "into"))
+                done: Group | IncidentLine | Refusal = await acts.merge(identity, asked.name_in(told, "into"))
             case "split":
-                done = await acts.split(identity, _text(told, "incident"))
+                done = await acts.split(identity, asked.name_in(told, "incident"))
             case "note":
-                done = await acts.note(identity, _text(told, "text"))
+                done = await acts.note(identity, asked.text_in(told, "text"))
             case _:
                 done = await acts.remove_evidence(identity)
         return _answer(done, _lang(request))
@@ -152,7 +156,7 @@ async def _others(api: Api, request: Request) -> Response:
         case "token":
             found: Any = {"token": api.places.token}
         case "groups":
-            groups = await run_in_threadpool(api.reads.groups, wanted(query), *_piece(request))
+            groups = await run_in_threadpool(api.reads.groups, asked.listed(query), *_piece(request))
             found = as_told.page(groups, as_told.group)
         case "proposals":
             proposals = await run_in_threadpool(api.reads.proposals, query.get("incident", ""))
@@ -195,12 +199,6 @@ def routes(api: Api) -> list[Route]:
     return [Route(FOLLOW + path, answer, methods=[method]) for method, path, answer in table]
 
 
-def wanted(given: Mapping[str, Any]) -> Filter:
-    """The filter of a query or of a body; what it does not know narrows nothing."""
-    told = {name: _text(given, name)[:FILTER_CHARACTERS_MAX] for name in _FILTERS}
-    return Filter(**told, drills=given.get("drills") not in ("0", "false", False))
-
-
 def _piece(request: Request) -> tuple[int, str]:
     return _number(request.query_params.get("limit"), LIMIT), request.query_params.get("cursor", "")
 
@@ -215,27 +213,6 @@ def _lang(request: Request) -> str:
     if asked not in ("ko", "en"):
         asked = "ko" if request.headers.get("accept-language", "").lower().startswith("ko") else "en"
     return asked
-
-
-async def _told(request: Request) -> Mapping[str, Any]:
-    """The body as an object: JSON's, or a form's fields. Raises HTTPException for another."""
-    body = await request.body()
-    if not body:
-        return {}
-    if request.headers.get("content-type", "").startswith("application/x-www-form-urlencoded"):
-        return {name: value for name, value in (await request.form()).items() if isinstance(value, str)}
-    try:
-        told = json.loads(body)
-    except (ValueError, RecursionError):
-        raise HTTPException(400) from None
-    if not isinstance(told, dict):
-        raise HTTPException(400)
-    return told
-
-
-def _text(given: Mapping[str, Any], name: str) -> str:
-    value = given.get(name)
-    return value if isinstance(value, str) else ""
 
 
 def _answer(
