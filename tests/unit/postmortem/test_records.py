@@ -4,7 +4,7 @@ import os
 import sqlite3
 from collections.abc import Iterator
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +12,12 @@ import pytest
 from sqlalchemy import text
 
 from postmortem import found_rules, intake
-from postmortem.bundle import Found
 from postmortem.dead_letters import slip as slips
 from postmortem.dead_letters import spool
 from postmortem.dead_letters.life import Trigger
 from postmortem.records import letters, log, stories
 from postmortem.records.opening import Records, RecordsFailed, open_records
-from postmortem.records.reads import Archive, trends_of
+from postmortem.records.reads import Archive
 from postmortem.records.stories import Proposed, Story
 from postmortem.views import Act, Filter, IncidentLine, LetterState, Refusal, Standing
 from tests.unit.postmortem.letter_slips import slip
@@ -364,15 +363,6 @@ def test_a_damaged_archive_is_put_aside_and_a_newer_one_left_alone(tmp_path: Pat
     assert "99" in refused.reason
 
 
-def test_trends_count_weeks_and_say_how_long() -> None:
-    since = datetime(2026, 11, 1, tzinfo=UTC)
-    found = [((since + timedelta(days=day)).isoformat(), "CRASHED", 100.0 * day) for day in range(10)]
-    told = trends_of([*found, ("no time", "CRASHED", None)], 2, since)
-    assert [week["incidents"] for week in told["weeks"]] == [7, 3]
-    assert told["causes"][0]["p50_ms"] == 450.0
-    assert told["causes"][0]["p90_ms"] == 900.0
-
-
 def test_groups_that_were_put_together_take_in_later_deaths_and_come_apart_again(
     records: Records, archive: Archive
 ) -> None:
@@ -504,23 +494,3 @@ def test_a_proposal_that_the_guard_enforces_is_an_accepted_one(
 def test_rules_that_can_not_be_read_make_no_letters(records: Records, tmp_path: Path, text: str) -> None:
     (tmp_path / "quarantine.json").write_text(text)
     assert found_rules.read(tmp_path / "quarantine.json").take_letters(records) == 0
-
-
-def test_a_proposal_says_what_the_trial_of_its_wish_found(tmp_path: Path) -> None:
-    wish = "f" * 64
-    told = {
-        "trials": [{"fingerprint": wish, "ordeal": "survived", "took_ms": 12.4}, {"ordeal": "died"}, 3],
-        "proposals": [
-            {
-                "kind": "fingerprint",
-                "text": {"en": "x"},
-                "rule": {"type": "fingerprint", "fingerprint": wish},
-            },
-            {"kind": "person", "text": {"en": "y"}},
-        ],
-    }
-    found = intake.story_of(Found("i1", tmp_path, partial=False), told).proposals
-    assert [one.tested for one in found] == [
-        "In a throw-away core on a copy of the ledger it was carried out after 12 ms.",
-        None,
-    ]
