@@ -195,7 +195,7 @@ def word(code: str, lang: str, **values: object) -> str:
 def told(kind: str, code: str, lang: str) -> str:
     """Say a `state`, a `reason`, an `ordeal`, an `attempt` or the `next` step of one; unknown ones as they are."""
     other = LETTER_TEXTS.get("next_other") if kind == "next" else None
-    found = LETTER_TEXTS.get(f"{kind}_{code}") or other
+    found = LETTER_TEXTS.get(f"{kind}_{code.replace(' ', '_')}") or other
     return code if found is None else found[lang]
 
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from frontend import catalogue_letters as texts
 from postmortem.reports.as_terminal import Look, Write, cells, cut, milliseconds, pad
+from postmortem.reports.evidence_words import command_word
 from postmortem.reports.visible import visible
 
 PAYLOAD_LINES_MAX: Final = 40
@@ -31,7 +32,7 @@ def print_list(items: Sequence[Mapping[str, Any]], total: int, lang: str, write:
     short = _short_ids([str(one["id"]) for one in items])
     for one in items:
         state = texts.told("state", one["state"], lang)
-        what = f"{one['kind'] or one['method']} · {', '.join(one['accounts']) or '-'}"
+        what = f"{command_word(one['kind'], lang) or one['method']} · {', '.join(one['accounts']) or '-'}"
         head = f"{_day(one['quarantined_at'])}  {short[one['id']]}  "
         write(f"{look.style(head, 'dim')}{look.style(state, _STYLES.get(one['state'], 'bold'))}  ")
         write(cut(visible(what), max(10, look.width - cells(head) - cells(state) - 2)) + "\n")

@@ -7,6 +7,7 @@ well lately, and without one it has to be said twice. Discarding needs a reason,
 import json
 from collections.abc import Awaitable, Mapping
 from datetime import UTC, datetime, timedelta
+from http import HTTPStatus
 from typing import Any, Final
 
 from starlette.requests import Request
@@ -53,7 +54,9 @@ async def letter(lobby: Lobby, request: Request) -> Response:
         letter=found,
         kind=command_word(found.kind, reader_of(request).lang),
         reason=reason_words(words, found.reason),
-        next=words(step if knows(step) else "next_other"),
+        next=words("next_refused" if _was_refused(found.dry_run) else step if knows(step) else "next_other"),
+        would_fail=_was_refused(found.dry_run),
+        answer=_answer_text(found.dry_run),
         fields=_fields(found.payload),
         postings=_postings(found.payload),
         to_correct=_to_correct(found, whole),
@@ -99,6 +102,26 @@ async def act(lobby: Lobby, request: Request) -> Response:
     told = await _doing(lobby, verb, found.id, text, anyway=anyway)
     back = f"{HERE}/{found.id}"
     return lobby.refuse(request, HERE, told, back) if isinstance(told, Refusal) else lead_to(back, verb)
+
+
+def _was_refused(dry_run: DryRun | None) -> bool:
+    """Tell whether a dry run did no harm, and yet the ledger said no: a retry would be refused as well."""
+    return (
+        dry_run is not None
+        and dry_run.ordeal == "survived"
+        and dry_run.status is not None
+        and dry_run.status >= HTTPStatus.BAD_REQUEST
+    )
+
+
+def _answer_text(dry_run: DryRun | None) -> str:
+    answer = None if dry_run is None else dry_run.answer
+    if not answer:
+        return ""
+    told = (
+        answer if isinstance(answer, str) else json.dumps(answer, ensure_ascii=False, indent=1, default=str)
+    )
+    return shortened(told)
 
 
 def payload_text(letter: Letter) -> str:

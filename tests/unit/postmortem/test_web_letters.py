@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from postmortem.views import DryRun, LetterState
+from postmortem.views import Attempt, DryRun, LetterState
 from postmortem.web.letter import is_fresh
 from postmortem.web.letters import sums_of
 from tests.unit.postmortem.web_archive import LETTER_ID, Archive, Visitor, letter
@@ -32,6 +32,31 @@ def test_a_letter_says_its_reason_and_what_to_do_next(visitor: Visitor) -> None:
     assert page.index("Dry run</button>") < page.index("Retry</button>")
     visitor.archive.kept[0] = letter(reason="NEWER_THAN_US")
     assert "NEWER_THAN_US" in visitor.get(LETTER).text
+
+
+def test_a_dry_run_that_the_ledger_refused_is_not_told_as_a_good_end(visitor: Visitor) -> None:
+    answer = {"type": "/problems/not-found"}
+    run = DryRun("2026-11-22T10:00:00Z", "survived", 404, 40, answer, "")
+    visitor.archive.kept.append(letter(dry_run=run))
+    page = visitor.get(LETTER).text
+    assert "the ledger would refuse it: 404" in page
+    assert "ordeal-survived" not in page
+    assert "&#34;type&#34;: &#34;/problems/not-found&#34;" in page
+    assert "A retry would be refused as well" in page
+
+
+@pytest.mark.parametrize(
+    ("lang", "said"), [("ko", "다시 따로 보관했어요."), ("en", "It was set aside again.")]
+)
+def test_what_was_tried_is_told_in_words_and_a_code_that_is_none_as_it_is(
+    visitor: Visitor, lang: str, said: str
+) -> None:
+    visitor.lang = lang
+    tried = [Attempt("2026-11-22T10:00:00Z", "retry", one, None, "") for one in ("set aside again", "<b>")]
+    visitor.archive.kept.append(letter(attempts=tuple(tried)))
+    page = visitor.get(LETTER).text
+    assert said in page
+    assert "&lt;b&gt;" in page
 
 
 def test_a_discard_wants_a_reason_and_can_be_undone(visitor: Visitor) -> None:
