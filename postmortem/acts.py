@@ -32,6 +32,7 @@ from postmortem.views import (
     Proposal,
     Refusal,
 )
+from postmortem.wording import cleaned, cleaned_lines, is_said
 
 REASON_MAX: Final = 500
 NOTE_MAX: Final = 2_000
@@ -89,8 +90,8 @@ class Desk:
 
     async def discard(self, letter_id: str, reason: str) -> Letter | Refusal:
         """Mark a letter as not to be run."""
-        reason = reason.strip()[:REASON_MAX]
-        if not reason:
+        said, reason = is_said(reason), cleaned(reason, REASON_MAX)
+        if not said:
             return self._told("discard", letter_id, Refusal("reason_needed", {}))
         return self._moved("discard", letter_id, Trigger.DISCARD, reason, discarded_because=reason)
 
@@ -109,13 +110,13 @@ class Desk:
         letter = self.archive.letter(letter_id)
         if letter is not None:
             with self.records.writing() as connection:
-                letters.put(connection, letter.id, note=text[:NOTE_MAX])
+                letters.put(connection, letter.id, note=cleaned_lines(text, NOTE_MAX))
         return self._told("note", letter_id, None if letter is not None else Refusal("letter_unknown", {}))
 
     async def bulk(self, verb: str, wanted: Filter | Sequence[str], reason: str = "") -> Bulk | Refusal:
         """Do one of `bulks.VERBS` to many letters, one at a time."""
-        reason = reason.strip()[:REASON_MAX]
         refused = self._bulk_refused(verb, wanted, reason)
+        reason = cleaned(reason, REASON_MAX)
         if refused is not None:
             self.diary.write(verb, "many letters", reason, refused.code)
             return refused
@@ -145,7 +146,7 @@ class Desk:
 
     async def mark_fixed(self, fingerprint: str, version: str) -> Group | Refusal:
         """Call a group fixed in a version."""
-        version = version.strip()[:VERSION_MAX]
+        version = cleaned(version, VERSION_MAX)
         with self.records.writing() as connection:
             found = stories.mark_fixed(connection, fingerprint, version, placing.now())
         self.diary.write(
@@ -178,7 +179,7 @@ class Desk:
     def _bulk_refused(self, verb: str, wanted: Filter | Sequence[str], reason: str) -> Refusal | None:
         if verb not in VERBS:
             return Refusal("verb_unknown", {"verb": shown(verb)})
-        if verb == "discard" and not reason:
+        if verb == "discard" and not is_said(reason):
             return Refusal("reason_needed", {})
         if not isinstance(wanted, Filter) and len(wanted) > LETTERS_MAX:
             return Refusal("too_many", {"count": len(wanted), "max": LETTERS_MAX})

@@ -21,6 +21,7 @@ from postmortem.records.opening import Records
 from postmortem.records.reads import Archive
 from postmortem.records.stories import rule_id
 from postmortem.views import Proposal, ProposalState, Refusal
+from postmortem.wording import cleaned, cleaned_lines
 
 OWNER_MAX: Final = 500
 NOTE_MAX: Final = 2_000
@@ -39,7 +40,7 @@ class Decider:
 
     async def decide(self, proposal_id: str, verb: str, owner: str, note: str) -> Proposal | Refusal:
         """Accept, decline, call done or revoke a proposal; what a machine enforces is in force when this returns."""
-        owner, note = owner.strip()[:OWNER_MAX], note.strip()[:NOTE_MAX]
+        owner, note = cleaned(owner, OWNER_MAX), cleaned_lines(note.strip(), NOTE_MAX)
         async with self._one:
             with self.records.writing() as connection:
                 meant = log.decided(connection, proposal_id, verb)

@@ -16,6 +16,7 @@ from postmortem.records import stories
 from postmortem.records.opening import Records
 from postmortem.records.reads import Archive
 from postmortem.views import Group, IncidentLine, Refusal
+from postmortem.wording import cleaned_lines
 
 NOTE_MAX: Final = 2_000
 
@@ -49,7 +50,7 @@ class IncidentDesk:
     async def note(self, incident_id: str, text: str) -> IncidentLine | Refusal:
         """Write a note beside an incident; it replaces the one before."""
         with self.records.writing() as connection:
-            known = stories.put_note(connection, incident_id, text.strip()[:NOTE_MAX])
+            known = stories.put_note(connection, incident_id, cleaned_lines(text.strip(), NOTE_MAX))
         outcome = "done" if known else "incident_unknown"
         self.diary.write("note", f"incident {shown(incident_id)}", "", outcome)
         return self.archive.incident(incident_id) or Refusal("incident_unknown", {})
