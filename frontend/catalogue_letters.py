@@ -43,6 +43,10 @@ REFUSALS: Final[Mapping[str, Text]] = {
         "고친 내용을 읽을 수 없어요. 원래와 같은 모양의 JSON으로 적어 주세요.",
         "The corrected contents can't be read. Write JSON of the same shape as before.",
     ),
+    "correction_masked": _text(
+        "가린 값이 들어 있어요. 가린 값을 먼저 보고 고쳐 주세요.",
+        "It holds a masked value. Show the values first, then correct it.",
+    ),
     "correction_same": _text(
         "바뀐 내용이 없어요. 그대로 다시 처리하려면 '다시 처리'를 써 주세요.",
         "Nothing is different. To run it as it is, retry it.",

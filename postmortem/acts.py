@@ -14,6 +14,7 @@ from sqlalchemy import select
 from postmortem import placing
 from postmortem.bulks import LETTERS_MAX, VERBS, Lane
 from postmortem.dead_letters.life import UNDO_S, Trigger
+from postmortem.dead_letters.masking import MASK
 from postmortem.dead_letters.spool import new_id
 from postmortem.deciding import Decider
 from postmortem.diary import SPEAKER, Diary, shown
@@ -72,7 +73,9 @@ class Desk:
 
     async def correct(self, letter_id: str, body: str) -> Letter | Refusal:
         """Send a letter's contents, changed, as a new request; it is discarded with the link once a core has that."""
-        refused = await self.retrier.correct(letter_id, body)
+        # What was shown hidden would be booked as that; who corrects a secret asks to see it first.
+        hidden = Refusal("correction_masked", {}) if MASK in body else None
+        refused = hidden or await self.retrier.correct(letter_id, body)
         return self._told("correct", letter_id, refused)
 
     async def requeue(self, letter_id: str) -> Letter | Refusal:

@@ -96,9 +96,19 @@ class Api:
                 done = await self.acts.undo_discard(letter_id)
             case "note":
                 done = await self.acts.note(letter_id, asked.text_in(told, "text"))
+            case "reveal":
+                return await self._reveal(letter_id, _lang(request))
             case _:
                 done = Refusal("not_found", {})
         return _answer(done, _lang(request))
+
+    async def _reveal(self, letter_id: str, lang: str) -> Response:
+        """One letter with its secrets, once that is written down."""
+        found = await run_in_threadpool(self.reads.letter, letter_id)
+        if found is None:
+            return _no(Refusal("letter_unknown", {}), lang)
+        await self.places.write_down("reveal", f"letter {found.id}", "", "shown")
+        return as_json(as_told.whole_letter(found, lang, revealed=True))
 
     async def begin_bulk(self, request: Request) -> Response:
         """Begin many at once: `verb`, and `ids` or `where`."""

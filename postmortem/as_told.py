@@ -1,10 +1,11 @@
 """The archive's values as the JSON that programs rely on: the API of `/admin/api/` and `hardcore dlq --json`."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from frontend import catalogue_letters as texts
+from postmortem.dead_letters.masking import shown
 from postmortem.views import Group, Letter, Page, Proposal, Refusal
 
 #: Refusals that are about what is not there, what must be said better, and who is away; all others are conflicts.
@@ -15,6 +16,7 @@ _STATUSES: Mapping[str, int] = {
     "too_many": 422,
     "correction_unreadable": 422,
     "correction_same": 422,
+    "correction_masked": 422,
     "not_readable": 400,
     "not_found": 404,
     "ledger_away": 503,
@@ -24,7 +26,12 @@ _STATUSES: Mapping[str, int] = {
 
 
 def letter(one: Letter, lang: str) -> dict[str, Any]:
-    """A letter in a list. `attempts`: how many deaths and tries are known of it."""
+    """A letter in a list, its secrets hidden. `attempts`: how many deaths and tries are known of it."""
+    # A list says nothing of the contents, which may be large: so they are not looked at here.
+    return _line(shown(replace(one, payload=None, row=None)), lang)
+
+
+def _line(one: Letter, lang: str) -> dict[str, Any]:
     return {
         "id": one.id,
         "command_id": one.command_id,
@@ -51,10 +58,11 @@ def letter(one: Letter, lang: str) -> dict[str, Any]:
     }
 
 
-def whole_letter(one: Letter, lang: str) -> dict[str, Any]:
-    """A letter with all that is known of it."""
+def whole_letter(one: Letter, lang: str, *, revealed: bool = False) -> dict[str, Any]:
+    """A letter with all that is known of it; its secrets only if it is `revealed`, which is written down."""
+    one = one if revealed else shown(one)
     return {
-        **letter(one, lang),
+        **_line(one, lang),
         "name": one.name,
         "fingerprint": one.fingerprint,
         "payload": one.payload,

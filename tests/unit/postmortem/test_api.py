@@ -99,3 +99,14 @@ def test_a_filter_that_is_understood_means_what_it_says(program: Program) -> Non
     assert answer.status == 202
     (_, verb, wanted, _) = program.archive.done[0]
     assert (verb, wanted.state, wanted.drills) == ("hold", "QUARANTINED", False)
+
+
+def test_the_secrets_of_a_letter_are_shown_once_that_is_written_down(program: Program) -> None:
+    program.archive.kept[0] = letter(payload={"password": "c4nary"}, path="/x?token=c4nary")
+    for path in (LETTER, "letters"):
+        assert "c4nary" not in program.ask(path).text
+    assert program.written == []
+    assert "c4nary" in program.tell(f"{LETTER}/reveal", {}).text
+    assert program.written == [("reveal", f"letter {LETTER_ID}", "", "shown")]
+    assert program.tell("letters/unknown/reveal", {}).status == 404
+    assert len(program.written) == 1

@@ -88,3 +88,8 @@ def test_lines_and_letters_of_every_language_stay_as_they_are() -> None:
     assert cleaned(" 두 번 보냄 ", 100) == "두 번 보냄"
     assert cleaned_lines("한 줄\r\n두\t줄\n", 100) == "한 줄\n두 줄\n"
     assert cleaned("abcdef", 3) == "abc"
+
+
+def test_a_correction_does_not_book_what_was_hidden(desk: Desk) -> None:
+    refused = asyncio.run(desk.correct(slip()["id"], '{"password": "<masked>"}'))
+    assert refused == Refusal("correction_masked", {})
