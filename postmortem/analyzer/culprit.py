@@ -53,7 +53,7 @@ def _convicted(case: Case) -> Iterator[Culprit]:
                 "reproduced",
                 trial.command_id or (command.command_id if command else ""),
                 trial.kind or (command.kind if command else ""),
-                trial.transaction_id or (command.transaction_id if command else ""),
+                (command.transaction_id if command else "") or trial.transaction_id,
                 unique([*trial.account_ids, *(command.account_ids if command else ())]),
             )
 

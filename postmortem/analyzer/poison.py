@@ -35,7 +35,8 @@ def known_command(case: Case, trial: Trial) -> Command | None:
 def _told(case: Case, trial: Trial) -> Finding:
     command = known_command(case, trial)
     kind = trial.kind or (command.kind if command else "")
-    transaction = trial.transaction_id or (command.transaction_id if command else "")
+    # The slot's first: the number that a trial makes up on its copy is in no book.
+    transaction = (command.transaction_id if command else "") or trial.transaction_id
     accounts = unique([*trial.account_ids, *(command.account_ids if command else ())])
     values = {
         "kind": kind or "?",

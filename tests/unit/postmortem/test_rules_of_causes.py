@@ -362,3 +362,9 @@ def test_findings_of_hostile_pages_are_made_all_the_same() -> None:
     }
     one = crashed(recorder=page, log=evil, traceback=evil, trials=[trial("died", evil, command_id=evil)])
     assert "not_asked" not in found(replace(one, tape=busy()))
+
+
+def test_a_number_that_a_trial_made_up_on_its_copy_is_not_told_as_the_transactions() -> None:
+    one = crashed(trials=[trial("died", "letter-1", transaction_id="tx-made-up")])
+    told = found(one)["poison_died"]
+    assert "tx-made-up" not in (*told.transaction_ids, told.values["transaction"])
