@@ -279,7 +279,9 @@ class Moves:
                     answer = pages.stored_for_tab(answer, exchange.head)
                 exchange.client.answer(answer.head, answer.body)
                 if exchange.barred:
-                    self.promises.look(exchange.name)  # what was promised of it may be set aside, and is done now
+                    self.promises.look(
+                        exchange.name
+                    )  # what was promised of it may be set aside, and is done now
             case Deed.FINISH:
                 self._settle(exchange, _how(exchange), exchange.answer_status)
                 exchange.client.end()
