@@ -106,7 +106,10 @@ LETTER_TEXTS: Final[Mapping[str, Text]] = {
     "letter_sums": _text("금액", "Amounts"),
     "letter_payload": _text("내용", "Contents"),
     "letter_payload_none": _text("내용을 가진 곳이 없어요.", "Nobody has its contents."),
-    "letter_payload_get": _text("전체 내용 내려받기", "Download all of it"),
+    "letter_payload_get": _text(
+        "전체 내용 내려받기(기록에 남아요)", "Download all of it (this is written down)"
+    ),
+    "letter_masked": _text("비밀로 보이는 값은 가려져 있어요.", "What looks like a secret is masked."),
     "letter_row_told": _text(
         "가져온 파일의 한 줄이에요. 다시 처리하는 대신 그 줄을 다시 가져올 수도 있어요.",
         "One row of an imported file. Instead of a retry the row can be imported again.",

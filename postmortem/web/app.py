@@ -52,6 +52,7 @@ def routes(reads: Reads, acts: Acts, places: Places) -> list[Route]:
         "/admin/proposals/{id}/{verb}": incident.decide,
         "/admin/dlq/bulk": letters.bulk,
         "/admin/dlq/bulk/{id}/cancel": letters.cancel,
+        "/admin/dlq/{id}/reveal": letter.reveal,
         "/admin/dlq/{id}/{verb}": letter.act,
     }
     # The forms first: an address that is both is told apart by its method alone.

@@ -10,6 +10,7 @@ from starlette.responses import Response
 from frontend import catalogue_reports
 from postmortem.bundle import is_incident_id
 from postmortem.reports.report import cause_sentence
+from postmortem.reports.visible import visible
 from postmortem.views import Filter, Refusal
 from postmortem.web.lobby import Lobby, field, lead_to, reader_of
 
@@ -95,7 +96,7 @@ def cause_words(lang: str) -> dict[str, str]:
 
 def filter_of(asked: Any) -> Filter:
     """Return what a list is narrowed to, from an address or a form; what is no day is not narrowed by."""
-    values = {name: field(asked, name)[:FILTER_CHARACTERS_MAX] for name in _NAMES}
+    values = {name: visible(field(asked, name)[:FILTER_CHARACTERS_MAX]) for name in _NAMES}
     for name, clock in (("since", "T00:00:00"), ("until", "T23:59:59.999")):
         values[name] = _day_edge(values[name], clock)
     # A form without a tick says nothing of it; a first visit says nothing at all.

@@ -14,10 +14,12 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from frontend.admin_paper import knows, shortened
+from postmortem.dead_letters.masking import shown
 from postmortem.reports.evidence_words import command_word
 from postmortem.views import DryRun, Letter, LetterState, Refusal
 from postmortem.web.letters import HERE, REASON_CHARACTERS_MAX, reason_words
 from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reader_of, words_of
+from postmortem.wording import is_said
 
 NOTE_CHARACTERS_MAX: Final = 2_000
 PAYLOAD_SHOWN_CHARACTERS_MAX: Final = 4_000
@@ -42,8 +44,23 @@ _TEXT_MAX: Final[Mapping[str, int]] = {"note": NOTE_CHARACTERS_MAX, "correct": C
 async def letter(lobby: Lobby, request: Request) -> Response:
     """GET /admin/dlq/{id}."""
     found = await lobby.read(lambda: lobby.reads.letter(request.path_params["id"]))
+    return lobby.lost(request, HERE, HERE) if found is None else _show(lobby, request, found, shown(found))
+
+
+async def reveal(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/dlq/{id}/reveal: the same page with the masked values, once it is written down."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    found = await lobby.read(lambda: lobby.reads.letter(request.path_params["id"]))
     if found is None:
         return lobby.lost(request, HERE, HERE)
+    await lobby.places.write_down("reveal", f"letter {found.id}", "", "shown")
+    return _show(lobby, request, found, found)
+
+
+def _show(lobby: Lobby, request: Request, kept: Letter, found: Letter) -> Response:
+    """Return the page of a letter. `found`: `kept` as it may be seen."""
     words = words_of(request)
     whole = payload_text(found)
     step = f"next_{found.reason}"
@@ -59,7 +76,9 @@ async def letter(lobby: Lobby, request: Request) -> Response:
         answer=_answer_text(found.dry_run),
         fields=_fields(found.payload),
         postings=_postings(found.payload),
-        to_correct=_to_correct(found, whole),
+        is_masked=found != kept,
+        # What is hidden can't be sent again as it was.
+        to_correct=_to_correct(found, whole) if found.payload == kept.payload else "",
         payload=shortened(whole, PAYLOAD_SHOWN_CHARACTERS_MAX),
         is_cut=len(whole) > PAYLOAD_SHOWN_CHARACTERS_MAX,
         row=shortened(json.dumps(found.row, ensure_ascii=False, indent=1, default=str)) if found.row else "",
@@ -70,10 +89,11 @@ async def letter(lobby: Lobby, request: Request) -> Response:
 
 
 async def payload(lobby: Lobby, request: Request) -> Response:
-    """GET /admin/dlq/{id}/payload: all of it, as a file and never as a page."""
+    """GET /admin/dlq/{id}/payload: all of it, as a file and never as a page, once it is written down."""
     found = await lobby.read(lambda: lobby.reads.letter(request.path_params["id"]))
     if found is None or found.payload is None:
         return lobby.lost(request, HERE, HERE)
+    await lobby.places.write_down("payload", f"letter {found.id}", "", "given")
     headers = {
         "Content-Disposition": 'attachment; filename="letter.txt"',
         "Content-Security-Policy": "default-src 'none'; sandbox",
@@ -94,7 +114,7 @@ async def act(lobby: Lobby, request: Request) -> Response:
         return lobby.lost(request, HERE, HERE)
     text = field(form, "text")[: _TEXT_MAX.get(verb, REASON_CHARACTERS_MAX)]
     anyway = field(form, "anyway") == "1"
-    if verb in _ASKED_FIRST and (not is_sure(form) or (verb == "discard" and not text)):
+    if verb in _ASKED_FIRST and (not is_sure(form) or (verb == "discard" and not is_said(text))):
         words = words_of(request)
         if verb == "correct":
             return lobby.ask(request, HERE, _correct_question(words, found, text))

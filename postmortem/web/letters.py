@@ -14,9 +14,11 @@ from starlette.responses import Response
 
 from frontend.admin_paper import knows
 from postmortem.reports.evidence_words import command_word
+from postmortem.reports.visible import visible
 from postmortem.views import Bulk, Filter, Letter, LetterState, Refusal
 from postmortem.web.incidents import FILTER_CHARACTERS_MAX, PAGE_LINES_MAX, address, day_of, filter_of
 from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reader_of, words_of
+from postmortem.wording import is_said
 
 HERE: Final = "/admin/dlq"
 LETTERS_MAX: Final = 500
@@ -41,7 +43,7 @@ async def letters(lobby: Lobby, request: Request) -> Response:
         since=day_of(wanted.since),
         until=day_of(wanted.until),
         narrowed=wanted != Filter(drills=wanted.drills),
-        counts=[(code, reason_words(words, code), count) for code, count in counts.items() if count],
+        counts=[(visible(code), reason_words(words, code), count) for code, count in counts.items() if count],
         oldest=min((one.quarantined_at for one in page.items), default=""),
         states=[str(state) for state in LetterState],
         kind_of=lambda kind: command_word(kind, reader_of(request).lang),
@@ -64,7 +66,7 @@ async def bulk(lobby: Lobby, request: Request) -> Response:
     reason = field(form, "text")[:REASON_CHARACTERS_MAX]
     if not chosen:
         return lead_to(HERE, "refused_bulk_nothing")
-    if is_sure(form) and (verb != "discard" or reason):
+    if is_sure(form) and (verb != "discard" or is_said(reason)):
         told = await lobby.acts.bulk(verb, wanted, reason)
         if isinstance(told, Refusal):
             return lobby.refuse(request, HERE, told, HERE)
@@ -94,7 +96,7 @@ async def cancel(lobby: Lobby, request: Request) -> Response:
 
 def reason_words(words: Any, code: str) -> str:
     """Return the sentence of a reason's code; a code that is newer than the catalogue stands for itself."""
-    return str(words(f"reason_{code}")) if knows(f"reason_{code}") else code
+    return str(words(f"reason_{code}")) if knows(f"reason_{code}") else visible(code)
 
 
 def sums_of(letters: Sequence[Letter]) -> list[str]:

@@ -15,6 +15,7 @@ from typing import Any, Final
 from starlette.requests import Request
 from starlette.responses import Response
 
+from postmortem.reports.visible import visible
 from postmortem.views import Filter, IncidentLine, Reads
 from postmortem.web.incidents import HERE, filter_of
 from postmortem.web.lobby import Lobby, reader_of
@@ -22,7 +23,7 @@ from postmortem.web.lobby import Lobby, reader_of
 LINES_MAX: Final = 10_000
 PIECE_LINES: Final = 500
 #: What begins a formula in one spreadsheet or another.
-FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r")
+FORMULA_STARTS: Final = ("=", "+", "-", "@")
 COLUMNS: Final = (
     "id", "opened_at", "closed_at", "diagnosis", "grade", "outcome", "outage_ms", "detected_ms", "fingerprint",
     "account_ids", "planned", "drill", "summary",
@@ -77,5 +78,5 @@ def _as_csv(lines: Sequence[IncidentLine], lang: str) -> str:
 def _cell(value: object) -> str:
     if value is None or isinstance(value, bool):
         return {None: "", True: "yes", False: "no"}[value]
-    said = str(value)
+    said = visible(str(value))
     return f"'{said}" if isinstance(value, str) and said.startswith(FORMULA_STARTS) else said

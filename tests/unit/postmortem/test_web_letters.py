@@ -187,3 +187,48 @@ def test_a_letter_is_corrected_only_after_a_question_and_shows_the_new_key(visit
     page = visitor.get(LETTER).text
     assert "under the key key-2" in page
     assert f"{LETTER}/correct" not in page
+
+
+def test_the_secrets_of_a_letter_are_on_its_page_once_that_is_written_down(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter(payload={"password": "c4nary", "memo": "x"}, path="/x?token=c4nary"))
+    page = visitor.get(LETTER).text
+    assert "c4nary" not in page
+    assert f'action="{LETTER}/reveal"' in page
+    assert f'action="{LETTER}/correct"' not in page
+    assert visitor.get(f"{LETTER}/reveal").status in {404, 405}
+    assert visitor.post(f"{LETTER}/reveal", token="no").status == 403
+    assert visitor.written == []
+    page = visitor.post(f"{LETTER}/reveal").text
+    assert "c4nary" in page
+    assert f'action="{LETTER}/correct"' in page
+    assert visitor.written == [("reveal", f"letter {LETTER_ID}", "", "shown")]
+
+
+def test_who_takes_a_payload_along_is_written_down(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    assert visitor.get(f"{LETTER}/payload").status == 200
+    assert visitor.written == [("payload", f"letter {LETTER_ID}", "", "given")]
+
+
+def test_a_letter_without_a_secret_has_nothing_to_reveal(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    assert "/reveal" not in visitor.get(LETTER).text
+
+
+def test_a_reason_that_nobody_can_see_is_asked_for_again(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter())
+    for unseen in ("\u200b", "\u3164", "\u202e", "..."):
+        assert "The reason is empty" in visitor.post(f"{LETTER}/discard", sure="1", text=unseen).text
+        visitor.post("/admin/dlq/bulk", verb="discard", id=LETTER_ID, sure="1", text=unseen)
+    assert visitor.archive.done == []
+
+
+def test_nothing_on_the_list_turns_what_is_read_around(visitor: Visitor) -> None:
+    visitor.archive.kept.append(letter(reason=f"X{HOSTILE}\x00"))
+    for path in (
+        "/admin/dlq",
+        "/admin/dlq?account=%E2%80%AEx%00%1B&reason=%E2%81%A6",
+        "/admin/incidents?account=%E2%80%AE",
+    ):
+        page = visitor.get(path).text
+        assert not {"\u202e", "\x1b", "\x00", "\u2066"} & set(page)
