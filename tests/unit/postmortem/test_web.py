@@ -101,6 +101,13 @@ def test_the_list_of_incidents_is_a_file_without_formulas(visitor: Visitor) -> N
     assert visitor.get("/admin/incidents.exe").status == 404
 
 
+def test_no_cell_of_the_file_moves_what_shows_it(visitor: Visitor) -> None:
+    visitor.archive.lines.append(line(account_ids=("a\x1b[2J\x00\u202e",), summary={"en": "\t=cmd()\ud800"}))
+    told = visitor.get("/admin/incidents.csv").body.decode("utf-8-sig")
+    assert not {"\x1b", "\x00", "\u202e", "\t", "\ud800"} & set(told)
+    assert r"a\x1b[2J\x00\u202e" in told
+
+
 def test_a_failed_drill_proves_nothing(visitor: Visitor) -> None:
     visitor.archive.drilled.append(Drill("2026-11-20T09:00:00Z", "crash", False, None, None, False))
     assert "did not end as promised" in visitor.get("/admin/").text
