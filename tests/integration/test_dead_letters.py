@@ -11,6 +11,24 @@ from tests.waiting import until
 
 
 @pytest.mark.timeout(150)  # a dozen commands one after the other, on a machine that does much else
+def test_a_letter_that_was_corrected_is_booked_as_another_request_and_stays_refused(
+    house: House, tmp_path: Path
+) -> None:
+    key = armed(house)
+    refused = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
+    assert refused.status == 422, refused
+    letter = letter_of(house, key)
+    until(lambda: house.cli("--json", "dlq", "show", letter).code == 0, "the letter to be in the archive")
+    changed = tmp_path / "changed.json"
+    changed.write_text(json.dumps(transaction("what was meant")))
+    done = house.cli("--json", "dlq", "correct", letter, "--file", str(changed))
+    assert (done.code, done.told["state"]) == (0, "DISCARDED"), done
+    booked = house.booked()
+    assert (booked.count("what was meant"), booked.count("the poison")) == (1, 0)
+    again = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
+    assert (again.status, letter in {rule["id"] for rule in rules(house)}) == (422, True)
+
+
 def test_a_letter_is_tried_and_run_once_and_can_be_read_with_everything_stopped(house: House) -> None:
     key = armed(house)
     refused = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
@@ -45,19 +63,3 @@ def test_a_letter_is_tried_and_run_once_and_can_be_read_with_everything_stopped(
 
 
 @pytest.mark.timeout(120)  # as above
-def test_a_letter_that_was_corrected_is_booked_as_another_request_and_stays_refused(
-    house: House, tmp_path: Path
-) -> None:
-    key = armed(house)
-    refused = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
-    assert refused.status == 422, refused
-    letter = letter_of(house, key)
-    until(lambda: house.cli("--json", "dlq", "show", letter).code == 0, "the letter to be in the archive")
-    changed = tmp_path / "changed.json"
-    changed.write_text(json.dumps(transaction("what was meant")))
-    done = house.cli("--json", "dlq", "correct", letter, "--file", str(changed))
-    assert (done.code, done.told["state"]) == (0, "DISCARDED"), done
-    booked = house.booked()
-    assert (booked.count("what was meant"), booked.count("the poison")) == (1, 0)
-    again = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
-    assert (again.status, letter in {rule["id"] for rule in rules(house)}) == (422, True)
