@@ -29,6 +29,7 @@ def test_a_letter_that_was_corrected_is_booked_as_another_request_and_stays_refu
     assert (again.status, letter in {rule["id"] for rule in rules(house)}) == (422, True)
 
 
+@pytest.mark.timeout(150)  # as above
 def test_a_letter_is_tried_and_run_once_and_can_be_read_with_everything_stopped(house: House) -> None:
     key = armed(house)
     refused = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
@@ -60,6 +61,3 @@ def test_a_letter_is_tried_and_run_once_and_can_be_read_with_everything_stopped(
     assert [one["id"] for one in stopped.told] == [letter]
     away = house.cli("dlq", "retry", "../../etc/passwd")
     assert away.code == 1
-
-
-@pytest.mark.timeout(120)  # as above
