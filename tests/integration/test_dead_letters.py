@@ -15,7 +15,7 @@ def test_a_letter_that_was_corrected_is_booked_as_another_request_and_stays_refu
     house: House, tmp_path: Path
 ) -> None:
     key = armed(house)
-    refused = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
+    refused = house.ask("POST", "/api/ledger/transactions", transaction("the corrected poison"), key=key)
     assert refused.status == 422, refused
     letter = letter_of(house, key)
     until(lambda: house.cli("--json", "dlq", "show", letter).code == 0, "the letter to be in the archive")
@@ -24,8 +24,8 @@ def test_a_letter_that_was_corrected_is_booked_as_another_request_and_stays_refu
     done = house.cli("--json", "dlq", "correct", letter, "--file", str(changed))
     assert (done.code, done.told["state"]) == (0, "DISCARDED"), done
     booked = house.booked()
-    assert (booked.count("what was meant"), booked.count("the poison")) == (1, 0)
-    again = house.ask("POST", "/api/ledger/transactions", transaction("the poison"), key=key)
+    assert (booked.count("what was meant"), booked.count("the corrected poison")) == (1, 0)
+    again = house.ask("POST", "/api/ledger/transactions", transaction("the corrected poison"), key=key)
     assert (again.status, letter in {rule["id"] for rule in rules(house)}) == (422, True)
 
 
