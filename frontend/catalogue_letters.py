@@ -123,7 +123,7 @@ WORDS: Final[Mapping[str, Text]] = {
     "head_since": _text("언제부터", "Since"),
     "head_what": _text("요청", "Request"),
     "head_accounts": _text("계좌", "Accounts"),
-    "head_deaths": _text("멈춤", "Deaths"),
+    "head_deaths": _text("서버가 멈춘 수", "Deaths"),
     "reason": _text("까닭", "Reason"),
     "next": _text("다음에 할 일", "What to do next"),
     "source": _text("어디에서", "From"),
@@ -181,6 +181,16 @@ WORDS: Final[Mapping[str, Text]] = {
     "no_investigator": _text(
         "조사 프로그램을 시작하지 못했어요: {why}", "The investigator could not be started: {why}"
     ),
+    "interrupted": _text(
+        "조사 프로그램이 도중에 꺼졌어요. 하던 일은 기록돼 있어요. hardcore dlq list로 확인해 주세요.",
+        "The investigator went away meanwhile. What it was doing is on disk; see `hardcore dlq list`.",
+    ),
+    "goes_on": _text(
+        "조사 프로그램에 다시 닿지 못했어요. 작업 {id}: 조사 프로그램이 켜지면 저절로 이어져요.",
+        "The investigator could not be reached again. Work {id} goes on by itself once it is up.",
+    ),
+    "dry_refused": LETTER_TEXTS["dry_refused"],
+    "next_refused": LETTER_TEXTS["next_refused"],
     "no_data": _text("여기에는 아직 장부가 없어요: {path}", "There is no ledger here yet: {path}"),
 }
 

@@ -32,6 +32,10 @@ class Unreachable(Exception):  # noqa: N818  # it is a state of the other side, 
     """No investigator answers, and none could be started."""
 
 
+class Interrupted(Unreachable):
+    """An investigator that was reached went away; whether it did what was asked is not known."""
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """An answer: its status, and the object in it."""
@@ -67,12 +71,12 @@ class Line:
         self._token = ""
 
     def get(self, path: str, **query: object) -> Answer:
-        """Ask for something. Raises Unreachable."""
+        """Ask for something. Raises Interrupted."""
         asked = {name: value for name, value in query.items() if value != ""}
         return self._exchange("GET", f"/admin/api/{path}?{urlencode({**asked, 'lang': self._lang})}", None)
 
     def post(self, path: str, told: Mapping[str, Any]) -> Answer:
-        """Have something done. Raises Unreachable."""
+        """Have something done. Raises Interrupted."""
         if not self._token:
             self._token = str(self.get("token").told.get("token", ""))
         return self._exchange("POST", f"/admin/api/{path}?lang={self._lang}", json.dumps(told))
@@ -87,7 +91,7 @@ class Line:
             answer = connection.getresponse()
             told = json.loads(answer.read(ANSWER_BYTES_MAX))
         except (OSError, ValueError, http.client.HTTPException) as error:
-            raise Unreachable(str(error) or type(error).__name__) from error
+            raise Interrupted(str(error) or type(error).__name__) from error
         finally:
             connection.close()
         return Answer(answer.status, told if isinstance(told, dict) else {})

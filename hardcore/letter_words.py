@@ -16,10 +16,11 @@ import click
 
 from frontend.catalogue_letters import refusal, told, word
 from hardcore.asked import Asked, keep, operator, options
-from hardcore.investigator_line import Answer, Line, Unreachable, investigator
+from hardcore.investigator_line import Answer, Interrupted, Line, Unreachable, investigator
 from hardcore.lines import wrapped
 from postmortem.cli import terminal_look
 from postmortem.dead_letters.as_terminal import print_letter, print_list
+from postmortem.dead_letters.ordeals import answered, read_dry_run, was_refused, went_well
 from postmortem.reports.visible import visible
 
 LISTED: Final = 50
@@ -30,8 +31,9 @@ BODY_CHARACTERS_MAX: Final = 1 << 20
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _FULL: Final = 36
 _WHERE: Final = frozenset({"state", "reason", "account"})
-#: What a dry run has to say to be a success.
-_FINE: Final = frozenset({"survived", "committed"})
+#: How often another investigator is looked for while many are done, and the pause before each time.
+RECONNECTS_MAX: Final = 20
+RECONNECT_S: Final = 1.0
 
 _where = click.option("--where", multiple=True, metavar="NAME=VALUE", help="state, reason or account.")
 _all = click.option("--all", "everything", is_flag=True, help="Every letter that --where lets through.")
@@ -84,15 +86,20 @@ def dlq_show(asked: Asked, letter: str) -> None:
 @_yes
 @operator
 def dlq_dry_run(asked: Asked, letter: str, where: Sequence[str], *, everything: bool, yes: bool) -> None:
-    """Run it in a throw-away core on a copy of the ledger. Exit code 0: that went well."""
+    """Run it in a throw-away core on a copy of the ledger. Exit code 0: that went well; 2: the ledger refused it."""
     if everything:
         _many(asked, "dry-run", where, yes=yes)
     found = _one(asked, letter, "dry-run", {})
-    ordeal = found["dry_run"]["ordeal"]
+    dry_run = read_dry_run(found["dry_run"])
+    if was_refused(dry_run):
+        _say(asked, word("dry_refused", asked.lang, status=visible(answered(dry_run))))
+        _say(asked, word("next_refused", asked.lang))
+        sys.exit(2)
+    ordeal = dry_run.ordeal
     _say(asked, word("tried", asked.lang, ordeal=told("ordeal", ordeal, asked.lang)))
-    if found["dry_run"]["why"]:
-        _say(asked, word("why", asked.lang, why=visible(found["dry_run"]["why"])))
-    sys.exit(0 if ordeal in _FINE else 1)
+    if dry_run.why:
+        _say(asked, word("why", asked.lang, why=visible(dry_run.why)))
+    sys.exit(0 if went_well(dry_run) else 1)
 
 
 @dlq.command("retry")
@@ -194,6 +201,8 @@ def _line(asked: Asked) -> Iterator[Line]:
     try:
         with investigator(asked.folders, asked.lang) as line:
             yield line
+    except Interrupted:
+        asked.fail(word("interrupted", asked.lang))
     except (Unreachable, OSError) as error:
         asked.fail(word("no_investigator", asked.lang, why=error))
 
@@ -237,7 +246,13 @@ def _many(asked: Asked, verb: str, where: Sequence[str], *, yes: bool, reason: s
         if not yes:
             _confirm(asked, verb, found)
         wish = {"verb": verb, "where": narrowed, "reason": reason}
-        bulk = _followed(asked, line, _done(asked, line.post("letters/bulk", wish)))
+        begun = _done(asked, line.post("letters/bulk", wish))
+        try:
+            bulk = _followed(asked, line, begun)
+        except Interrupted:
+            bulk = begun
+    if not bulk["ended"]:
+        bulk = _followed_on(asked, begun)
     asked.tell(bulk)
     _say(asked, word("progress", asked.lang, **{key: bulk[key] for key in ("total", "done", "failed")}))
     _say(asked, word(f"ended_{bulk['ended']}", asked.lang))
@@ -284,6 +299,18 @@ def _followed(asked: Asked, line: Line, bulk: dict[str, Any]) -> dict[str, Any]:
     if shown:
         click.echo("\r\x1b[K", nl=False, err=True)
     return bulk
+
+
+def _followed_on(asked: Asked, bulk: dict[str, Any]) -> dict[str, Any]:
+    """Go on showing many after their investigator died: they are on disk, and the next one finishes them."""
+    for _ in range(RECONNECTS_MAX):
+        time.sleep(RECONNECT_S)
+        try:
+            with investigator(asked.folders, asked.lang) as line:
+                return _followed(asked, line, bulk)
+        except (Unreachable, OSError):
+            continue  # the guard starts the next one
+    return asked.fail(word("goes_on", asked.lang, id=bulk["id"]))
 
 
 def _narrowed(asked: Asked, where: Sequence[str]) -> dict[str, str]:

@@ -15,6 +15,7 @@ from postmortem import placing
 from postmortem.bulks import LETTERS_MAX, VERBS, Lane
 from postmortem.dead_letters.life import UNDO_S, Trigger
 from postmortem.dead_letters.masking import MASK
+from postmortem.dead_letters.ordeals import was_refused
 from postmortem.dead_letters.spool import new_id
 from postmortem.deciding import Decider
 from postmortem.diary import SPEAKER, Diary, shown
@@ -169,6 +170,8 @@ class Desk:
         letter = self.archive.letter(letter_id)
         found = refused or letter or Refusal("letter_unknown", {})
         outcome = found.code if isinstance(found, Refusal) else str(found.state)
+        if verb == "dry-run" and isinstance(found, Letter) and found.dry_run is not None:
+            outcome = "refused" if was_refused(found.dry_run) else found.dry_run.ordeal
         self.diary.write(verb, f"letter {shown(letter_id)}", reason, outcome)
         return found
 

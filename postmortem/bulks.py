@@ -14,6 +14,7 @@ from typing import Final
 
 from sqlalchemy import RowMapping
 
+from postmortem.dead_letters.ordeals import went_well
 from postmortem.diary import SPEAKER
 from postmortem.guard_line import GuardLine
 from postmortem.records import log
@@ -78,6 +79,8 @@ class Lane:
             outcome = "done" if found.code in _THERE else found.code
         elif verb in _RUN and found.state is not LetterState.RESOLVED:
             outcome = "not_resolved"
+        elif verb == "dry-run" and not (found.dry_run and went_well(found.dry_run)):
+            outcome = "dry_run_failed"
         with self.records.writing() as connection:
             log.put_item(connection, bulk["id"], place, outcome)
         if isinstance(found, Refusal) and found.code in _STOPS:

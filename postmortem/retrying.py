@@ -50,7 +50,6 @@ class _End:
     trigger: Trigger
     outcome: str
     detail: str = ""
-    reason: str | None = None
     rule: str | None = None
 
 
@@ -184,8 +183,6 @@ class Retrier:
             what, end = "correction", _of_correction(end)
             if end.trigger is Trigger.CORRECTED:
                 changed |= {"corrected_by": corrected_by, "discarded_because": _CORRECTED}
-        if end.reason is not None:
-            changed["reason"] = end.reason
         if end.rule is not None:
             changed |= {"rule": end.rule, "rule_absent": False}
         if end.trigger in (Trigger.CONFIRMED, Trigger.RELEASED):
@@ -302,8 +299,8 @@ def _end_of(answer: Sent | Lost) -> _End | None:
         return _End(Trigger.DECLINED, "set aside again", said, rule=answer.letter or None)
     if answer.status in (408, 425, 429):
         return _End(Trigger.UNCERTAIN, "not run", said)
-    reason = "DUPLICATE_KEY_OTHER_PAYLOAD" if answer.problem == "key-reused" else "INVALID_FOR_STATE"
-    return _End(Trigger.DECLINED, "refused", said, reason=reason)
+    # Why it was set aside stays what it was: the ledger's no is that of this one try.
+    return _End(Trigger.DECLINED, "refused", said)
 
 
 def _of_correction(end: _End) -> _End:

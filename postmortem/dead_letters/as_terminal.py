@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from frontend import catalogue_letters as texts
+from postmortem.dead_letters.ordeals import answered, read_dry_run, was_refused
 from postmortem.reports.as_terminal import Look, Write, cells, cut, milliseconds, pad
 from postmortem.reports.evidence_words import command_word
 from postmortem.reports.visible import visible
@@ -67,12 +68,13 @@ def _facts(one: Mapping[str, Any], lang: str) -> list[tuple[str, str]]:
     row, dry = one["row"] or {}, one["dry_run"]
     tried = texts.word("dry_run_none", lang, id=one["id"])
     if dry is not None:
-        took = milliseconds(dry["took_ms"], "-")
-        answer = f" {dry['status']}" if dry["status"] is not None else ""
-        tried = f"{texts.told('ordeal', dry['ordeal'], lang)}{answer} {took} {_day(dry['at'])} {dry['why']}"
+        found = read_dry_run(dry)
+        end = texts.told("ordeal", "refused" if was_refused(found) else found.ordeal, lang)
+        facts = (end, answered(found), milliseconds(found.took_ms, "-"), _day(found.at), found.why)
+        tried = " · ".join(fact for fact in facts if fact)
     return [
         ("reason", f"{one['reason']}: {_why(one, lang)}"),
-        ("next", one["next_step"] if one["state"] in ("QUARANTINED", "HELD") else ""),
+        ("next", _next(one, lang)),
         ("head_since", _day(one["quarantined_at"])),
         ("head_deaths", str(one["deaths"])),
         ("head_what", f"{one['kind']} {one['method']} {one['path']}".strip()),
@@ -89,6 +91,13 @@ def _facts(one: Mapping[str, Any], lang: str) -> list[tuple[str, str]]:
         ("corrected_by", one["corrected_by"]),
         ("note", one["note"]),
     ]
+
+
+def _next(one: Mapping[str, Any], lang: str) -> str:
+    if one["state"] not in ("QUARANTINED", "HELD"):
+        return ""
+    refused = one["dry_run"] is not None and was_refused(read_dry_run(one["dry_run"]))
+    return texts.word("next_refused", lang) if refused else str(one["next_step"])
 
 
 def _print_payload(one: Mapping[str, Any], lang: str, write: Write, look: Look) -> None:

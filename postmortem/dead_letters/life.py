@@ -31,6 +31,7 @@ class Trigger(StrEnum):
     HOLD = "hold"
     DISCARD = "discard"
     UNDO = "undo"
+    UNDO_HELD = "undo, held before"
     CORRECTED = "corrected"  # a core has what a person sent in its place
     RELEASED = "released"  # a row of a file: its rule is gone, and a person imports the file again
 
@@ -54,6 +55,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_Q, _T.HOLD): _H,
     (_Q, _T.DISCARD): _D,
     (_Q, _T.UNDO): "letter_not_discarded",
+    (_Q, _T.UNDO_HELD): "letter_not_discarded",
     (_Q, _T.CORRECTED): _D,
     (_Q, _T.RELEASED): _D,
     (_H, _T.RETRY): _G,
@@ -64,6 +66,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_H, _T.HOLD): "letter_held",
     (_H, _T.DISCARD): _D,
     (_H, _T.UNDO): "letter_not_discarded",
+    (_H, _T.UNDO_HELD): "letter_not_discarded",
     (_H, _T.CORRECTED): _D,
     (_H, _T.RELEASED): _D,
     (_G, _T.RETRY): "letter_busy",
@@ -74,6 +77,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_G, _T.HOLD): "letter_busy",
     (_G, _T.DISCARD): "letter_busy",
     (_G, _T.UNDO): "letter_busy",
+    (_G, _T.UNDO_HELD): "letter_busy",
     (_G, _T.CORRECTED): _D,
     (_G, _T.RELEASED): _D,
     (_R, _T.RETRY): "letter_resolved",
@@ -87,6 +91,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_R, _T.HOLD): "letter_resolved",
     (_R, _T.DISCARD): "letter_resolved",
     (_R, _T.UNDO): "letter_resolved",
+    (_R, _T.UNDO_HELD): "letter_resolved",
     (_R, _T.CORRECTED): _R,
     (_R, _T.RELEASED): _R,
     (_D, _T.RETRY): "letter_discarded",
@@ -97,6 +102,7 @@ LIFE: Final[dict[tuple[LetterState, Trigger], LetterState | str]] = {
     (_D, _T.HOLD): "letter_discarded",
     (_D, _T.DISCARD): "letter_discarded",
     (_D, _T.UNDO): _Q,
+    (_D, _T.UNDO_HELD): _H,
     (_D, _T.CORRECTED): _D,
     (_D, _T.RELEASED): _D,
 }

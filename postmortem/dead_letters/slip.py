@@ -81,6 +81,9 @@ def letter(fields: Mapping[str, Any]) -> LetterSlip | None:
     kept = without_secrets(case) if case else None
     request, trial = _mapping(case.get("request")), _mapping(fields.get("trial"))
     seq = fields.get("seq", trial.get("seq"))
+    transaction_id = _text(fields.get("transaction_id"))
+    if request and transaction_id == _text(trial.get("transaction_id")):
+        transaction_id = ""  # made up by the trial on its copy: it is in nobody's books
     return LetterSlip(
         id=identity,
         held=fields.get("state") == "HELD",
@@ -91,7 +94,7 @@ def letter(fields: Mapping[str, Any]) -> LetterSlip | None:
         kind=_text(fields.get("kind")),
         source=_text(fields.get("source")),
         account_ids=_texts(fields.get("account_ids")),
-        transaction_id=_text(fields.get("transaction_id")),
+        transaction_id=transaction_id,
         fingerprint=_hash(fields.get("fingerprint")),
         digest=_hash(fields.get("digest")),
         incident_ids=tuple(one for one in _texts(fields.get("incident_ids")) if _ID.fullmatch(one)),

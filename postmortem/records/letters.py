@@ -13,6 +13,7 @@ from sqlalchemy import Connection, RowMapping, delete, func, insert, select, upd
 
 from postmortem.dead_letters import slip as slips
 from postmortem.dead_letters.life import Trigger, after
+from postmortem.dead_letters.ordeals import answered, was_refused
 from postmortem.dead_letters.slip import LetterSlip
 from postmortem.records.reads import letter_row
 from postmortem.records.tables import ALIASES, ATTEMPTS, LETTER_ACCOUNTS, LETTERS, TAKEN
@@ -131,11 +132,15 @@ def move(
     row = letter_row(connection, letter_id)
     if row is None:
         return Refusal("letter_unknown", {})
+    if trigger is Trigger.UNDO and row["was_held"]:
+        trigger = Trigger.UNDO_HELD
     state = after(LetterState(row["state"]), trigger)
     if not isinstance(state, LetterState):
         return Refusal(state, {"state": row["state"]})
     settled = state in (LetterState.RESOLVED, LetterState.DISCARDED)
     told = {"state": state, "settled_at": (row["settled_at"] or at) if settled else None, **columns}
+    if trigger is Trigger.DISCARD and row["state"] != LetterState.DISCARDED:
+        told["was_held"] = row["state"] == LetterState.HELD
     connection.execute(update(LETTERS).where(LETTERS.c.id == row["id"]).values(**told))
     return row
 
@@ -148,8 +153,9 @@ def put(connection: Connection, letter_id: str, **columns: Any) -> None:
 def put_dry_run(connection: Connection, letter_id: str, found: DryRun) -> None:
     """Note what a throw-away core said, as the letter's newest word and as one more attempt."""
     put(connection, letter_id, dry_run=json.dumps(asdict(found)))
-    detail = found.why or (f"status {found.status}" if found.status is not None else "")
-    add_attempt(connection, letter_id, Attempt(found.at, "dry-run", found.ordeal, None, detail))
+    detail = found.why or answered(found)
+    outcome = "refused" if was_refused(found) else found.ordeal
+    add_attempt(connection, letter_id, Attempt(found.at, "dry-run", outcome, None, detail))
 
 
 def add_attempt(connection: Connection, letter_id: str, one: Attempt) -> None:

@@ -24,7 +24,7 @@ from sqlalchemy import (
 )
 
 #: The version of the tables below. A file of a higher one is left alone: an older program must not write it.
-SCHEMA: Final = 2
+SCHEMA: Final = 3
 
 METADATA: Final = MetaData()
 
@@ -132,6 +132,7 @@ LETTERS: Final = Table(
     Column("sums", Text, nullable=False),
     Column("corrected_by", String),  # the key of the request that was sent instead
     Column("correction", String),  # that key, while it is not known what became of it
+    Column("was_held", Boolean, nullable=False, server_default="0"),  # before it was discarded
     Index("letters_in_order", "quarantined_at", "id"),
     Index("letters_by_state", "state", "quarantined_at", "id"),
     Index("letters_by_reason", "state", "reason"),
@@ -251,13 +252,14 @@ _TO_2: Final = (
     "ALTER TABLE letters ADD COLUMN corrected_by VARCHAR",
     "ALTER TABLE letters ADD COLUMN correction VARCHAR",
 )
+_TO_3: Final = ("ALTER TABLE letters ADD COLUMN was_held BOOLEAN NOT NULL DEFAULT '0'",)
 
 
 def migrate(connection: Connection, found: int) -> None:
     """Bring the tables of version `found` (0: an empty file) to SCHEMA, inside the caller's transaction."""
     assert found < SCHEMA, found
-    if found == 1:
-        for statement in _TO_2:
-            connection.exec_driver_sql(statement)
+    steps = (*_TO_2, *_TO_3) if found == 1 else _TO_3 if found else ()
+    for statement in steps:
+        connection.exec_driver_sql(statement)
     METADATA.create_all(connection)
     connection.exec_driver_sql(f"PRAGMA user_version = {SCHEMA}")

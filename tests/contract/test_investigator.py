@@ -133,7 +133,8 @@ def test_a_no_of_the_ledger_brings_the_letter_and_its_rule_back(world: World) ->
     letter = _letter(world)
     world.ledger.answer = lambda _: (422, {"type": "/problems/account-closed", "outcome": "not_done"})
     told = _retry(world, letter)[1]
-    assert (told["state"], told["reason"]) == ("QUARANTINED", "INVALID_FOR_STATE")
+    assert (told["state"], told["reason"]) == ("QUARANTINED", "CRASHED_CORE"), "why it was set aside stays"
+    assert "account-closed" in told["history"][-1]["detail"]
     assert letter in world.guard.rules
     assert world.guard.asked[-1]["rule"]["name"] == told["name"]
 

@@ -1,4 +1,5 @@
 import re
+from dataclasses import asdict, replace
 from string import Formatter
 
 import pytest
@@ -6,7 +7,9 @@ import pytest
 from frontend.catalogue_letters import REFUSALS, WORDS, refusal, told
 from hardcore.letter_words import total_of
 from postmortem.dead_letters.as_terminal import print_list
+from postmortem.dead_letters.ordeals import answered, read_dry_run, was_refused, went_well
 from postmortem.reports.as_terminal import Look, cells
+from postmortem.views import DryRun
 
 TEXTS = {**REFUSALS, **{f"word_{code}": text for code, text in WORDS.items()}}
 _PARTICLE = re.compile(r"\}(은|는|이|가|을|를|과|와|로|으로)(?![가-힣])")
@@ -35,6 +38,15 @@ def test_amounts_of_many_letters_are_added_up_by_currency() -> None:
         "1,500 KRW",
         "2.50 USD",
     ]
+
+
+def test_a_dry_run_that_the_ledger_refused_did_not_go_well() -> None:
+    refused = DryRun("2026-11-22", "survived", 404, 82, {"title": "Not found", "detail": "No account."}, "")
+    assert (was_refused(refused), went_well(refused), answered(refused)) == (True, False, "404: No account.")
+    booked = replace(refused, status=201, answer={"id": "t"})
+    assert (was_refused(booked), went_well(booked), answered(booked)) == (False, True, "201")
+    assert not went_well(replace(refused, ordeal="died", status=None))
+    assert read_dry_run(asdict(refused)) == refused
 
 
 @pytest.mark.parametrize("width", [56, 80, 110])
