@@ -80,10 +80,14 @@ TEXTS: Final[Mapping[str, Text]] = {
     "now_title": _text("지금", "Now"),
     "now_day": _text("지난 24시간", "The last 24 hours"),
     "now_open": _text("지금 처리 중인 사건 보기", "See the incident under way"),
+    "now_worries": _text(
+        "감시자가 자기 상태와 주변을 살펴본 것", "What the guard noticed of itself and around it"
+    ),
     "now_calm": _text("{n}일 동안 사건이 없었어요", "No incident in {n} days"),
     "now_calm_one": _text("하루 동안 사건이 없었어요", "No incident in a day"),
     "now_calm_hours": _text("지난 하루 안에 사건이 있었어요", "There was an incident within the last day"),
     "now_never": _text("아직 기록된 사건이 없어요", "No incident on record yet"),
+    "now_only_drills": _text("연습 말고는 사건이 없었어요", "No incident besides drills"),
     "now_proof": _text(
         "마지막 연습: {at}, {took} 만에 돌아왔어요. 조용한 것은 증거가 아니지만, 연습은 증거예요.",
         "Last drill: {at}, back after {took}. Silence proves nothing; a drill does.",

@@ -77,8 +77,8 @@ CULPRITS: Mapping[str, Text] = {
         "The place where the core stood carried this transaction.",
     ),
     "at_work": _text(
-        "종료될 때 처리 중이던 요청이에요. 확인된 원인은 아니에요.",
-        "It was at work when the core ended. That alone proves nothing.",
+        "종료될 때 이 요청만 처리 단계에 있어서 추정했어요. 사본에서 확인한 원인은 아니에요.",
+        "Likely, because it alone was being worked on when the core ended. No trial has proven it.",
     ),
     "near": _text(
         "여러 번 종료 바로 전에 있었어요. 확인된 원인은 아니에요.",

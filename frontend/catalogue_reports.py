@@ -65,6 +65,25 @@ CAUSES: Mapping[str, Text] = {
     "UNKNOWN": _text("장부 서버에 문제가 생겼고", "something went wrong with the ledger"),
 }
 
+#: The whole of the first half where a trial has shown which request it was, by what that does to the core.
+CONVICTED: Mapping[str, Text] = {
+    "died": _text(
+        "요청 하나가 장부 서버를 종료시켜서 따로 보관했어요.", "One request ends the ledger; it is set aside."
+    ),
+    "hung": _text(
+        "요청 하나가 장부 서버를 멈추게 해서 따로 보관했어요.",
+        "One request hangs the ledger; it is set aside.",
+    ),
+    "grew": _text(
+        "요청 하나가 메모리를 넘치게 해서 따로 보관했어요.",
+        "One request fills the ledger's memory; it is set aside.",
+    ),
+    "many": _text(
+        "요청 {count}개가 장부 서버를 멈추게 해서 따로 보관했어요.",
+        "{count} requests bring the ledger down; they are set aside.",
+    ),
+}
+
 #: Put before the cause, by grade.
 GRADE_LEADS: Mapping[str, Text] = {
     "certain": _text("", ""),
@@ -265,6 +284,10 @@ FINDINGS: Mapping[str, Text] = {
         "메모리가 모자라 운영체제가 서버를 종료했어요. 마지막으로 본 크기: {mib} MiB",
         "The system ended the core because memory had run out. Its size when last seen: {mib} MiB",
     ),
+    "out_of_memory_unsized": _text(
+        "메모리가 모자라 운영체제가 서버를 종료했어요.",
+        "The system ended the core because memory had run out.",
+    ),
     "grew": _text("그 전에 가장 많이 늘어난 것: {type}", "What had grown most before that: {type}"),
     "spinning": _text(
         "서버가 여기서 끝나지 않고 돌고 있었어요: {function} ({place})",
@@ -293,6 +316,10 @@ FINDINGS: Mapping[str, Text] = {
     "unproven": _text(
         "여러 번 함께 있었지만 사본에서는 다시 일어나지 않아 사람의 확인을 기다려요: {kind} {transaction}",
         "It was there more than once, but did not do it again on a copy, so it waits for a person: {kind} {transaction}",
+    ),
+    "untried": _text(
+        "사본에서 실행해 보지 못해 따로 보관했고, 사람의 확인을 기다려요: {kind} {transaction}",
+        "It could not be tried on a copy, so it is set aside and waits for a person: {kind} {transaction}",
     ),
     "cleared": _text(
         "의심받은 요청을 사본에서 실행했고 문제가 없었어요. 요청 수: {count}",

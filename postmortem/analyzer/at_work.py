@@ -28,6 +28,8 @@ def examine(case: Case) -> list[Finding]:
     incident = case.incident
     if incident.diagnosis not in FROM_INSIDE or incident.exit.code in MEANINGS:
         return []
+    if any(trial.reproduced for trial in incident.trials):
+        return []  # it is known who did it: whoever was at work beside it is told as in flight, and no more
     cleared = {
         name
         for trial in incident.trials

@@ -7,8 +7,9 @@ so, because the line of Python is only where it went out from. SIGKILL is anothe
 
 import re
 import signal
+from itertools import islice
 
-from postmortem.analyzer.case import Case, Confidence, Finding
+from postmortem.analyzer.case import Case, Confidence, Finding, Frame, Thread
 
 _FATAL = {
     signal.SIGSEGV: "SIGSEGV",
@@ -20,10 +21,17 @@ _FATAL = {
     signal.SIGTRAP: "SIGTRAP",
 }
 CALLERS_MAX = 4
+PRINTED_THREADS_MAX = 512
+PRINTED_FRAMES_MAX = 256
 _PLACE = re.compile(r'File "([^"]+)", line (\d+) in (\S+)')
 #: The dying thread's own stack; others may stand before it, and its stack in C behind it.
 _PYTHON_STACK = re.compile(r"^(?:Current thread|Thread) 0x[^\n]*\n((?:[^\n]+\n?)*)", re.MULTILINE)
 _NATIVE_STACK = re.compile(r"^Current thread's C stack trace[^\n]*\n((?:[^\n]+\n?)*)", re.MULTILINE)
+#: What a handler writes before the stacks of one death.
+_HEAD = "Fatal Python error"
+#: Of a path, what stands before a library's own name or ours.
+_ROOT = re.compile(r"^.*/(?:site-packages/|python3\.\d+/|(?=core/))")
+_NUMBER = re.compile(r"0x[0-9a-f]+")
 _NATIVE = re.compile(r'Binary file "(?:[^"]*/)?([^"/]*)", at (\w+)\+0x')
 #: Frames of the handler that prints, and of the delivery of the signal.
 _OF_THE_HANDLER = re.compile(r"_Py_Dump|faulthandler|__restore_rt|_sigtramp|__kernel_rt_sigreturn")
@@ -70,6 +78,19 @@ def frames_of(traceback: str) -> list[tuple[str, str, int]]:
     dying = next((one for one in reversed(stacks) if one[0].startswith("Current")), None)
     own = dying[1] if dying else "" if stacks else traceback
     return [(match[3], match[1], int(match[2])) for match in _PLACE.finditer(own)]
+
+
+def printed_threads(traceback: str) -> tuple[Thread, ...]:
+    """Return the threads that the dying process printed last, with the one that died marked as active."""
+    last = traceback[max(traceback.rfind(_HEAD), 0) :]
+    return tuple(_printed(match) for match in islice(_PYTHON_STACK.finditer(last), PRINTED_THREADS_MAX))
+
+
+def _printed(match: re.Match[str]) -> Thread:
+    died = match[0].startswith("Current")
+    number = _NUMBER.search(match[0])
+    frames = (Frame(one[3], f"{_ROOT.sub('', one[1])}:{one[2]}", {}) for one in _PLACE.finditer(match[1]))
+    return Thread(None, number[0] if number else "", died, False, tuple(islice(frames, PRINTED_FRAMES_MAX)))
 
 
 def native_frames(traceback: str) -> list[str]:

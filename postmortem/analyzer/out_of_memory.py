@@ -29,8 +29,9 @@ def examine(case: Case) -> list[Finding]:
     if len(grown) > 1:
         evidence.append(_course(grown))
     evidence += [f"memory group: {name} = {_one_line(value)}" for name, value in _group(case).items()]
-    size = str(rss_bytes // _MIB) if rss_bytes is not None else "?"
-    found = [Finding("out_of_memory", Confidence(case.incident.grade), {"mib": size}, tuple(evidence))]
+    values = {} if rss_bytes is None else {"mib": str(rss_bytes // _MIB)}
+    rule = "out_of_memory" if values else "out_of_memory_unsized"
+    found = [Finding(rule, Confidence(case.incident.grade), values, tuple(evidence))]
     types = [one for one in mappings(_growth(case).get("types")) if (number(one.get("size_bytes")) or 0) > 0]
     if types:
         lines = tuple(_line(one) for one in types[:_TYPES_SHOWN])

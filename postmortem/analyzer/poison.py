@@ -43,7 +43,8 @@ def _told(case: Case, trial: Trial) -> Finding:
         "transaction": transaction or trial.command_id or trial.name or "?",
         "letter": trial.letter or "-",
     }
-    rule = f"poison_{trial.ordeal}" if trial.reproduced else "unproven"
+    unproven = "untried" if trial.ordeal == "untried" else "unproven"
+    rule = f"poison_{trial.ordeal}" if trial.reproduced else unproven
     sure = Confidence.CERTAIN if trial.reproduced else Confidence.UNKNOWN
     evidence = [_line(trial)]
     if command is not None:

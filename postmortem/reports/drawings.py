@@ -80,17 +80,20 @@ class Span:
 def draw_timeline(moments: Sequence[Moment], lang: str) -> Drawing | None:
     """Return the bar of a timeline, one piece for each stretch between two moments, with durations and shares.
 
-    The share is that of the whole time drawn. None: there is no stretch with a length.
+    Bar and shares are of the outage; what came after it stands in the table alone. Without an outage that has a length
+    they are of the whole time. None: there is no stretch with a length.
     """
     kept = sorted(moments[:STEPS_MAX], key=lambda one: one.offset_ms)
     if len(kept) < 2 or kept[-1].offset_ms <= kept[0].offset_ms:
         return None
-    whole_ms = kept[-1].offset_ms - kept[0].offset_ms
+    drawn = [one for one in kept if one.outage]
+    if len(drawn) < 2 or drawn[-1].offset_ms <= drawn[0].offset_ms:
+        drawn = kept
+    whole_ms = drawn[-1].offset_ms - drawn[0].offset_ms
     lengths = [after.offset_ms - before.offset_ms for before, after in pairwise(kept)]
+    shown = lengths[: len(drawn) - 1]
     pieces, legend, left = [], [], 0.0
-    for number, (width, length_ms, after) in enumerate(
-        zip(_widths(lengths), lengths, kept[1:], strict=True), 1
-    ):
+    for number, (width, length_ms, after) in enumerate(zip(_widths(shown), shown, drawn[1:], strict=True), 1):
         pieces.append(_piece(number, left, width, outage=after.outage))
         if width >= _NUMBERED_MIN:
             legend.append(f"{number} {visible(after.name)} {duration_text(length_ms, lang)}")
@@ -101,7 +104,7 @@ def draw_timeline(moments: Sequence[Moment], lang: str) -> Drawing | None:
             visible(moment.name),
             duration_text(moment.offset_ms, lang),
             duration_text(lengths[number - 1], lang) if number else "",
-            f"{100 * lengths[number - 1] / whole_ms:.0f} %" if number else "",
+            f"{100 * lengths[number - 1] / whole_ms:.0f} %" if 0 < number < len(drawn) else "",
         )
         for number, moment in enumerate(kept)
     ]

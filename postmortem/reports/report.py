@@ -12,6 +12,7 @@ from frontend import catalogue_prevention as prevention
 from frontend import catalogue_reports as texts
 from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Finding, Thread, Waiting
+from postmortem.analyzer.crashed import printed_threads
 from postmortem.analyzer.culprit import Culprit, name_culprit
 from postmortem.analyzer.fingerprint import Fingerprint, make_fingerprint
 from postmortem.analyzer.proposals import Proposed, proposals
@@ -132,7 +133,7 @@ def make_report(case: Case, contents: Contents, past: Sequence[Past] | None = No
         title={language: group_title(incident, made, language) for language in LANGUAGES},
         culprit=culprit,
         proposals=proposals(case, findings),
-        threads=case.threads,
+        threads=case.threads or printed_threads(case.traceback),
         waits=next((finding.waits for finding in findings if finding.waits), ()),
         memory=curve(case.tape, incident.pid),
         memory_limit_bytes=case.tape.memory_limit_bytes,
@@ -158,6 +159,8 @@ def _repetition(digest: str, earlier: Sequence[Past]) -> Repetition:
 
 def _changes(now: Versions, earlier: Sequence[Past]) -> tuple[Change, ...]:
     """Compare with the newest earlier incident that knows the same thing."""
+    if not earlier:
+        return ()
     told = {
         "build": (now.build, next((one.versions.build for one in earlier if one.versions.build), None)),
         "policy": (now.policy, next((one.versions.policy for one in earlier if one.versions.policy), None)),
@@ -169,7 +172,8 @@ def _changes(now: Versions, earlier: Sequence[Past]) -> tuple[Change, ...]:
             ),
         ),
     }
-    return tuple(Change(what, before, after) for what, (after, before) in told.items())
+    # Of what is on record on neither side a line would say nothing.
+    return tuple(Change(what, before, after) for what, (after, before) in told.items() if before or after)
 
 
 def _number_text(value: int | None) -> str | None:
@@ -235,8 +239,11 @@ def summarise(incident: Incident, language: str) -> str:
         how = "taken_over_in"
     outcome = texts.OUTCOMES["recovered_in" if timed else how][language]
     after = _after(incident.outage_ms or 0, language)
+    outcome = outcome.format(after=after, incident=incident.left_open)
     joint = " " if language == "ko" else "; "
-    sentence = f"{lead}{cause}{joint}{outcome.format(after=after, incident=incident.left_open)}"
+    convicted = _convicted_line(incident, language)
+    first = f"{lead}{cause}{joint}" if convicted is None else f"{convicted} "
+    sentence = first + (outcome if convicted is None else outcome[0].upper() + outcome[1:])
     waits = waits_for(incident)
     if incident.outcome == "safe_mode" and incident.waits_for != incident.diagnosis:
         waits = incident.waits_for  # what began it is not what keeps it from writing
@@ -244,6 +251,15 @@ def summarise(incident: Incident, language: str) -> str:
         reason = texts.WAITS[waits][language]
         sentence = f"{sentence.removesuffix('.')}: {waits} — {reason}"
     return sentence[0].upper() + sentence[1:]
+
+
+def _convicted_line(incident: Incident, language: str) -> str | None:
+    """Return which request it was, where a trial has shown it and it is set aside: what a reader wants to know first."""
+    ordeals = [trial.ordeal for trial in incident.trials if trial.reproduced and trial.letter]
+    if not ordeals:
+        return None
+    says = ordeals[0] if len(ordeals) == 1 else "many"
+    return texts.CONVICTED[says][language].format(count=len(ordeals))
 
 
 def _after(outage_ms: float, language: str) -> str:
@@ -260,6 +276,8 @@ def money_line(report: Report, language: str) -> str:
         return _proven_line(report, language)
     if not audit.ok:
         return texts.MONEY["unsound"][language].format(fault=audit.fault)
+    if audit.seq == 0:
+        return _proven_line(report, language)  # of no record there is no first and no last
     whole = texts.MONEY["whole"][language].format(seq=audit.seq if audit.seq is not None else "?")
     return f"{_proven_line(report, language)} {whole}"
 

@@ -80,8 +80,9 @@ async def _show(lobby: Lobby, request: Request, *, shown: bool) -> Response:
         return lobby.lost(request, HERE, HERE)
     told = None if found is None else await lobby.read(lambda: story.tell(found, lang))
     proposals = await lobby.read(lambda: lobby.reads.proposals(incident_id))
+    # The archive's first: a person may have put the incident into another group.
     fingerprint = (
-        told.report.fingerprint if told is not None else line.fingerprint if line is not None else ""
+        line.fingerprint if line is not None else told.report.fingerprint if told is not None else ""
     )
     similar = await lobby.read(
         lambda: lobby.reads.incidents(Filter(fingerprint=fingerprint), SIMILAR_MAX) if fingerprint else None

@@ -98,7 +98,8 @@ class Lobby:
             wrong=code.startswith(("refused", "guard_")),
             **values,
         )
-        return HTMLResponse(page, status, headers=dict(HEADERS))
+        # Half a surrogate pair, which JSON can carry, is no character of any page.
+        return HTMLResponse(page.encode("utf-8", "backslashreplace"), status, headers=dict(HEADERS))
 
     def ask(self, request: Request, here: str, question: Question, *, status: int = 200) -> Response:
         """Return the page that asks before something is done."""

@@ -15,6 +15,7 @@ from starlette.responses import Response
 from frontend.admin_paper import moment, took
 from frontend.render import Language
 from postmortem.incident import duration, mapping, number, optional_text, text, texts
+from postmortem.reports import evidence_words
 from postmortem.reports.drawings import DAY_S, Drawing, Span, draw_day
 from postmortem.views import Drill, Filter, IncidentLine
 from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reader_of, words_of
@@ -65,8 +66,8 @@ async def now(lobby: Lobby, request: Request) -> Response:
         tone=TONES[state],
         since=optional_text(status.get("since")),
         open=optional_text(status.get("incident")),
-        worries=texts(status.get("worries"))[:10],
-        calm=_calm(words_of(request), lines, at),
+        worries=[evidence_words.told(one, lang) for one in texts(status.get("worries"))[:10]],
+        calm=_calm(words_of(request), lines, at, drilled=bool(lately.items)),
         proof=_proof(words_of(request), drilled[0] if drilled else None, lang),
         day=_day(lately.items, at, lang, watched_s),
         last=lines[0] if lines else None,
@@ -169,9 +170,9 @@ def _facts(
     return facts
 
 
-def _calm(words: Any, lines: Sequence[IncidentLine], at: datetime) -> str:
+def _calm(words: Any, lines: Sequence[IncidentLine], at: datetime, *, drilled: bool) -> str:
     if not lines:
-        return str(words("now_never"))
+        return str(words("now_only_drills" if drilled else "now_never"))
     began = _instant(lines[0].opened_at)
     days = 0 if began is None else (at - began).days
     return str(words("now_calm", n=days) if days >= 1 else words("now_calm_hours"))

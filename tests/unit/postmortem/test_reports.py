@@ -383,3 +383,19 @@ def test_a_korean_syllable_takes_two_cells(text: str, width: int) -> None:
     assert as_terminal.cells(text) == width
     assert as_terminal.cells(as_terminal.cut("한글 설명이 아주 길어요", 9)) <= 9
     assert as_terminal.pad("한글", 6) == "한글  "
+
+
+@pytest.mark.parametrize("language", texts.LANGUAGES)
+def test_the_sentence_says_first_that_a_request_was_convicted(language: str) -> None:
+    died = {"name": "a" * 32, "command_id": "cmd-1", "ordeal": "died", "letter": "letter-1"}
+    once = report(
+        diagnosis="CRASHED", grade="likely", trials=[died, died | {"ordeal": "survived", "letter": ""}]
+    )
+    assert once.summary[language].startswith(texts.CONVICTED["died"][language])
+    assert "912 ms" in once.summary[language]
+    twice = report(diagnosis="CRASHED", trials=[died, died | {"name": "b" * 32, "ordeal": "hung"}])
+    assert twice.summary[language].startswith(texts.CONVICTED["many"][language].format(count=2))
+
+
+def test_of_an_empty_ledger_no_first_and_last_record_are_told() -> None:
+    assert "number 0" not in money_line(report(audit={"ok": True, "seq": 0}), "en")

@@ -109,7 +109,7 @@ def every_rule() -> list[Case]:
     often = [{"kind": "near", "text": "kind import.row had finished"}]
     return [
         *(crashed(trials=[trial(ordeal, "letter-1")]) for ordeal in ("died", "hung", "grew", "untried")),
-        crashed(trials=[trial("survived")]),
+        *(crashed(trials=[trial("survived", letter)]) for letter in ("", "letter-1")),
         crashed(in_flight=batch),
         crashed(in_flight=[], recorder=near),
         crashed(in_flight=[], recorder=near, evidence=often),
@@ -158,9 +158,17 @@ def test_a_suspect_that_survived_its_trial_is_told_as_cleared_and_never_named_as
 
 
 def test_what_was_held_without_proof_is_never_called_a_poison() -> None:
-    finding = found(crashed(trials=[trial("untried", "letter-1")]))["unproven"]
-    assert finding.confidence is Confidence.UNKNOWN
-    assert "waits for a person" in finding_line(finding, "en")
+    for ordeal, rule in (("survived", "unproven"), ("untried", "untried")):
+        finding = found(crashed(trials=[trial(ordeal, "letter-1")]))[rule]
+        assert finding.confidence is Confidence.UNKNOWN
+        assert "waits for a person" in finding_line(finding, "en")
+    assert "did not do it again" not in finding_line(finding, "en")
+
+
+def test_beside_a_convicted_one_nobody_is_likely() -> None:
+    assert "at_work" not in found(
+        crashed(trials=[trial("died", "letter-1", name="b" * 32, command_id="cmd-2")])
+    )
 
 
 def test_a_command_at_work_in_a_crash_is_likely_and_says_that_it_proves_nothing() -> None:

@@ -148,7 +148,7 @@ def test_memory_that_ran_out_names_what_had_grown_as_likely() -> None:
 
 
 def test_memory_without_censuses_claims_no_growth() -> None:
-    assert list(found(case("OUT_OF_MEMORY"))) == ["out_of_memory"]
+    assert list(found(case("OUT_OF_MEMORY"))) == ["out_of_memory_unsized"]
 
 
 @pytest.mark.parametrize("strange", ["x", 7, None, [[1]], {"types": [None, {"size_bytes": "x"}]}])
@@ -173,6 +173,7 @@ def every_rule() -> list[Case]:
         case("DB_LOCKED"),
         case("DB_LOCKED", locks=holders),
         case("OUT_OF_MEMORY", memory=grown),
+        case("OUT_OF_MEMORY", process={"last_sample": {"rss_bytes": 512 << 20}}),
         *(case(one) for one in ("DISK_FULL", "DISK_READ_ONLY", "DISK_STALLED")),
     ]
 

@@ -33,13 +33,16 @@ def visitor(tmp_path: Path) -> Visitor:
     return Visitor(tmp_path, Archive())
 
 
-def with_incident(visitor: Visitor, threads: list[Any] | None = None, **facts: Any) -> Visitor:
+def with_incident(
+    visitor: Visitor, threads: list[Any] | None = None, printed: str = "", **facts: Any
+) -> Visitor:
     files = {
         "incident.json": story.facts(**facts),
         "stacks.json": threads or [],
         "recorder.json": {"finished": [story.command("cmd-0", "FREE", "tx-0", ["assets:bank:kb"], "")]},
     }
     packed = {name: json.dumps(told).encode() for name, told in files.items()}
+    packed |= {"stacks.txt": printed.encode()} if printed else {}
     written = bundle.write_bundle(
         visitor.folder / "incidents", story.ID, packed, {"memory.json": "disk full"}
     )
@@ -140,7 +143,7 @@ def test_a_drill_is_an_outage_on_the_strip_and_no_incident_in_the_calm(visitor: 
     visitor.archive.lines.append(line(opened_at=at, drill="crash"))
     page = visitor.get("/admin/").text
     assert "d-down" in page
-    assert "No incident on record yet" in page
+    assert "No incident besides drills" in page
 
 
 @pytest.mark.parametrize(
@@ -189,6 +192,24 @@ def test_frames_of_ours_come_first_and_those_of_the_system_are_folded(visitor: V
     assert page.index("Writer._run") < page.index("threading.py")
     assert page.index(">writer<") < page.index(">pool<")
     assert "1 frame of the system" in page
+
+
+def test_stacks_that_only_the_dying_process_printed_are_shown(visitor: Visitor) -> None:
+    printed = (
+        "Fatal Python error: Segmentation fault\n\nThread 0x00007f1 (most recent call first):\n"
+        '  File "/opt/python3.11/threading.py", line 3 in wait\n\n'
+        'Current thread 0x00007f2 (most recent call first):\n  File "/srv/core/x.py", line 9 in decide\n'
+    )
+    page = with_incident(visitor, printed=printed, diagnosis="CRASHED").get(ONE).text
+    assert "No stacks were recorded" not in page
+    assert page.index("core/x.py:9") < page.index("0x00007f1")
+    assert "1 frame of the system" in page
+
+
+def test_half_a_character_in_a_bundle_is_written_out(visitor: Visitor) -> None:
+    page = with_incident(visitor, reason="\ud800", evidence=[{"kind": "core", "text": "\ud800"}]).get(ONE)
+    assert page.status == 200
+    assert "\\ud800" in page.text
 
 
 def test_a_deadlock_is_drawn_as_a_ring_with_its_table(visitor: Visitor) -> None:
