@@ -7,7 +7,6 @@ well lately, and without one it has to be said twice. Discarding needs a reason,
 import json
 from collections.abc import Awaitable, Mapping
 from datetime import UTC, datetime, timedelta
-from http import HTTPStatus
 from typing import Any, Final
 
 from starlette.requests import Request
@@ -15,6 +14,7 @@ from starlette.responses import Response
 
 from frontend.admin_paper import knows, shortened
 from postmortem.dead_letters.masking import shown
+from postmortem.dead_letters.ordeals import was_refused
 from postmortem.reports.evidence_words import command_word
 from postmortem.views import DryRun, Letter, LetterState, Refusal
 from postmortem.web.letters import HERE, REASON_CHARACTERS_MAX, reason_words
@@ -64,6 +64,7 @@ def _show(lobby: Lobby, request: Request, kept: Letter, found: Letter) -> Respon
     words = words_of(request)
     whole = payload_text(found)
     step = f"next_{found.reason}"
+    refused = found.dry_run is not None and was_refused(found.dry_run)
     return lobby.show(
         request,
         "letter.html.j2",
@@ -71,8 +72,8 @@ def _show(lobby: Lobby, request: Request, kept: Letter, found: Letter) -> Respon
         letter=found,
         kind=command_word(found.kind, reader_of(request).lang),
         reason=reason_words(words, found.reason),
-        next=words("next_refused" if _was_refused(found.dry_run) else step if knows(step) else "next_other"),
-        would_fail=_was_refused(found.dry_run),
+        next=words("next_refused" if refused else step if knows(step) else "next_other"),
+        would_fail=refused,
         answer=_answer_text(found.dry_run),
         fields=_fields(found.payload),
         postings=_postings(found.payload),
@@ -122,16 +123,6 @@ async def act(lobby: Lobby, request: Request) -> Response:
     told = await _doing(lobby, verb, found.id, text, anyway=anyway)
     back = f"{HERE}/{found.id}"
     return lobby.refuse(request, HERE, told, back) if isinstance(told, Refusal) else lead_to(back, verb)
-
-
-def _was_refused(dry_run: DryRun | None) -> bool:
-    """Tell whether a dry run did no harm, and yet the ledger said no: a retry would be refused as well."""
-    return (
-        dry_run is not None
-        and dry_run.ordeal == "survived"
-        and dry_run.status is not None
-        and dry_run.status >= HTTPStatus.BAD_REQUEST
-    )
 
 
 def _answer_text(dry_run: DryRun | None) -> str:
