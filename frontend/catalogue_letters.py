@@ -181,6 +181,10 @@ WORDS: Final[Mapping[str, Text]] = {
     "no_investigator": _text(
         "조사 프로그램을 시작하지 못했어요: {why}", "The investigator could not be started: {why}"
     ),
+    "failed_told": _text(
+        "안 된 까닭은 요청마다 적혀 있어요: hardcore dlq show 번호",
+        "Why stands with each of them: hardcore dlq show NUMBER",
+    ),
     "interrupted": _text(
         "조사 프로그램이 도중에 꺼졌어요. 하던 일은 기록돼 있어요. hardcore dlq list로 확인해 주세요.",
         "The investigator went away meanwhile. What it was doing is on disk; see `hardcore dlq list`.",

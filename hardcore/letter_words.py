@@ -256,6 +256,8 @@ def _many(asked: Asked, verb: str, where: Sequence[str], *, yes: bool, reason: s
     asked.tell(bulk)
     _say(asked, word("progress", asked.lang, **{key: bulk[key] for key in ("total", "done", "failed")}))
     _say(asked, word(f"ended_{bulk['ended']}", asked.lang))
+    if bulk["failed"]:
+        _say(asked, word("failed_told", asked.lang))
     sys.exit(0 if bulk["ended"] == "done" and not bulk["failed"] else 1)
 
 

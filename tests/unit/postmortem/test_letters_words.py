@@ -1,10 +1,12 @@
 import re
 from dataclasses import asdict, replace
+from pathlib import Path
 from string import Formatter
 
 import pytest
 
 from frontend.catalogue_letters import REFUSALS, WORDS, refusal, told
+from hardcore.investigator_line import Interrupted, Line
 from hardcore.letter_words import total_of
 from postmortem.dead_letters.as_terminal import print_list
 from postmortem.dead_letters.ordeals import answered, read_dry_run, was_refused, went_well
@@ -38,6 +40,13 @@ def test_amounts_of_many_letters_are_added_up_by_currency() -> None:
         "1,500 KRW",
         "2.50 USD",
     ]
+
+
+def test_an_investigator_that_went_away_is_told_as_that_and_not_as_one_that_did_not_start(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(Interrupted):
+        Line(tmp_path / "gone", "en").get("letters")
 
 
 def test_a_dry_run_that_the_ledger_refused_did_not_go_well() -> None:
