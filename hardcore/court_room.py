@@ -8,6 +8,7 @@ may hang for minutes.
 """
 
 import asyncio
+import dataclasses
 import datetime as dt
 from collections.abc import Coroutine, Mapping, Sequence
 from typing import Any, Final, assert_never
@@ -313,10 +314,9 @@ class CourtRoom:
 
         While a spare takes over, its fence waits for the same disk: an fsync beside it would make it wait longer.
         """
-        kept = self._open[: quarantine_file.SUSPECTS_MAX]
-        changed = kept != self.rules.aside.suspects
+        changed = self._shown(self.rules.aside) != self.rules.aside.suspects
         if changed:
-            await self.rules.show(lambda aside: quarantine_file.with_suspects(aside, kept))
+            await self.rules.show(lambda aside: quarantine_file.with_suspects(aside, self._shown(aside)))
         await self._put(durable=False)
         self._unwritten -= 1
         if not self._unwritten:
@@ -328,6 +328,18 @@ class CourtRoom:
         failed = await self._put(durable=True) or failed
         if failed:
             self._hands.note("court", failed=failed)
+
+    def _shown(self, aside: Aside) -> tuple[SuspectNote, ...]:
+        """Return whom the file names: who is suspect, and who was until its rule lies there.
+
+        Whoever reads the file would see neither for a moment, and run again what has just been convicted.
+        """
+        open_now = {one.name for one in self._open}
+        unwritten = {
+            one.name for one in self._memory.suspects if one.letter and aside.rule(one.letter) is None
+        }
+        staying = (one for one in aside.suspects if one.name in unwritten - open_now)
+        return (*self._open, *staying)[: quarantine_file.SUSPECTS_MAX]
 
     async def _put(self, *, durable: bool) -> str:
         """Write down what the court remembers now; return why that can't be done."""
@@ -360,7 +372,11 @@ class CourtRoom:
 
 def _with_letter(aside: Aside, letter: Letter, told: Mapping[str, Any]) -> Aside:
     """Return the rules with this letter's, once: what was written meanwhile stays as it is, and so does its message."""
-    return aside if aside.rule(letter.id) is not None else quarantine_file.set_aside(aside, letter, told)
+    if aside.rule(letter.id) is not None:
+        return aside
+    after = quarantine_file.set_aside(aside, letter, told)
+    left = tuple(one for one in after.suspects if one.name != letter.name)
+    return dataclasses.replace(after, suspects=left)
 
 
 async def _to_its_end(work: Coroutine[Any, Any, str], before: "asyncio.Task[str] | None") -> str:

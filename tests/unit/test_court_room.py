@@ -161,6 +161,43 @@ def test_who_is_suspect_is_on_the_disk_before_a_core_is_released(folders: Folder
     assert json.loads(folders.suspects.read_text())["memory"]
 
 
+def test_a_convicted_name_is_shown_as_suspect_until_its_rule_lies_there(folders: Folders) -> None:
+    note = SuspectNote(NAME, ("assets:cash",))
+    convicted = CourtMemory((Suspect(NAME, "incident", ordeal=Ordeal.DIED, letter="letter-1"),))
+
+    def on_disk() -> tuple[list[str], list[str]]:
+        told = json.loads(folders.quarantine.read_text())
+        return [one["name"] for one in told["suspects"]], [rule["id"] for rule in told["rules"]]
+
+    async def run() -> None:
+        room = Room(folders)
+        room.court.carry_out(trials.KeepCourt((note,), CourtMemory((Suspect(NAME, "incident"),))))
+        await room.done()
+        room.court.carry_out(trials.KeepCourt((), convicted))
+        await room.done()
+        assert on_disk() == ([NAME], []), "its rule is yet to come"
+        room.court.carry_out(trials.SetAside(LETTER))
+        await room.done()
+        assert on_disk() == ([], ["letter-1"])
+
+    asyncio.run(run())
+
+
+def test_who_is_acquitted_is_shown_no_longer(folders: Folders) -> None:
+    note = SuspectNote(NAME, ("assets:cash",))
+    acquitted = CourtMemory((Suspect(NAME, "incident", ordeal=Ordeal.SURVIVED),))
+
+    async def run() -> None:
+        room = Room(folders)
+        room.court.carry_out(trials.KeepCourt((note,), CourtMemory((Suspect(NAME, "incident"),))))
+        await room.done()
+        room.court.carry_out(trials.KeepCourt((), acquitted))
+        await room.done()
+
+    asyncio.run(run())
+    assert json.loads(folders.quarantine.read_text())["suspects"] == []
+
+
 def test_what_is_remembered_comes_back(folders: Folders) -> None:
     memory = CourtMemory((Suspect(NAME, "incident"),), settled_seq=3)
     room = at_work(folders, lambda room: room.court.carry_out(trials.KeepCourt((), memory)))
