@@ -13,6 +13,7 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "가계부: {url}\n끄려면 Ctrl-C를 누르세요. 상태는 `{command} status`로 볼 수 있어요.",
         "Ledger: {url}\nCtrl-C stops it. `{command} status` shows how it is.",
     ),
+    "dashboard": ("대시보드: {url}/admin", "Dashboard: {url}/admin"),
     "demo": (
         "데모: {url}/__hc/demo\n이 화면의 단추는 서버를 정말로 멈춰요. 데이터 폴더: {data}",
         "Demo: {url}/__hc/demo\nIts buttons really break the server. Data folder: {data}",
@@ -332,6 +333,8 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "budget": ("재시작", "Restarts"),
     "incident": ("사건", "Incident"),
     "last_incident": ("지난 사건", "Last incident"),
+    "dead_letters": ("보관된 요청", "Set aside"),
+    "dead_letters_aside": ("{count}건 (`hardcore dlq`로 봐요)", "{count} (see `hardcore dlq`)"),
     "verified": ("장부 확인", "Ledger checked"),
     "safe": ("읽기만 하는 이유", "Reads only"),
     "start_fault": ("켜지 못한 까닭", "Start failed"),

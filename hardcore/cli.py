@@ -83,6 +83,7 @@ def up(asked: Asked, host: str, port: int, policy: Path | None, *, demo: bool, n
     if ready.warning:
         click.echo(ready.warning, err=True)
     asked.say("attached" if ready.attached else "serving", url=ready.url, command=asked.command)
+    asked.say("dashboard", url=ready.url)
     if demo:
         asked.say("demo", url=ready.url, data=asked.data.absolute())
     asked.tell({"ok": True, "url": ready.url, "attached": ready.attached})

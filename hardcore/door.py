@@ -299,6 +299,7 @@ class Door:
         )
         told["spare"] = status.spare(house.numbered(reading.spare), reading, self._on_disk)
         told["last_incident"] = self.last_incident
+        told["dead_letters"] = house.court.rules.aside.letters
         told["ledger_verified_at"] = clock.wall(self._verified_ns) if self._verified_ns else None
         return told
 

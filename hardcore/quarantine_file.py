@@ -30,6 +30,8 @@ RELEASED_MAX: Final = 256
 ARMED_MAX: Final = 64
 #: Under this name a file that can't be read is kept, for a person.
 DAMAGED: Final = "quarantine.damaged.json"
+#: Rules that stand for a letter; the others are made by people.
+LETTER_TYPES: Final = frozenset({"letter", "parked"})
 #: Beside a letter's rule, until its message is written; nobody else reads it.
 UNSENT: Final = "unsent"
 
@@ -60,6 +62,11 @@ class Aside:
     def unsent(self) -> tuple[Rule, ...]:
         """The letters' rules whose messages have not been written."""
         return tuple(rule for rule in self.rules if UNSENT in rule)
+
+    @property
+    def letters(self) -> int:
+        """How many commands and events are set aside now."""
+        return sum(rule.get("type") in LETTER_TYPES for rule in self.rules)
 
     def rule(self, rule_id: str) -> Rule | None:
         """Return a rule by its id."""
@@ -152,7 +159,7 @@ def set_aside(before: Aside, letter: Letter, unsent: Mapping[str, Any]) -> Aside
     rule = {**_rule_of(letter), UNSENT: dict(unsent)}
     kept = [one for one in before.rules if one["id"] != letter.id]
     while len(kept) >= RULES_MAX:
-        oldest = next((one for one in kept if one.get("type") in {"letter", "parked"}), kept[0])
+        oldest = next((one for one in kept if one.get("type") in LETTER_TYPES), kept[0])
         kept.remove(oldest)
     return dataclasses.replace(before, serial=before.serial + 1, rules=(*kept, rule))
 

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from hardcore import quarantine_file
 from hardcore.host import clock, files
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
@@ -58,7 +59,7 @@ def _shape() -> dict[str, Any]:
         "budget": {"used": 0, "limit": None, "window_s": None},
         "incident": None,
         "last_incident": None,
-        "dead_letters": 0,
+        "dead_letters": 0,  # in force: whose commands and events are set aside now
         "ledger_verified_at": None,
     }
 
@@ -164,6 +165,7 @@ def from_files(folders: Folders) -> dict[str, Any]:
     told = files.read_json(folders.sentinel)
     status["url"] = told.get("url")
     status["last_incident"] = last_incident(folders)
+    status["dead_letters"] = quarantine_file.read(folders).letters
     return status
 
 

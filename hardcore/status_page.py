@@ -41,6 +41,8 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
         rows.append(("budget", label("budget_used", lang).format(**told["budget"])))
     rows.append(("incident", told["incident"] or none))
     rows.append(("last_incident", told["last_incident"] or none))
+    if told["dead_letters"]:
+        rows.append(("dead_letters", label("dead_letters_aside", lang).format(count=told["dead_letters"])))
     rows.append(("verified", told["ledger_verified_at"] or none))
     estimate = told.get("estimate", {})
     if estimate.get("samples"):

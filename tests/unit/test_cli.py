@@ -5,11 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from hardcore import status
+from frontend.catalogue import text
+from hardcore import quarantine_file, status
 from hardcore.cli import STATE_CODES
 from hardcore.host.folders import Folders
 from hardcore.model import verdicts
 from hardcore.model.phases import HAState
+from hardcore.model.trials import Letter, Reason
+from hardcore.quarantine_file import Aside
 from hardcore.recovery.policy import Policy
 from hardcore.status_page import printed_status
 from tests.unit.recovery.play import Play
@@ -137,3 +140,24 @@ def test_how_the_estimates_came_true_is_told(tmp_path: Path, scored: int, said: 
     told = status.from_files(Folders(tmp_path, tmp_path))
     told["estimate"] = {"samples": 9, "scored": scored, "within": 3}
     assert said in printed_status(told, "en")
+
+
+@pytest.mark.parametrize("lang", ["ko", "en"])
+def test_letters_in_force_are_counted_and_shown(tmp_path: Path, lang: str) -> None:
+    folders = Folders(tmp_path, tmp_path)
+    folders.state.mkdir()
+    assert "dlq" not in printed_status(status.from_files(folders), lang)
+    aside = Aside()
+    for n, seq in enumerate((None, None, 7)):
+        letter = Letter(f"l{n}", f"{n}" * 32, Reason.CRASHED_CORE, False, ("incident",), 1, seq=seq)
+        aside = quarantine_file.set_aside(aside, letter, {})
+    limit = {"id": "r", "type": "limit", "kind": "x", "per_minute": 1, "body_bytes_max": None}
+    quarantine_file.write(folders, quarantine_file.with_rule(aside, limit))
+    told = status.from_files(folders)
+    assert told["dead_letters"] == 3, "a rule that a person made is no letter"
+    assert "3" in next(line for line in printed_status(told, lang).splitlines() if "dlq" in line)
+
+
+@pytest.mark.parametrize("lang", ["ko", "en"])
+def test_who_starts_is_told_where_the_dashboard_is(lang: str) -> None:
+    assert text("dashboard", lang, url="http://127.0.0.1:1").endswith(" http://127.0.0.1:1/admin")
