@@ -56,6 +56,8 @@ CONVICTIONS_MAX = 1024
 CONVICTIONS_WINDOW_NS = 60 * NS_PER_S
 #: The kind of a drill's command: what it does counts on nobody's budget.
 DRILL_KIND = "drill"
+#: So a source begins that is an address, of requests without a browser's cookie.
+ADDRESS = "peer:"
 
 Orders = list[TrialAction]
 
@@ -298,8 +300,12 @@ class Court:
         return [Acquit(one.name, run=True)]
 
     def _count(self, one: Suspect, now_ns: int) -> Orders:
-        """Count a conviction; stop its source if there were too many."""
-        if not one.source or one.kind == DRILL_KIND:
+        """Count a conviction; stop its source if there were too many.
+
+        An address is nobody: many may share it, and no gateway stops one. So it is not said to be stopped either.
+        """
+        nobody = not one.source or one.source.startswith(ADDRESS)
+        if nobody or one.kind == DRILL_KIND:
             return []
         since_ns = now_ns - CONVICTIONS_WINDOW_NS
         fresh = (*(c for c in self.convictions if c.at_ns > since_ns), Conviction(one.source, now_ns))

@@ -22,6 +22,17 @@ def test_too_many_convictions_stop_their_source_and_nobody_else() -> None:
     assert [one for one in given if isinstance(one, StopSource)] == [StopSource("browser:1", 600 * S)]
 
 
+def test_an_address_is_never_said_to_be_stopped() -> None:
+    bench = Bench()
+    for n in range(4):
+        bench.accuse(f"p{n}")
+        bench.file(f"p{n}", source="peer:127.0.0.1")
+        given = bench.tried(f"p{n}", Ordeal.DIED, signal=SEGV)
+        assert letter_of(given).name == f"p{n}", "it is convicted like any other"
+        assert not [one for one in given if isinstance(one, StopSource)]
+        bench.over()
+
+
 def test_convictions_far_apart_stop_no_source() -> None:
     bench = Bench()
     for n in range(5):
