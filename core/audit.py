@@ -9,6 +9,7 @@ put to sleep while it holds the interpreter's lock and stop the loop with it.
 
 import asyncio
 import logging
+from typing import Final
 
 from core import departure
 from core.guarded.beacon import Beacon
@@ -18,12 +19,26 @@ from core.service import Service
 
 logger = logging.getLogger("core")
 
+#: A proof that raises as often as this is no accident of the moment: the ledger is not proven, and that is said.
+RAISED_MAX: Final = 2
+
 
 async def audit_behind(service: Service, beacon: Beacon) -> None:
     """Prove the whole ledger and tell the guard; a store that can't be read now is tried again later."""
     await asyncio.sleep(service.settings.verify_after_ms / 1000)
+    raised = 0
     while True:
-        outcome = await service.verify_behind()
+        try:
+            outcome = await service.verify_behind()
+        except Exception as error:
+            # Whatever it is: nobody waits for this task, so its end would be silence, and silence reads as "being proven".
+            logger.exception("The proof of the whole ledger has failed.")
+            raised += 1
+            if raised == RAISED_MAX:
+                _say(departure.unproven(f"{type(error).__name__}: {error}").sentence, beacon)
+                return
+            await asyncio.sleep(service.settings.verify_again_ms / 1000)
+            continue
         if isinstance(outcome, GivenUp) or _told(outcome, beacon):
             return
         await asyncio.sleep(service.settings.verify_again_ms / 1000)
@@ -49,6 +64,9 @@ def _told(outcome: Verdict | StoreError, beacon: Beacon) -> bool:
 
 
 def _say_unsound(place: str, beacon: Beacon) -> None:
-    sentence = departure.corrupt(place).sentence
+    _say(departure.corrupt(place).sentence, beacon)
+
+
+def _say(sentence: str, beacon: Beacon) -> None:
     beacon.unsound(sentence)
     logger.error("%s", sentence)

@@ -52,6 +52,15 @@ def corrupt(place: str) -> Departure:
     return Departure(ExitCode.STORE_CORRUPT, sentence)
 
 
+def unproven(text: str) -> Departure:
+    """The proof itself raises: a mistake of ours, or a book that it was not written for."""
+    sentence = (
+        f"The ledger can't be proven, its proof fails ({text}). "
+        "Nothing was changed; compare with a backup before going on."
+    )
+    return Departure(ExitCode.STORE_CORRUPT, sentence)
+
+
 def fenced(mine: int, actual: int) -> Departure:
     """A core with a higher epoch may write now."""
     sentence = (

@@ -237,6 +237,8 @@ class Life:
             rests = self._settings.verify_after_ms, self._settings.ballast_ms
             works.append(ballast.keep_laid(self._data, *rests))
         self._behind = [loop.create_task(work) for work in works]
+        for task in self._behind:
+            task.add_done_callback(_say_failure)
 
     def _end_behind(self) -> None:
         for task in self._behind:
@@ -407,6 +409,12 @@ def said(left: Departure) -> int:
     """Say why this process leaves, and return the code it leaves with."""
     say(left.sentence)
     return left.code.value
+
+
+def _say_failure(task: "asyncio.Task[object]") -> None:
+    """Say in the log why work that nobody waits for has failed: without it everything is served all the same."""
+    if not task.cancelled() and task.exception() is not None:
+        logger.error("Work behind the serving has failed.", exc_info=task.exception())
 
 
 def _as_witnesses(seen: Iterable[LastSeen]) -> tuple[Witness, ...]:

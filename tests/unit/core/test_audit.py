@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
+
 from core.audit import audit_behind
 from core.guarded.beacon import Beacon
 from core.journal.store import LEDGER_FILE, open_reading
@@ -71,3 +73,15 @@ def test_a_ledger_that_is_not_whole_is_told_with_the_place_and_the_next_step(tmp
 
 def test_a_core_that_leaves_says_nothing_of_a_proof_that_it_did_not_end(tmp_path: Path) -> None:
     assert said(tmp_path, leave=True) == []
+
+
+def test_a_proof_that_raises_is_said_in_the_log_and_to_the_guard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def raising(_service: Service) -> None:
+        raise KeyError("account")
+
+    monkeypatch.setattr(Service, "verify_behind", raising)
+    (told,) = said(tmp_path)
+    assert told.startswith(b"X_UNSOUND=The ledger can't be proven, its proof fails (KeyError: 'account').")
+    assert sum(record.exc_info is not None for record in caplog.records) == 2, "once more, then it is said"
