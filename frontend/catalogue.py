@@ -333,7 +333,7 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "budget": ("재시작", "Restarts"),
     "incident": ("사건", "Incident"),
     "last_incident": ("지난 사건", "Last incident"),
-    "dead_letters": ("보관된 요청", "Set aside"),
+    "dead_letters": ("따로 보관한 요청", "Set aside"),
     "dead_letters_aside": ("{count}건 (`hardcore dlq`로 봐요)", "{count} (see `hardcore dlq`)"),
     "verified": ("장부 확인", "Ledger checked"),
     "safe": ("읽기만 하는 이유", "Reads only"),
