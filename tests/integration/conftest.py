@@ -1,6 +1,8 @@
 """Houses for the tests: one for a whole module where that is honest, or one of a test's own."""
 
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
 
 import pytest
 from psutil import Process
@@ -12,6 +14,10 @@ from tests.integration.house import House
 # As everywhere: processes that were told to end are given this long to be gone.
 LEAVING_S = 2.0
 
+#: Houses of modules: their guards start processes at any time, also while a test looks elsewhere. Each is ended with its
+#: module, and nothing of it is left then.
+SHARED: Final[set[Path]] = set()
+
 MakeHouse = houses.MakeHouse
 
 house = houses.house
@@ -21,16 +27,15 @@ new_house = houses.new_house
 @pytest.fixture(autouse=True)
 def nothing_is_left_behind(request: pytest.FixtureRequest) -> Iterator[None]:
     """As for all tests, but a house that a module shares stays, whatever its guard has started anew."""
-    shared: House | None = (
-        request.getfixturevalue("shared_house") if "house" in request.fixturenames else None
-    )
+    if "house" in request.fixturenames:
+        SHARED.add(request.getfixturevalue("shared_house").data)
     before = leftovers.children()
     folder = request.getfixturevalue("tmp_path") if "tmp_path" in request.fixturenames else None
     yield
 
     def left() -> set[Process]:
         found = leftovers.children() | (leftovers.at_work_in(folder) if folder else set())
-        return found - before - (leftovers.at_work_in(shared.data) if shared else set())
+        return found.difference(before, *map(leftovers.at_work_in, SHARED))
 
     try:
         waiting.until(lambda: not left(), "everything the test started to end", LEAVING_S)
