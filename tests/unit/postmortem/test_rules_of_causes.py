@@ -162,7 +162,7 @@ def test_what_was_held_without_proof_is_never_called_a_poison() -> None:
         finding = found(crashed(trials=[trial(ordeal, "letter-1")]))[rule]
         assert finding.confidence is Confidence.UNKNOWN
         assert "waits for a person" in finding_line(finding, "en")
-    assert "did not do it again" not in finding_line(finding, "en")
+        assert ("did not do it again" in finding_line(finding, "en")) == (ordeal == "survived")
 
 
 def test_beside_a_convicted_one_nobody_is_likely() -> None:

@@ -237,7 +237,7 @@ def test_hostile_text_in_every_field_of_a_bundle_stays_text(visitor: Visitor) ->
         "status": 1,
         "held_ms": 1,
     }
-    facts = {
+    facts: dict[str, Any] = {
         "diagnosis": HOSTILE,
         "reason": HOSTILE,
         "evidence": [{"kind": HOSTILE, "text": HOSTILE + "x" * 100_000}],
