@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Final, TypeVar
 
 WAIT_S: Final = 20.0
-_LOOK_EVERY_S: Final = 0.005
+_LOOK_EVERY_S: Final = 0.01
 
 T = TypeVar("T")
 

@@ -10,6 +10,7 @@ from tests.integration.house import Answer, House, transaction
 from tests.waiting import until
 
 TRIAL_S = 60.0
+PACE_S = 0.01
 
 
 def armed(house: House) -> str:
@@ -77,7 +78,7 @@ class Load:
 
     def _book_on(self, name: str) -> None:
         count = 0
-        while not self._stop.is_set():
+        while not self._stop.wait(PACE_S):
             count += 1
             key = f"{name}-{count}"
             try:
