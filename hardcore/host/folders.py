@@ -139,6 +139,41 @@ class Folders:
         return self.run / "sentinel.json"
 
     @property
+    def sentinel_page(self) -> Path:
+        """The sentinel's own beat, for whoever watches it."""
+        return self.run / "sentinel.page"
+
+    @property
+    def gateway_page(self) -> Path:
+        """The gateway's own recorder page."""
+        return self.run / "gateway.page"
+
+    @property
+    def agents(self) -> Path:
+        """What the agents in gateway and core go by when the sentinel is lost."""
+        return self.run / "agents.json"
+
+    @property
+    def alerts(self) -> Path:
+        """What was told to whom, and what came of it."""
+        return self.state / "alerts.json"
+
+    @property
+    def outbox(self) -> Path:
+        """Alerts that wait to be sent."""
+        return self.spool / "alerts"
+
+    @property
+    def counters(self) -> Path:
+        """What is counted over the lives of the guard."""
+        return self.state / "counters.json"
+
+    @property
+    def checkpoints(self) -> Path:
+        """Verified states of the ledger; the core alone writes them."""
+        return self.data / "checkpoints"
+
+    @property
     def capability(self) -> Path:
         """What this machine lets the guard see of a process."""
         return self.run / "capability.json"

@@ -4,6 +4,7 @@ The executor carries out each one and tells what came of it as an `Observation`.
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 from hardcore.model.observations import Exit, LedgerAudited, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Witness
@@ -190,11 +191,33 @@ class AddAudit:
 
 
 @dataclass(frozen=True, slots=True)
+class RestartComponent:
+    """Have the serving core start one of its parts anew; the rest of it goes on."""
+
+    life: int
+    name: str
+
+
+class AlertStage(StrEnum):
+    """Why somebody is told now."""
+
+    OPENED = "opened"  # something has begun
+    CLOSED = "closed"  # and is over: the one closing message
+    WAITS = "waits"  # nothing goes on by itself: a person is needed
+    OVERDUE = "overdue"  # nobody has come
+    FORECAST = "forecast"  # nothing has happened yet
+
+
+@dataclass(frozen=True, slots=True)
 class Alert:
-    """Say this to whoever runs the server."""
+    """Say this to whoever runs the server. `incident` is what it belongs to, if there is one."""
 
     diagnosis: Diagnosis
     text: str
+    incident: str | None = None
+    stage: AlertStage = AlertStage.OPENED
+    outcome: str = ""  # CLOSED: what became of it
+    outage_ms: int | None = None  # CLOSED: how long it was away
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +249,7 @@ Action = (
     | CloseIncident
     | AddAudit
     | Alert
+    | RestartComponent
     | KeepBudget
     | TrialAction
     | Halt

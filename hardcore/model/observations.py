@@ -8,7 +8,7 @@ fact carries the monotonic time at which it was true; what concerns a core carri
 from dataclasses import dataclass
 from enum import StrEnum
 
-from hardcore.model.recorder import Beats, CommandNote, Page, Threads, Witness
+from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, Page, Threads, Witness
 from hardcore.model.trials import CourtMemory, TrialObservation
 from hardcore.model.verdicts import Diagnosis
 
@@ -67,6 +67,9 @@ class Verb(StrEnum):
     RESTART = "restart"
     RESTART_HARD = "restart-hard"
     RESUME = "resume"
+    RESTART_COMPONENT = "restart-component"  # one part of the core alone
+    SAFE_ON = "safe-on"  # serve reads only until SAFE_OFF
+    SAFE_OFF = "safe-off"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,8 @@ class SentinelBegan:
     suspects: tuple[str, ...] = ()
     serves_since_ns: int | None = None
     court: CourtMemory | None = None
+    unwatched_ns: int | None = None  # how long nobody watched before this guard began; None: nobody knows
+    found_frozen: bool = False  # the guard before did not die by itself: it was found to stand still, and ended
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +111,7 @@ class Sampled:
     clocks: Clocks | None = None
     page_fault: str = ""
     process_fault: str = ""
+    components: tuple[ComponentBeat, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,6 +243,27 @@ class Surveyed:
     conduct: Conduct | None = None
     oom_kills: int | None = None  # how often the kernel has killed for memory since this life began
     free_bytes: int | None = None  # memory that could be had now; None: not looked
+    log: "LogCounts | None" = None
+    private_bytes: int | None = None  # memory of this life that nobody shares (USS); None: not looked
+
+
+@dataclass(frozen=True, slots=True)
+class LogCounts:
+    """What one life has written to its log so far, by weight."""
+
+    warnings: int
+    errors: int
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentRestarted:
+    """The core answered an order to start one of its parts anew; `done` False: `reason` says why."""
+
+    at_ns: int
+    life: int
+    name: str
+    done: bool
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -402,6 +429,7 @@ class OperatorAsked:
     image: bool = False  # RESTART, RESTART_HARD: with an image of the old core's memory, if the policy allows
     build: str = ""  # RESTART: the code that lies on the disk now; empty: nobody looked
     serves: str = ""  # RESTART: the code of the core that serves, as it says itself; empty: it did not say
+    component: str = ""  # RESTART_COMPONENT: which
 
 
 @dataclass(frozen=True, slots=True)
@@ -457,9 +485,28 @@ class RequestsSettled:
     requests: tuple[RequestOutcome, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class GatewayCounted:
+    """How much the gateway has to do: what it holds, who is connected, and what it has forwarded since its start."""
+
+    at_ns: int
+    connections: int
+    held: int
+    forwarded: int
+
+
+@dataclass(frozen=True, slots=True)
+class PolicyRead:
+    """A policy was read whole and found right: from now on it holds. `text` is its JSON, every number named."""
+
+    at_ns: int
+    text: str
+
+
 #: Facts about one life of the core.
 CoreObservation = (
     Sampled
+    | ComponentRestarted
     | CoreSpawned
     | SpawnFailed
     | SpareReady
@@ -489,6 +536,8 @@ Observation = (
     | GatewayWitnessed
     | FirstServed
     | RequestsSettled
+    | GatewayCounted
+    | PolicyRead
     | TrialObservation
     | CoreObservation
 )

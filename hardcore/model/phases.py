@@ -48,6 +48,7 @@ class Wanted(StrEnum):
     """What the operator wants; kept on disk; always wins."""
 
     UP = "UP"
+    SAFE = "SAFE"  # it runs, and serves reads only
     DOWN = "DOWN"
 
 

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass
 
+from hardcore.model.forecasts import Forecast
 from hardcore.model.observations import LedgerAudited
 from hardcore.model.phases import Face, HAState, Phase, Wanted
+from hardcore.model.recorder import ComponentBeat
 from hardcore.model.verdicts import Diagnosis, Verdict
 from hardcore.recovery.spare import Lack
 from hardcore.recovery.transitions import Trigger
@@ -17,6 +19,17 @@ class Transition:
     before: Phase
     after: Phase
     trigger: Trigger
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class StateChange:
+    """One change of the state for people, with the phase and the reason behind it."""
+
+    at_ns: int
+    before: HAState
+    after: HAState
+    phase: Phase
     reason: str
 
 
@@ -55,3 +68,9 @@ class Reading:
     switch_fault: str = ""  # why the last one was given up
     start_fault: str = ""  # what the core said last that was started and never served, until one serves
     locked_by: str | None = None  # who keeps the ledger's lock from a core that is to write
+    mode: str = "act"  # what the guard may do
+    safe_by: str | None = None  # who has the core read only: "operator", "policy"; None: nobody
+    needs_ns: int | None = None  # since when a person is needed
+    history: tuple[StateChange, ...] = ()  # the last changes of the state, the newest last
+    components: tuple[ComponentBeat, ...] = ()  # the parts of the serving core, as they were last seen
+    forecasts: tuple[Forecast, ...] = ()  # what will run out, the soonest first
