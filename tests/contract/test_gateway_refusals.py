@@ -182,7 +182,7 @@ def test_hostile_files_leave_the_rules_before_them_in_force(w: World) -> None:
         suspects=[{"name": 1}],
         sources=["x", {"source": 1}],
     )
-    keys = (KEY + f"probe-{serial}-{n}" for n in itertools.count())  # a used one says nothing of the rules
+    keys = (KEY + f"probe-{n}" for n in itertools.count())
     until(lambda: w.ask("POST", PATH, next(keys), body=BODY).status == 422, "the rule that makes sense")
     assert w.ask("POST", PATH, KEY + "b", body=b"{}").status == 201
     assert sent(core, "a") == []
