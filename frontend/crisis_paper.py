@@ -173,6 +173,7 @@ def _modules(names: Iterable[str]) -> str:
     return in_one("\n" + OPERATOR.sub(r"\1", _source(name)) for name in names)
 
 
+@functools.cache
 def _source(name: str) -> str:
     """A file of the folder without its comments and indentation. A comment is a full line here or stands two
     spaces behind the code, as in no string of ours, and no text goes over several lines.
@@ -180,6 +181,7 @@ def _source(name: str) -> str:
     return _AROUND.sub("", _COMMENT.sub("", (SOURCES / name).read_text("utf-8")))
 
 
+@functools.cache
 def _style(name: str) -> str:
     """A style of the folder without the spaces that mean nothing."""
     return _LOOSE.sub("", _source(name))

@@ -8,7 +8,7 @@ import datetime as dt
 import time
 from pathlib import Path
 
-from hardcore.model.observations import Clocks
+from hardcore.model.clocks import Clocks
 
 #: Clocks that are read within this time are read together, and this often it is tried.
 TOGETHER_NS = 10_000_000

@@ -8,6 +8,7 @@ fact carries the monotonic time at which it was true; what concerns a core carri
 from dataclasses import dataclass
 from enum import StrEnum
 
+from hardcore.model.clocks import Clocks
 from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, Page, Threads, Witness
 from hardcore.model.trials import CourtMemory, TrialObservation
 from hardcore.model.verdicts import Diagnosis
@@ -30,14 +31,6 @@ class ThreadSample:
     waits_in: str  # kernel function or system call it sleeps in; empty when unknown
     run_delay_ns: int = 0  # time it was ready to run and was not let
     switches: int = 0  # context switches, of both kinds
-
-
-@dataclass(frozen=True, slots=True)
-class Clocks:
-    """The other two clocks at the moment of a tick: one that counts a suspended machine's sleep, and the wall's."""
-
-    boot_ns: int
-    wall_ns: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ wall's clock judges nothing here, whatever it shows: that it was set is only tol
 
 from dataclasses import dataclass
 
-from hardcore.model.observations import Clocks
+from hardcore.model.clocks import Clocks
 from hardcore.model.verdicts import Colour, Testimony
 
 #: The two clocks are read one after the other: a smaller difference is ours.

@@ -1,6 +1,6 @@
 import pytest
 
-from hardcore.model.observations import Clocks
+from hardcore.model.clocks import Clocks
 from hardcore.model.verdicts import Colour
 from hardcore.sentinel.witnesses import clocks as witness
 from hardcore.sentinel.witnesses.clocks import ClockFacts, ClockWatch
