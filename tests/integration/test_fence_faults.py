@@ -4,6 +4,7 @@ The faults are put into the system calls of one process by strace, so the store 
 """
 
 import shutil
+import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -198,8 +199,12 @@ def test_a_spare_that_meets_a_broken_chain_tells_it_and_is_none(
     guard: Guard, served: Wired, *, waits: bool
 ) -> None:
     spare = guard.spare() if waits else None
+    if spare is not None:
+        spare.core.process.send_signal(signal.SIGSTOP)  # else it may have read the event before it was broken
     assert book(served.core, "after").status == 201
     tamper(guard.data, "UPDATE event SET body = zeroblob(9) WHERE seq = 4")
+    if spare is not None:
+        spare.core.process.send_signal(signal.SIGCONT)
     met = spare or guard.start(HARDCORE_SPARE="1")
     assert "the hash of event 4 does not follow" in met.hears("X_UNSOUND")["X_UNSOUND"]
     assert met.core.ends_with() == 65

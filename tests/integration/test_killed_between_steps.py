@@ -25,7 +25,7 @@ from tests.waiting import until
 
 #: How long a kill by chance may come after the fault: a crash is over in far less, a hang in little more.
 LATEST_S: Final = {"crash": 0.15, "hang": 2.5, "switch": 0.25}
-SEEDS: Final = 3
+SEEDS: Final = 1
 
 
 @pytest.fixture(scope="module")

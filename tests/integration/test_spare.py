@@ -36,7 +36,7 @@ def environment(pid: int) -> str:
         return ""
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV, signal.SIGSTOP])
+@pytest.mark.parametrize("number", [signal.SIGSEGV, signal.SIGSTOP])
 def test_whatever_ends_a_core_its_spare_is_the_next_one_and_another_spare_comes(
     new_house: MakeHouse, number: int
 ) -> None:

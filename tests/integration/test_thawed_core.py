@@ -18,7 +18,7 @@ from tests.integration.wired_core import Guard, Wired, guarding
 from tests.waiting import until
 
 FENCED = 75
-SEEDS = range(6)
+SEEDS = range(2)
 CLIENTS = 4
 
 
