@@ -260,6 +260,22 @@ class Policy:
         ("crash",), "what is drilled on a schedule, one after the other", words=SCHEDULED_DRILLS
     )
     drill_hour: int = setting(4, "the hour of the day (local time) of a drill on a schedule", low=0, high=23)
+    forecast_horizon_sec: int = setting(
+        1800, "what would run out within so long is told of before it does", low=10, high=604_800
+    )
+    forecast_warmup_sec: int = setting(
+        900, "a core's growth is not looked at for so long after its start", low=0, high=86_400
+    )
+    forecast_confirm_sec: int = setting(
+        300, "a forecast has to stand for so long before it is told", low=0, high=86_400
+    )
+    forecast_interval_sec: int = setting(
+        60, "only the lowest value in so long counts: what garbage collection leaves", low=1, high=3600
+    )
+    forecast_switches_max: int = setting(
+        3, "planned switches because of forecasts in a day; beyond them it is only told", low=0, high=100
+    )
+    threads_max: int = setting(256, "threads of a core; a forecast is made against it", low=16, high=65_536)
     await_operator_sec: int = setting(
         300, "patience with the operator (not in this version)", low=1, high=86_400
     )
