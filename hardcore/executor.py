@@ -13,12 +13,13 @@ from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, assert_never
+from typing import Any
 
 from hardcore.clearing import Clearing
 from hardcore.court_room import CourtRoom
+from hardcore.endings import Endings
 from hardcore.handover import Handover
-from hardcore.host import build, clock, core_control, deaths, lives, logs, memory, processes
+from hardcore.host import clock, deaths, lives, logs, memory, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import CoreLimits, Life, Terms
 from hardcore.host.steps import Steps
@@ -35,18 +36,13 @@ from hardcore.snapshot.stacks import find_tools
 from hardcore.taking import Taking
 
 THREADS_MAX = 4
-LIVES_KEPT_MAX = 4
 #: Keys of suspects in one line of the feed, which a gateway reads up to 64 KiB.
 SUSPECTS_A_LINE = 512
 #: What is under way when all is stopped gets this long: a last report, and evidence that a slow disk takes.
 FINISH_S = 30.0
 #: Whoever still lives when all is stopped gets this long to be gone, once killed.
 HALT_S = 1.0
-#: The launcher reaps an orphan within milliseconds; without its word a death is told as one of unknown cause.
-ORPHAN_LOOKS_MAX, ORPHAN_LOOK_S = 25, 0.002
 LOG_S = 1.0
-#: A core that serves says in milliseconds which code it runs.
-NAMED_S = 1.0
 #: A core says WATCHDOG=1 at least twice in this time; its silence is judged by the recorder, not by this.
 WATCHDOG_USEC = 2_000_000
 
@@ -92,6 +88,7 @@ class Executor:
         self.tools = find_tools()
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
         self._handover = Handover(folders, generation, self.steps, tell)
+        self._endings = Endings(self, folders, tell, self._handover.calm)
         self._making: set[str] = set()
         self._adopted_in = ""
         self._tasks: set[asyncio.Task[None]] = set()
@@ -126,8 +123,10 @@ class Executor:
             case orders.TakeEvidence():
                 done = self._taking.begun(action.incident)
                 self.begin(self._taking.take(action, self.lives.get(action.life), done))
-            case orders.SampleStacks() | orders.LookAtStore() | orders.SetSafe():
-                self._sense(action)
+            case orders.SampleStacks() | orders.LookAtStore() | orders.SetSafe() | orders.RestartComponent():
+                life = self.lives.get(action.life)
+                if life is not None and life.handle is not None:
+                    self.begin(self.senses.sense(action, life))
             case orders.Release():
                 self._release(action)
             case orders.CloseIncident():
@@ -207,18 +206,9 @@ class Executor:
             self._tell(seen.SpawnFailed(clock.now_ns(), number, _said(error)))
             return
         assert life.handle is not None, "it was made with its process"
-        self._keep_watch(life)
+        self._endings.keep_watch(life)
         self._making.discard(nonce)
         self._tell(seen.CoreSpawned(clock.now_ns(), number, life.handle.pid))
-
-    def _keep_watch(self, life: Life) -> None:
-        """From now on this life is ours: its end will be seen."""
-        assert life.handle is not None, "only a process ends"
-        self.lives[life.number] = life
-        try:
-            asyncio.get_running_loop().add_reader(life.handle.pidfd, self._ended, life)
-        except OSError as error:
-            logs.end_with(f"a core's end can't be watched: {error}")  # the next guard finds and ends it
 
     def _make(self, number: int, nonce: str, terms: Terms, living: set[str]) -> Life:
         if terms.spare:
@@ -235,62 +225,6 @@ class Executor:
             raise
         self.hint(None if terms.spare else "spawned", **life.named())
         return life
-
-    def _ended(self, life: Life) -> None:
-        """The pidfd is readable: the process is gone, or soon reapable."""
-        assert life.handle is not None, "a pidfd belongs to a handle"
-        at_ns = clock.now_ns()
-        how = life.handle.reap()
-        if how is None:
-            return
-        asyncio.get_running_loop().remove_reader(life.handle.pidfd)
-        life.ended = True
-        if life.handle.child:
-            self._over(life, how, at_ns)
-        else:
-            self.begin(self._orphan_over(life, at_ns))
-
-    async def _orphan_over(self, life: Life, at_ns: int) -> None:
-        """Only the launcher can read how an adopted core ended; it writes that down in a moment."""
-        how = None
-        for _ in range(ORPHAN_LOOKS_MAX):
-            how = how or life.orphans_exit()
-            if how is None:
-                await asyncio.sleep(ORPHAN_LOOK_S)
-        self._over(life, how or seen.Exit(), at_ns)
-
-    def _over(self, life: Life, how: seen.Exit, at_ns: int) -> None:
-        self.steps.absolve(life.nonce)
-        try:
-            page, kills, said = life.page(), life.oom_kills(), life.said(how)
-            self._tell(seen.CoreExited(at_ns, life.number, how, page, kills, said))
-        except Exception as error:  # noqa: BLE001  # a death that nobody was told of would never be answered
-            logs.end_with(f"the end of a core could not be told: {_said(error)}")
-        self.begin(self._name_code(life))
-        self.begin(self._bury(life))
-
-    async def _bury(self, ended: Life) -> None:
-        """Give back what a life that has just ended had to itself, and let go of those that are long over.
-
-        Of a spare nothing is kept: it has done nothing that its page could bear witness to.
-        """
-        await self.in_hand(ended.dissolve)
-        over = [number for number, life in sorted(self.lives.items()) if life.ended]
-        spares = [number for number in over if self.lives[number].spare]
-        for number in {*spares, *over[:-LIVES_KEPT_MAX]}:
-            life = self.lives.pop(number)
-            await self.in_hand(life.discard)
-
-    async def _name_code(self, life: Life) -> None:
-        """Learn which code a core runs that has not said so: from itself, or from the disk that it was just loaded from."""
-        if life.build or life.spare:
-            return
-        await self._handover.calm()
-        if not life.ended:
-            told = core_control.Told(self._folders.core_control(life.nonce), {"verb": "status"})
-            life.build = str((await told.answer(NAMED_S)).said.get("build", ""))
-        if not (life.build or life.adopted_ns):
-            life.build = await self.in_hand(build.build_id)
 
     def _ran(self, incident: orders.Incident) -> dict[str, object]:
         """Return what ran in an incident, as its facts say it; None: it is not known."""
@@ -325,7 +259,7 @@ class Executor:
         self.adoptable, self._adopted_in = None, self.filing.left_open
         life.number, life.adopted_ns = order.life, clock.now_ns()
         life.oom = memory.oom_counter(life.handle.pid)
-        self._keep_watch(life)
+        self._endings.keep_watch(life)
         self.mark("adopted", life=life.number, **life.named())
 
     def reject(self, life: Life, why: str) -> None:
@@ -363,20 +297,6 @@ class Executor:
 
     # A life whose process is still being made gets no order here: the manager repeats it when it is told of
     # the process (SPAWNED), so that an order to nobody is not lost.
-
-    def _sense(self, order: orders.SampleStacks | orders.LookAtStore | orders.SetSafe) -> None:
-        life = self.lives.get(order.life)
-        if life is None or life.handle is None:
-            return
-        match order:
-            case orders.SampleStacks():
-                self.begin(self.senses.sample_stacks(life))
-            case orders.LookAtStore():
-                self.begin(self.senses.look_at_store(life))
-            case orders.SetSafe():
-                self.begin(self.senses.set_safe(life, order.reason, on=order.on))
-            case _:
-                assert_never(order)
 
     async def confine(self, life: Life) -> str | None:
         """Give a core a memory group of its own, for the drill; return why that can't be done, None when it is."""
@@ -442,7 +362,7 @@ class Executor:
         told = {"released_at": clock.wall(at_ns), "incident_released": order.incident}
         self.begin(self.in_hand(functools.partial(self.mark, "released", **told)))
         self.begin(self.filing.served_again(at_ns))
-        self.begin(self._name_code(life))
+        self.begin(self._endings.name_code(life))
 
     def _waited_in(self, incident: str | None) -> str | None:
         """Return the incident in which people wait now: it may be one that an earlier guard did not live to end."""

@@ -8,13 +8,14 @@ surveys, and the health is asked for on the loop without waiting. What is not ba
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, assert_never
 
 from hardcore.host import capability, clock, core_control, files, locks, probe
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.survey import Survey
 from hardcore.model import observations as seen
+from hardcore.model.actions import LookAtStore, RestartComponent, SampleStacks, SetSafe
 from hardcore.model.verdicts import Diagnosis
 from hardcore.snapshot import stacks
 from hardcore.snapshot.subject import Tools
@@ -26,7 +27,12 @@ FRESH_NS = 30_000_000_000
 PROBE_S = 1.0
 #: A core that goes safe only says so; one that is to leave it makes a write of its own first.
 SAFE_ON_S, SAFE_OFF_S = 2.0, 4.0
+#: A part that is ended and begun anew may have something under way to be ended first.
+COMPONENT_S = 5.0
 CLOSE_S = 0.5
+
+#: Orders for which a living core is asked or looked at, beside the tick.
+Sensing = SampleStacks | LookAtStore | SetSafe | RestartComponent
 
 
 class Senses:
@@ -56,6 +62,20 @@ class Senses:
             return b""
         whose, at_ns, raw = self._stacks
         return raw if whose == life and clock.now_ns() - at_ns < FRESH_NS else b""
+
+    async def sense(self, order: Sensing, life: Life) -> None:
+        """Carry out an order that a living core is asked or looked at for; what comes of it is told."""
+        match order:
+            case SampleStacks():
+                await self.sample_stacks(life)
+            case LookAtStore():
+                await self.look_at_store(life)
+            case SetSafe():
+                await self.set_safe(life, order.reason, on=order.on)
+            case RestartComponent():
+                await self.restart_component(life, order.name)
+            case _:
+                assert_never(order)
 
     async def sample_stacks(self, life: Life) -> None:
         """Look at all stacks without stopping anything; the answer comes in any case."""
@@ -99,6 +119,13 @@ class Senses:
         within_s = SAFE_ON_S if on else SAFE_OFF_S
         refused = await core_control.give(self._folders.core_control(life.nonce), order, within_s)
         told = seen.SafeSwitched(clock.now_ns(), life.number, on=on, done=not refused, reason=refused)
+        self._tell(told)
+
+    async def restart_component(self, life: Life, name: str) -> None:
+        """Have the serving core start one of its parts anew; the answer comes in any case."""
+        order = {"verb": "component", "name": name, "generation": self._generation}
+        refused = await core_control.give(self._folders.core_control(life.nonce), order, COMPONENT_S)
+        told = seen.ComponentRestarted(clock.now_ns(), life.number, name, done=not refused, reason=refused)
         self._tell(told)
 
     async def probe_on(self, serving: Callable[[], Life | None], interval_s: float) -> None:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from hardcore import endings, handover
 from hardcore import executor as hands
-from hardcore import handover
 from hardcore.executor import Executor
 from hardcore.host import clock, lives, logs, processes, steps
 from hardcore.host.folders import Folders
@@ -262,7 +262,7 @@ def on_stage(house: Folders, core: Core | None, play: Callable[[Scene], Awaitabl
         argv = [sys.executable, "-c", "import time; time.sleep(600)"]
         handle = processes.spawn(argv, lives.clean_environment(), house.logs / "log", house.data)
         life = lives.Life(3, "a" * 16, house, None, handle, spare=True)
-        executor._keep_watch(life)
+        executor._endings.keep_watch(life)
         server = None
         if core is not None:
             server = await asyncio.start_unix_server(core.serve, str(house.core_control(life.nonce)))
@@ -412,11 +412,11 @@ def test_nothing_of_ours_lives_when_all_is_halted(house: Folders) -> None:
 
 def test_a_core_that_serves_is_kept_however_many_spares_have_come_and_gone_since(house: Folders) -> None:
     async def play(scene: Scene) -> None:
-        for number in range(4, 4 + 2 * hands.LIVES_KEPT_MAX):
+        for number in range(4, 4 + 2 * endings.LIVES_KEPT_MAX):
             gone = lives.conceive(house, number)
             gone.ended = gone.spare = True
             scene.executor.lives[number] = gone
-            await scene.executor._bury(gone)
+            await scene.executor._endings.bury(gone)
         assert set(scene.executor.lives) == {3}
         assert list(house.run.glob("recorder-*")) == [], "nothing of a spare is kept"
 
