@@ -6,6 +6,9 @@ children of a dead sentinel become its own, so that their exit statuses can be r
 `exits/`. It holds the TCP listener open over every death below it. Ctrl-C and TERM are passed on to whichever
 sentinel holds the lock; that one stops everything and ends with 0, and then so does this.
 
+A service manager above it is told three things, each taken from what can be seen from here: READY when somebody answers
+at the listener, WATCHDOG while the sentinel's own beat goes on, STOPPING when it was told to stop.
+
 Arguments: the data folder, the run folder, the listener's descriptor, the URL.
 """
 
@@ -25,6 +28,20 @@ SHORT_LIFE_S = 1.0
 PAUSE_S = 0.5
 ANOTHER_WATCHES = 3
 UNUSABLE = 78
+
+#: What a service manager says to the process it has started, and to none of that one's children.
+FOR_US_ALONE = (
+    "NOTIFY_SOCKET",
+    "WATCHDOG_USEC",
+    "WATCHDOG_PID",
+    "LISTEN_PID",
+    "LISTEN_FDS",
+    "LISTEN_FDNAMES",
+)
+#: How often it is tried whether somebody answers, until somebody does; and how long one try may take.
+TRY_MS, TRY_S = 250, 0.2
+#: Where the beat of the sentinel's loop stands in its page (docs/wires.md section 17).
+BEAT_AT, BEAT_BYTES = 40, 8
 
 
 def start_of(pid: int) -> int | None:
@@ -50,11 +67,82 @@ def say(words: bytes) -> None:
         os.write(2, words)
 
 
+class Manager:
+    """A service manager that asked to be told how it goes; without one, nothing is looked at and nothing is said."""
+
+    def __init__(self, page: str, listen_fd: int) -> None:
+        told = {name: os.environ.pop(name, "") for name in FOR_US_ALONE}
+        self.page, self.listen_fd = page, listen_fd
+        self.address = told["NOTIFY_SOCKET"].replace("@", "\0", 1)
+        usec = told["WATCHDOG_USEC"] if told["WATCHDOG_PID"] in {"", str(os.getpid())} else ""
+        # A third of what it waits for: half is what it asks for, and a turn may be late.
+        self.beat_ms = max(1, int(usec) // 3000) if usec.isdigit() else None
+        self.ready = False
+        self.beat = b""
+
+    def pause_ms(self) -> int | None:
+        """How long to wait until there may be something to tell; None: for ever."""
+        if not self.address:
+            return None
+        return self.beat_ms if self.ready else TRY_MS
+
+    def tell(self) -> None:
+        """Say what has become true since the last time."""
+        if not self.address:
+            return
+        if not self.ready and self.answered():
+            self.ready = self.say(b"READY=1")
+        beat = self.last_beat()
+        if self.beat_ms is not None and beat not in {b"", self.beat}:
+            self.beat = beat
+            self.say(b"WATCHDOG=1")
+
+    def last_beat(self) -> bytes:
+        """Return the time of the sentinel's last beat as it stands in its page; empty if there is none."""
+        try:
+            fd = os.open(self.page, os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:
+            return b""
+        try:
+            return os.pread(fd, BEAT_BYTES, BEAT_AT)
+        finally:
+            os.close(fd)
+
+    def answered(self) -> bool:
+        """Ask at our own listener; return whether somebody has answered. What was answered is not our business."""
+        import socket  # half a megabyte, which only a launcher under a service manager needs
+
+        try:
+            with socket.socket(fileno=os.dup(self.listen_fd)) as ours:
+                family, address = ours.family, ours.getsockname()
+            with socket.socket(family, socket.SOCK_STREAM) as client:
+                client.settimeout(TRY_S)
+                client.connect(address)
+                client.sendall(b"GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
+                return client.recv(5) == b"HTTP/"
+        except OSError:
+            return False
+
+    def say(self, words: bytes) -> bool:
+        """Send it a datagram; return whether it was taken. It may be restarting itself, and must not stop us."""
+        if not self.address:
+            return False
+        import socket  # as above
+
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as out:
+                out.sendto(words, self.address)
+        except OSError:
+            return False
+        return True
+
+
 class Launcher:
     """Holds the listener, a sentinel's pidfd, and whether we were told to stop."""
 
     def __init__(self, data: str, run: str, listen_fd: int, url: str) -> None:
         self.data, self.run, self.listen_fd, self.url = data, run, listen_fd, url
+        self.manager = Manager(f"{run}/sentinel.page", listen_fd)
         self.told = False
         self.child = 0
         self.pidfd = -1
@@ -72,6 +160,7 @@ class Launcher:
         first, self.told = not self.told, True
         self.forward()
         if first:
+            self.manager.say(b"STOPPING=1")
             say(b"\nStopping: the core finishes what it has.\n")
 
     def forward(self) -> None:
@@ -145,7 +234,8 @@ class Launcher:
         poll.register(self.pidfd, select.POLLIN)
         gone = False
         while not gone:
-            gone = any(fd == self.pidfd for fd, _event in poll.poll())
+            self.manager.tell()
+            gone = any(fd == self.pidfd for fd, _event in poll.poll(self.manager.pause_ms()))
             with contextlib.suppress(BlockingIOError):
                 os.read(self.wakeup, 4096)
             self.reap()

@@ -21,6 +21,8 @@ from hardcore.host.folders import Folders, Unusable, locate, prepare, prepare_da
 from hardcore.recovery.policy import Policy, PolicyFault
 
 BACKLOG = 1024
+#: The first descriptor that a service manager hands over.
+HANDED_FD = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,17 +105,25 @@ def _held_if_there(path: Path) -> bool:
 
 
 def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: str) -> Ready | Refused:
+    handed = _handed(lang)
+    if isinstance(handed, Refused):
+        return handed
     living = _attach(folders)
+    if living is not None and handed is not None and not _same_socket(living[0], handed.fileno()):
+        # Nobody would answer at the other address.
+        return Refused(text("already_running", lang, url=living[1]))
     warning = _settle_policy(folders, policy, lang, attached=living is not None)
     if isinstance(warning, Refused):
         return warning
     if living is not None:
         return Ready(folders, *living, attached=True, warning=warning)
-    listener = _listen(host, port, lang)
+    listener = handed if handed is not None else _listen(host, port, lang)
     if isinstance(listener, Refused):
         return listener
     # Only now: a start that was refused must not have changed what is wanted.
     standing.want_up(folders)
+    # By the name that was asked for: a cookie of `localhost` is none of 127.0.0.1.
+    host = host if handed is None else str(listener.getsockname()[0])
     shown = f"[{host}]" if ":" in host else host
     port = listener.getsockname()[1]
     return Ready(folders, listener.detach(), f"http://{shown}:{port}", attached=False, warning=warning)
@@ -185,6 +195,29 @@ def _attach(folders: Folders) -> tuple[int, str] | None:
     if len(fds) != 1 or not isinstance(answer.get("url"), str):
         return None
     return fds[0], str(answer["url"])
+
+
+def _handed(lang: str) -> socket.socket | Refused | None:
+    """Return the listener that a service manager has opened for us (`LISTEN_FDS`); None: it has opened none."""
+    meant_for, count = (os.environ.pop(name, "") for name in ("LISTEN_PID", "LISTEN_FDS"))
+    if meant_for != str(os.getpid()) or count in {"", "0"}:
+        return None
+    try:
+        handed = socket.socket(fileno=HANDED_FD)
+        listens = handed.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
+    except OSError:
+        return Refused(text("handed_unfit", lang))
+    fit = count == "1" and listens and handed.type == socket.SOCK_STREAM
+    if not fit or handed.family not in {socket.AF_INET, socket.AF_INET6}:
+        return Refused(text("handed_unfit", lang))
+    host = str(handed.getsockname()[0])
+    if _loopback(host) is None:
+        return Refused(text("loopback_only", lang, host=host), 2)
+    return handed
+
+
+def _same_socket(one: int, other: int) -> bool:
+    return os.path.samestat(os.fstat(one), os.fstat(other))
 
 
 def _listen(host: str, port: int, lang: str) -> socket.socket | Refused:
