@@ -10,7 +10,7 @@ ARGS ?=
 export PORT DATA PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help run demo test check lint fast bench peers simulate screenshots lock venv venv-dev
+.PHONY: help run demo test check lint fast bench campaign peers simulate screenshots lock venv venv-dev
 MAKEFLAGS += --no-print-directory
 
 help:
@@ -22,6 +22,7 @@ help:
 	@echo '  make check      format, lint, types, import laws, fast tests; under a minute'
 	@echo '  make bench      the numbers, measured on this machine beside their baselines (BENCH=deaths for one part)'
 	@echo '  make peers      put the supervisors that BENCH=peers compares with under ./var/peers'
+	@echo '  make campaign   random faults on living processes, and an audit after each run (RUNS=20)'
 	@echo '  make simulate   many simulated crises (SEEDS=5000), or one again (SEED=1234)'
 	@echo '  make screenshots   pictures of every state into ./var/screenshots (needs a Chromium)'
 	@echo '  make lock       write the two locks anew from pyproject.toml (needs uv)'
@@ -66,6 +67,9 @@ bench: venv-dev
 
 peers: venv-dev
 	@sh scripts/peers
+
+campaign: venv-dev
+	@exec .venv/bin/python -m tests.campaign --runs $(or $(RUNS),20) $(ARGS)
 
 simulate: venv-dev
 	@exec .venv/bin/python -m tests.simulation $(if $(SEED),--seed $(SEED)) $(if $(SEEDS),--seeds $(SEEDS)) $(ARGS)

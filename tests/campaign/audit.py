@@ -126,7 +126,7 @@ class Audit:
             )
             folder = self.house.folders.incidents / item["id"]
             until(partial(_reported, folder), f"(6) a report of {item['id']}", START_S)
-        told = [fault for fault in hit if fault.called and fault.name != "term"]
+        told = [fault for fault in hit if fault.called]
         hold(new or not told, f"(6) {[fault.name for fault in told]} left no incident")
         return [(item["diagnosis"], item["detected_ms"], item["outage_ms"]) for item in new]
 

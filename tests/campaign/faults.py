@@ -130,7 +130,7 @@ FAULTS: Final = (
     Fault("segv", signalled(CORE, signal.SIGSEGV), _CORE, frozenset({"CRASHED"})),
     Fault("abort", signalled(CORE, signal.SIGABRT), _CORE, frozenset({"CRASHED"}), 1),
     Fault("bus", signalled(CORE, signal.SIGBUS), _CORE, frozenset({"CRASHED"}), 1),
-    Fault("term", signalled(CORE, signal.SIGTERM), _CORE, frozenset({"STOPPED_FROM_OUTSIDE", "EXITED"})),
+    Fault("term", signalled(CORE, signal.SIGTERM), _CORE, frozenset({"KILLED_FROM_OUTSIDE"})),
     Fault("freeze", signalled(CORE, signal.SIGSTOP), _CORE, frozenset({"FROZEN"}), 3),
     Fault("short stop", stopped_for(CORE, SHORT_STOP_S)),
     Fault("drill exit", drilled("exit"), _CORE, frozenset({"EXITED"})),

@@ -25,6 +25,8 @@ GAP_S_MAX: Final = 1.2
 CLIENTS: Final = 3
 #: It has to work again, or to say that it needs a person, by then.
 QUIET_S: Final = 90.0
+#: Rest counts when it has lasted longer than a hang takes to be confirmed: a fault may not show before.
+REST_S: Final = 2.0
 _LOOK_S: Final = 0.05
 
 
@@ -113,9 +115,12 @@ def plan(chance: random.Random) -> tuple[Strike, ...]:
 def quiet(house: House) -> int:
     """Wait until it works and nothing is open; say `resume` where it waits for a person, and return how often."""
     give_up_at, asked, pause = time.monotonic() + QUIET_S, 0, threading.Event()
+    rested_s = time.monotonic()
     while True:
         told = house.status()
-        if told and _at_rest(told):
+        if not (told and _at_rest(told)):
+            rested_s = time.monotonic()
+        elif time.monotonic() - rested_s >= REST_S:
             return asked
         if told.get("state") == "MANUAL_INTERVENTION":
             asked += 1

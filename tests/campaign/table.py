@@ -15,7 +15,7 @@ def _shares(values: Sequence[int]) -> str:
         return "-"
     ordered = sorted(values)
     at = [ordered[min(len(ordered) - 1, int(len(ordered) * share))] for share in (0.95, 0.99)]
-    return f"{statistics.median(ordered):.0f} / {at[0]} / {at[1]}"
+    return f"{statistics.median(ordered):.0f} / {at[0]:.0f} / {at[1]:.0f}"
 
 
 def _by_diagnosis(told: Sequence[Told]) -> dict[str, tuple[list[int], list[int]]]:
