@@ -71,12 +71,42 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "상태에만 나타나고, 이것 때문에 무엇도 종료하지 않아요.",
         "Only shown: nothing is ever ended for it.",
     ),
-    "not-made": _text(
-        "이 버전은 아직 이 진단을 내리지 않아요.",
-        "This version does not make this diagnosis yet.",
+    "part-silent": _text(
+        "할 일이 있는데도 한 부분의 신호가 정해진 시간 동안 없고, 다른 부분은 움직이면 대응해요.",
+        "Acted on when a part has work and gives no sign for its limit, while the others go on.",
+    ),
+    "over-limit": _text(
+        "핵심 서버의 메모리가 {memory_limit_mb} MB 위에 머물면 대응해요 (memory_limit_mb).",
+        "Acted on when the core's memory stays above {memory_limit_mb} MB (memory_limit_mb).",
+    ),
+    "foreseen": _text(
+        "지금의 증가로 {forecast_horizon_sec}초 안에 한도에 닿고(forecast_horizon_sec), 그 예측이 "
+        "{forecast_confirm_sec}초 동안 이어지면 대응해요 (forecast_confirm_sec).",
+        "Acted on when the growth reaches the limit within {forecast_horizon_sec} s (forecast_horizon_sec) even at its "
+        "slowest, and the forecast has stood for {forecast_confirm_sec} s (forecast_confirm_sec).",
+    ),
+    "sentinel-gone": _text(
+        "감시자가 종료되거나, 두 가지 증거로 멈춘 것이 확인되면 대응해요.",
+        "Acted on when the guard has ended, or two kinds of evidence say that it stands still.",
+    ),
+    "gateway-gone": _text(
+        "관문이 종료되면 바로, 멈추면 두 가지 증거가 {confirm_hang_ms} ms 동안 맞을 때 대응해요 (confirm_hang_ms).",
+        "Acted on at once when it has ended; when it stands still, after two kinds of evidence for "
+        "{confirm_hang_ms} ms (confirm_hang_ms).",
+    ),
+    "only-recorded": _text(
+        "지금은 observe 모드예요. 아래 일은 하지 않고, 했을 일만 기록해요.",
+        "The mode is observe: none of the following is done, only that it would have been is recorded.",
+    ),
+    "waits-for-word": _text(
+        "지금은 assist 모드예요. 알림만 보내고, 아래 일은 `hardcore resume`이나 `hardcore restart` 뒤에 해요.",
+        "The mode is assist: you are told, and the following is done after `hardcore resume` or `hardcore restart`.",
     ),
     "nothing": _text("아무것도 하지 않아요.", "Nothing is done."),
-    "alert": _text("감시자의 기록에 알림을 남겨요.", "An alert is written into the guard's log."),
+    "alert": _text(
+        "알림을 보내요. 알림 통로가 없으면 감시자의 기록에만 남아요.",
+        "You are told by the channels of the policy; without any, only the guard's log says it.",
+    ),
     "evidence-first": _text(
         "증거를 먼저 남겨요. 길어도 {snapshot_budget_ms} ms예요 (snapshot_budget_ms).",
         "The evidence is taken first, in {snapshot_budget_ms} ms at most (snapshot_budget_ms).",
@@ -144,9 +174,47 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "다시 켜지 않고 `hardcore resume`을 기다려요.",
         "None is started: the guard waits for `hardcore resume`.",
     ),
-    "less-than-its-name": _text(
-        "정책의 낱말 가운데 이 버전에서 뜻이 더 좁은 것이 있어요. `hardcore policy check`에서 볼 수 있어요.",
-        "A word of the policy means less in this version than its name says; `hardcore policy check` names it.",
+    "shut-down": _text(
+        "핵심 서버를 끈 채로 둬요. `hardcore resume`을 할 때까지 저절로 켜지지 않아요.",
+        "The core stays down, and nothing starts it by itself until `hardcore resume`.",
+    ),
+    "part-started": _text(
+        "멈춘 부분만 다시 시작해요. 장부는 그동안 계속 대답해요.",
+        "That part alone is started anew; the ledger answers all the while.",
+    ),
+    "switched-in-quiet": _text(
+        "조용할 때 예비 서버로 바꿔요. 요청은 잃지 않아요.",
+        "In a quiet moment the spare takes over; no request is lost.",
+    ),
+    "gateway-started": _text(
+        "같은 주소에 새 관문을 바로 켜요. 브라우저는 저절로 다시 연결돼요.",
+        "Another gateway is started on the same address at once; browsers connect again by themselves.",
+    ),
+    "agents-start": _text(
+        "실행한 프로그램까지 없으면, 남은 관문이나 핵심 서버가 새 감시자를 켜요.",
+        "Where the launcher is gone too, the gateway or the core that is left starts another guard.",
+    ),
+    "agents-rest": _text(
+        "관문과 핵심 서버는 새 감시자를 켜지 않아요. 실행한 프로그램만 켤 수 있어요.",
+        "Neither gateway nor core starts another guard: only the launcher does.",
+    ),
+    "overdue": _text(
+        "{await_operator_sec}초 동안 아무도 오지 않으면 한 번 더 알려요 (await_operator_sec, on_await_timeout).",
+        "When nobody has come after {await_operator_sec} s, you are told again (await_operator_sec, on_await_timeout).",
+    ),
+    "overdue-restart": _text(
+        "{await_operator_sec}초 동안 아무도 오지 않으면 저절로 다시 켜요 (await_operator_sec, on_await_timeout).",
+        "When nobody has come after {await_operator_sec} s, it is restarted all the same (await_operator_sec, "
+        "on_await_timeout).",
+    ),
+    "overdue-reads": _text(
+        "{await_operator_sec}초 동안 아무도 오지 않으면 읽기만 받아요 (await_operator_sec, on_await_timeout).",
+        "When nobody has come after {await_operator_sec} s, reads only are served (await_operator_sec, "
+        "on_await_timeout).",
+    ),
+    "overdue-stop": _text(
+        "{await_operator_sec}초 동안 아무도 오지 않으면 꺼요 (await_operator_sec, on_await_timeout).",
+        "When nobody has come after {await_operator_sec} s, it is shut down (await_operator_sec, on_await_timeout).",
     ),
     "suspects-touched": _text(
         "그때 처리하던 명령은 장부에서 먼저 찾아요. 장부에 없으면 복사본에서 시험한 뒤, 문제가 없으면 한 번 실행하고 다시 "
@@ -201,6 +269,28 @@ DIAGNOSES: Final[Mapping[str, tuple[str, str]]] = {
     "OPERATOR": _text("사람이 다시 켜게 함", "somebody asked for a restart"),
     "PLANNED_SWITCH": _text("계획된 교체", "a planned switch"),
 }
+
+
+#: What a policy leaves out that somebody would miss -> (ko, en)
+NOTES: Final[Mapping[str, tuple[str, str]]] = {
+    "no_channels": _text(
+        "알림 통로가 없어요. 무슨 일이 생겨도 밖으로 알리지 않아요 (alerts).",
+        "There is no channel: nobody would be told of anything (alerts).",
+    ),
+    "observe": _text(
+        "observe 모드예요. 기록만 하고, 서버가 꺼져도 다시 켜지 않아요 (mode).",
+        "The mode is observe: it only records, and starts nothing that has died (mode).",
+    ),
+    "assist": _text(
+        "assist 모드예요. 무슨 일이 생기면 알리고 기다려요 (mode).",
+        "The mode is assist: whatever happens, it tells and waits (mode).",
+    ),
+}
+
+
+def note_words(name: str, lang: str) -> str:
+    """Return what a policy leaves out, as one sentence."""
+    return NOTES[name][LANGUAGES.index(lang)]
 
 
 def diagnosis_words(name: str, lang: str) -> str:

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import click
 
-from frontend.catalogue_policy import diagnosis_words, explained
+from frontend.catalogue_policy import diagnosis_words, explained, note_words
 from hardcore import standing
 from hardcore import up as starting
 from hardcore.asked import Asked, ask_policy, keep, operator, options
 from hardcore.lines import wrapped
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.explain import explain
-from hardcore.recovery.policy import Policy, in_full, notes
+from hardcore.recovery.policy import Policy, in_full
 
 USAGE = 2
 #: Of a name that is none, so much is shown.
@@ -47,10 +47,17 @@ def policy_check(asked: Asked, file: Path) -> None:
             click.echo(starting.policy_faults(file, found, asked.lang), err=True)
         sys.exit(1)
     asked.say("policy_good", path=file)
+    notes = [note_words(name, asked.lang) for name in _notes(found)]
     if not asked.json:
-        for note in notes(found):
-            click.echo(f"  {note}")
-    asked.tell({"ok": True, "notes": notes(found)})
+        for note in notes:
+            click.echo(f"  {wrapped(note, 2)}")
+    asked.tell({"ok": True, "notes": notes})
+
+
+def _notes(found: Policy) -> list[str]:
+    """Return what a policy leaves out that somebody would miss, by the names of its texts."""
+    mode = [] if found.mode == "act" else [found.mode]
+    return mode if found.alerts else [*mode, "no_channels"]
 
 
 @policy.command("show")

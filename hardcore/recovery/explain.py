@@ -10,7 +10,7 @@ from enum import StrEnum
 
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery import plan
-from hardcore.recovery.policy import EFFECT, LIVING, Policy, Word
+from hardcore.recovery.policy import FORECAST, LIVING, Policy, Word
 from hardcore.recovery.safety import PASSING
 from hardcore.recovery.trial import FROM_INSIDE
 
@@ -29,7 +29,13 @@ class Said(StrEnum):
     NOT_READY = "not-ready"
     BUDGET_SPENT = "budget-spent"
     NEVER_ACTED_ON = "never-acted-on"
-    NOT_MADE = "not-made"
+    PART_SILENT = "part-silent"
+    OVER_LIMIT = "over-limit"
+    FORESEEN = "foreseen"
+    SENTINEL_GONE = "sentinel-gone"
+    GATEWAY_GONE = "gateway-gone"
+    ONLY_RECORDED = "only-recorded"
+    WAITS_FOR_WORD = "waits-for-word"
     NOTHING = "nothing"
     ALERT = "alert"
     EVIDENCE_FIRST = "evidence-first"
@@ -48,7 +54,16 @@ class Said(StrEnum):
     SPARES_GIVEN_UP = "spares-given-up"
     SWITCH_GIVEN_UP = "switch-given-up"
     WAITS = "waits"
-    LESS_THAN_ITS_NAME = "less-than-its-name"
+    SHUT_DOWN = "shut-down"
+    PART_STARTED = "part-started"
+    SWITCHED_IN_QUIET = "switched-in-quiet"
+    GATEWAY_STARTED = "gateway-started"
+    AGENTS_START = "agents-start"
+    AGENTS_REST = "agents-rest"
+    OVERDUE = "overdue"
+    OVERDUE_RESTART = "overdue-restart"
+    OVERDUE_READS = "overdue-reads"
+    OVERDUE_STOP = "overdue-stop"
     SUSPECTS_TOUCHED = "suspects-touched"
     SUSPECTS_GROWN = "suspects-grown"
     SUSPECTS_NOBODY = "suspects-nobody"
@@ -84,43 +99,80 @@ _WHEN: Mapping[Diagnosis, tuple[tuple[Said, tuple[str, ...]], ...]] = {
     Diagnosis.DISK_STALLED: ((Said.SLOW_WRITE, ("disk_slow_ms",)),),
     Diagnosis.STARTUP_FAILED: ((Said.NOT_READY, ("startup_timeout_ms",)),),
     Diagnosis.CRASH_LOOP: ((Said.BUDGET_SPENT, ("max_restart_count", "restart_window_sec")),),
+    Diagnosis.COMPONENT_STALLED: ((Said.PART_SILENT, ()),),
+    Diagnosis.MEMORY_PRESSURE: ((Said.OVER_LIMIT, ("memory_limit_mb",)),),
+    Diagnosis.LEAK: ((Said.FORESEEN, ("forecast_horizon_sec", "forecast_confirm_sec")),),
+    Diagnosis.FD_EXHAUSTION: ((Said.FORESEEN, ("forecast_horizon_sec", "forecast_confirm_sec")),),
+    Diagnosis.SENTINEL_LOST: ((Said.SENTINEL_GONE, ()),),
+    Diagnosis.GATEWAY_LOST: ((Said.GATEWAY_GONE, ("confirm_hang_ms",)),),
     Diagnosis.STARVED: ((Said.NEVER_ACTED_ON, ()),),
     Diagnosis.SLEPT: ((Said.NEVER_ACTED_ON, ()),),
 }
-#: Diagnoses that a policy may already name and that nothing makes yet.
-_NOT_MADE = frozenset(
-    {
-        Diagnosis.COMPONENT_STALLED,
-        Diagnosis.MEMORY_PRESSURE,
-        Diagnosis.LEAK,
-        Diagnosis.FD_EXHAUSTION,
-        Diagnosis.GATEWAY_LOST,
-    }
-)
-
-
 #: What concerns no core that serves: only a person is told, and what goes on.
 _BESIDE = {
     Diagnosis.SPARE_LOST: Said.SPARES_GIVEN_UP,
     Diagnosis.PLANNED_SWITCH: Said.SWITCH_GIVEN_UP,
 }
+#: What each word means once nobody has come in time.
+_OVERDUE = {
+    Word.SEND_ALERT: Said.OVERDUE,
+    Word.REBOOT_PROCESS: Said.OVERDUE_RESTART,
+    Word.SAFE_MODE_ENTER: Said.OVERDUE_READS,
+    Word.SHUTDOWN: Said.OVERDUE_STOP,
+}
+#: Deeds after which a person is waited for.
+_WAITING = frozenset({Said.WAITS, Said.LEFT_ALONE, Said.READS_UNTIL_RESUME})
 
 
 def explain(policy: Policy, diagnosis: Diagnosis) -> tuple[Line, ...]:
     """Return all that is true of this diagnosis under this policy, in the order in which it would happen."""
-    if diagnosis in _NOT_MADE:
-        return (Line(Said.NOT_MADE),)
     if diagnosis in _BESIDE:
-        alerts = (Line(Said.ALERT),) if policy.asks(diagnosis, Word.SEND_ALERT) else ()
+        alerts = (Line(Said.ALERT),) if _tells(policy, diagnosis) else ()
         return (*alerts, Line(_BESIDE[diagnosis]))
     when = [_line(policy, said, *names) for said, names in _WHEN.get(diagnosis, ((Said.AT_ONCE, ()),))]
     if when[0].said is Said.NEVER_ACTED_ON:
         return tuple(when)
-    return (*when, *_deeds(policy, diagnosis), _suspects(diagnosis))
+    if diagnosis in {Diagnosis.SENTINEL_LOST, Diagnosis.GATEWAY_LOST}:
+        return (*when, *_of_the_guard(policy, diagnosis))
+    deeds = _deeds(policy, diagnosis)
+    suspects = () if diagnosis in FORECAST | {Diagnosis.COMPONENT_STALLED} else (_suspects(diagnosis),)
+    return (*when, *_held_back(policy), *deeds, *_late(policy, deeds), *suspects)
+
+
+def _tells(policy: Policy, diagnosis: Diagnosis) -> bool:
+    return policy.asks(diagnosis, Word.SEND_ALERT) and policy.mode != "observe"
+
+
+def _held_back(policy: Policy) -> list[Line]:
+    """Say what the mode makes of what follows."""
+    match policy.mode:
+        case "observe":
+            return [Line(Said.ONLY_RECORDED)]
+        case "assist":
+            return [Line(Said.WAITS_FOR_WORD)]
+        case _:
+            return []
+
+
+def _late(policy: Policy, deeds: list[Line]) -> list[Line]:
+    """Say what is done when nobody comes, where somebody is waited for."""
+    waits = policy.mode == "assist" or any(line.said in _WAITING for line in deeds)
+    if policy.mode == "observe" or not waits:
+        return []
+    words = [word for word in _OVERDUE if word in policy.on_await_timeout]
+    return [_line(policy, _OVERDUE[word], "await_operator_sec") for word in words]
+
+
+def _of_the_guard(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
+    """Say what becomes of the guard itself, or of its gateway: no policy leaves a household without either."""
+    lines = [Line(Said.ALERT)] if _tells(policy, diagnosis) else []
+    lines.append(Line(Said.ADOPTED if diagnosis is Diagnosis.SENTINEL_LOST else Said.GATEWAY_STARTED))
+    started = policy.asks(diagnosis, Word.REBOOT_PROCESS)
+    return [*lines, Line(Said.AGENTS_START if started else Said.AGENTS_REST)]
 
 
 def _deeds(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
-    lines = [Line(Said.ALERT)] if policy.asks(diagnosis, Word.SEND_ALERT) else []
+    lines = [Line(Said.ALERT)] if _tells(policy, diagnosis) else []
     ended = policy.asks(diagnosis, Word.REBOOT_PROCESS)
     if policy.asks(diagnosis, Word.SNAPSHOT):
         lines.append(_evidence(policy, diagnosis, ended=ended))
@@ -128,10 +180,12 @@ def _deeds(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
         lines.append(Line(Said.READS_ONLY))
         tries = _line(policy, Said.TRIES_TO_WRITE, "safe_retry_ms")
         lines.append(tries if diagnosis in PASSING else Line(Said.READS_UNTIL_RESUME))
-    elif diagnosis is Diagnosis.SENTINEL_LOST:
-        lines.append(Line(Said.ADOPTED))
-    elif ended:
+    elif policy.asks(diagnosis, Word.SHUTDOWN):
+        lines.append(Line(Said.SHUT_DOWN))
+    elif ended and diagnosis is not Diagnosis.COMPONENT_STALLED:
         lines.append(Line(Said.ENDED_AND_STARTED if diagnosis in LIVING else Said.STARTED_AGAIN))
+    elif diagnosis in FORECAST | {Diagnosis.COMPONENT_STALLED}:
+        lines += _of_a_part(policy, diagnosis)
     elif diagnosis in LIVING and policy.words(diagnosis) != {Word.NONE}:
         lines.append(Line(Said.LEFT_ALONE if plan.left_alone(policy, diagnosis) else Said.GOES_ON))
     elif policy.words(diagnosis) != {Word.NONE}:
@@ -140,9 +194,15 @@ def _deeds(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
         lines.append(_line(policy, Said.WAITS_FOR_LOCK, "backoff_max_ms"))
         if plan.may_read(policy, diagnosis, tried=False):
             lines.append(Line(Said.READS_MEANWHILE))
-    if any(word in EFFECT for word in policy.words(diagnosis)):
-        lines.append(Line(Said.LESS_THAN_ITS_NAME))
     return lines or [Line(Said.NOTHING)]
+
+
+def _of_a_part(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
+    """Say what is done while the core answers: one part of it, or another core in a quiet moment."""
+    lines = [Line(Said.PART_STARTED)] if policy.asks(diagnosis, Word.RESTART_COMPONENT) else []
+    if policy.asks(diagnosis, Word.PLANNED_SWITCH):
+        lines.append(Line(Said.SWITCHED_IN_QUIET))
+    return lines
 
 
 def _evidence(policy: Policy, diagnosis: Diagnosis, *, ended: bool) -> Line:

@@ -61,13 +61,14 @@ def _classes() -> Iterator[type]:
     yield Limits
 
 
-#: Nothing a client wrote or an exception quotes, and nothing of a page that no decision rests on.
+#: Nothing a client wrote or an exception quotes, nothing of a page that no decision rests on, and no channel's address.
 CODEC = Codec(
     _classes(),
     {
         CommandNote: {"payload": b""},
         LastWords: {"text": ""},
         Page: {"events": (), "censuses": ()},
+        policy.Policy: {"alerts": ()},
     },
 )
 

@@ -1,9 +1,8 @@
 """`failover_policy.json`: what is done on which diagnosis, and every number of the watch.
 
 The file is read whole or refused whole, with the line and the reason of everything that is wrong; a bad
-file never replaces a good one. Words of the contract that this version can't carry out in full are taken
-in their nearest honest sense (`EFFECT` below) and named by `notes`, so that nobody believes in what
-is not there.
+file never replaces a good one. A word that could not be done on a diagnosis is refused there, with the reason, so that
+nobody believes in what is not there; to take it in its nearest sense was tried, and nobody read the note beside it.
 """
 
 import dataclasses
@@ -14,6 +13,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.channels import Channel, read_channels
+from hardcore.recovery.located import Broken, Located, Path, nearest, parse
 from hardcore.settings import Fault, Limits, read, setting
 
 VERSION = 1
@@ -37,17 +38,11 @@ class Word(StrEnum):
     NONE = "NONE"
 
 
-#: What a word means here, where that is less than its name says.
-EFFECT = {
-    Word.RESTART_COMPONENT: (Word.REBOOT_PROCESS, "components are not restarted alone yet: the core is"),
-    Word.PLANNED_SWITCH: (Word.REBOOT_PROCESS, "no quiet moment is waited for yet: the core is restarted"),
-    Word.SHUTDOWN: (Word.AWAIT_OPERATOR, "the core stays down; the guard goes on and waits for you"),
-}
-
 _RESTART = frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.REBOOT_PROCESS})
 _WAIT = frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.AWAIT_OPERATOR})
 _TELL = frozenset({Word.SEND_ALERT})
 _READ = frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.SAFE_MODE_ENTER})
+_SWITCH = frozenset({Word.SEND_ALERT, Word.PLANNED_SWITCH})
 
 #: What is done on a diagnosis that the policy does not list. Total: a new diagnosis needs a line here.
 DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
@@ -70,10 +65,10 @@ DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
     Diagnosis.DISK_READ_ONLY: _READ,
     Diagnosis.DISK_STALLED: _READ,
     Diagnosis.STORE_CORRUPT: _READ | {Word.AWAIT_OPERATOR},
-    Diagnosis.COMPONENT_STALLED: _TELL,
-    Diagnosis.MEMORY_PRESSURE: _TELL,
-    Diagnosis.LEAK: _TELL,
-    Diagnosis.FD_EXHAUSTION: _TELL,
+    Diagnosis.COMPONENT_STALLED: _SWITCH | {Word.RESTART_COMPONENT},
+    Diagnosis.MEMORY_PRESSURE: _SWITCH,
+    Diagnosis.LEAK: _SWITCH,
+    Diagnosis.FD_EXHAUSTION: _SWITCH,
     Diagnosis.STARTUP_FAILED: _RESTART,
     Diagnosis.CRASH_LOOP: _WAIT,
     Diagnosis.CONFIG_INVALID: _WAIT,
@@ -109,6 +104,7 @@ LIVING = HUNG | {
     Diagnosis.DISK_READ_ONLY,
     Diagnosis.DISK_STALLED,
     Diagnosis.STORE_CORRUPT,
+    Diagnosis.COMPONENT_STALLED,
 }
 #: Diagnoses of a core that is gone, or never came: there is nothing left to keep.
 _GONE = frozenset(
@@ -126,6 +122,11 @@ _GONE = frozenset(
         Diagnosis.SENTINEL_LOST,
     }
 )
+#: Forecasts: nothing has happened yet.
+FORECAST = frozenset({Diagnosis.MEMORY_PRESSURE, Diagnosis.LEAK, Diagnosis.FD_EXHAUSTION})
+#: A core that answers and is worth another one in a quiet moment.
+_SWITCHABLE = FORECAST | {Diagnosis.COMPONENT_STALLED}
+_BESIDE = frozenset({Diagnosis.GATEWAY_LOST, Diagnosis.SPARE_LOST})
 #: Only shown, whatever they are given.
 _ONLY_SHOWN = frozenset({Diagnosis.STARVED, Diagnosis.SLEPT})
 #: What is done on them is no policy's: a person asked for it, or what was found has to be ended.
@@ -150,9 +151,29 @@ _UNDOABLE: tuple[tuple[frozenset[Word], frozenset[Diagnosis], str], ...] = (
         "another core is started in any case",
     ),
     (
-        frozenset({Word.REBOOT_PROCESS, Word.RESTART_COMPONENT, Word.PLANNED_SWITCH}),
+        frozenset({Word.REBOOT_PROCESS}),
         frozenset({Diagnosis.CRASH_LOOP}),
         "a spent budget is tried again after slow_retry_sec, and no sooner",
+    ),
+    (
+        frozenset({Word.RESTART_COMPONENT}),
+        frozenset(Diagnosis) - {Diagnosis.COMPONENT_STALLED} - _ONLY_SHOWN,
+        "only a part that stands still while the others go on can be started anew alone",
+    ),
+    (
+        frozenset({Word.PLANNED_SWITCH}),
+        frozenset(Diagnosis) - _SWITCHABLE - _ONLY_SHOWN,
+        "a switch in a quiet moment is for a core that still answers: REBOOT_PROCESS",
+    ),
+    (
+        frozenset(Word) - {Word.SEND_ALERT, Word.SNAPSHOT, Word.PLANNED_SWITCH, Word.NONE},
+        FORECAST,
+        "nothing has happened yet: PLANNED_SWITCH replaces the core in a quiet moment, SEND_ALERT tells you",
+    ),
+    (
+        frozenset({Word.DEGRADE, Word.SAFE_MODE_ENTER, Word.AWAIT_OPERATOR, Word.SHUTDOWN}),
+        _BESIDE,
+        "the core that serves has nothing to do with it",
     ),
 )
 
@@ -177,7 +198,11 @@ class Policy:
     """The policy in force. Units stand at the end of each name."""
 
     version: int = setting(VERSION, "format of this file", low=VERSION, high=VERSION)
-    mode: str = setting("act", "what the guard may do", words=("act", "assist", "observe"))
+    mode: str = setting(
+        "act",
+        "what the guard may do: act; assist tells you and waits for your word; observe only records",
+        words=("act", "assist", "observe"),
+    )
     health_check_interval_ms: int = setting(100, "time between two looks at the core", low=10, high=10_000)
     health_check_timeout_ms: int = setting(300, "a beat older than this is late", low=30, high=600_000)
     failure_threshold: int = setting(3, "looks in a row that make a beat late", low=1, high=1000)
@@ -232,10 +257,14 @@ class Policy:
         5000, "time for a memory image; the kill waits so long", low=100, high=600_000
     )
     memory_image_mb_max: int = setting(1024, "a larger memory is not written out", low=1, high=1 << 20)
-    enable_state_recovery: bool = setting(True, "start from checkpoints (not in this version)")
-    checkpoint_interval_sec: int = setting(
-        60, "time between checkpoints (not in this version)", low=1, high=86_400
+    enable_state_recovery: bool = setting(
+        True, "a start proves the ledger from its newest good checkpoint on; false: the whole chain"
     )
+    checkpoint_interval_sec: int = setting(
+        60, "time between two checkpoints while something is written", low=1, high=86_400
+    )
+    checkpoints_kept: int = setting(10, "checkpoints kept; the oldest go first", low=1, high=1000)
+    checkpoint_age_hours: int = setting(24, "a checkpoint older than this is removed", low=1, high=8760)
     memory_limit_mb: int = setting(
         512,
         "memory a core may use: above 80 % of it a census is taken and the watch is worried",
@@ -277,19 +306,30 @@ class Policy:
     )
     threads_max: int = setting(256, "threads of a core; a forecast is made against it", low=16, high=65_536)
     await_operator_sec: int = setting(
-        300, "patience with the operator (not in this version)", low=1, high=86_400
+        300, "how long a person is waited for before `on_await_timeout` is done", low=1, high=86_400
+    )
+    on_await_timeout: tuple[str, ...] = setting(
+        (str(Word.SEND_ALERT),),
+        "what is done when nobody has come",
+        words=tuple(
+            map(
+                str,
+                (Word.SEND_ALERT, Word.REBOOT_PROCESS, Word.SAFE_MODE_ENTER, Word.SHUTDOWN, Word.NONE),
+            )
+        ),
     )
     enable_leader_election: bool = setting(False, "several hosts (not in this version)")
     actions: Mapping[Diagnosis, frozenset[Word]] = field(default_factory=dict)
     gateway: Limits = field(default_factory=Limits)
+    alerts: tuple[Channel, ...] = ()  # who is told; an address may hold a secret, so no recording carries it
 
     def words(self, diagnosis: Diagnosis) -> frozenset[Word]:
-        """Return what is to be done on this diagnosis, in the words' full sense."""
+        """Return what is to be done on this diagnosis."""
         return self.actions.get(diagnosis, DEFAULT_ACTIONS[diagnosis])
 
     def asks(self, diagnosis: Diagnosis, word: Word) -> bool:
-        """Return whether this policy has `word` done on `diagnosis`, as far as this version can."""
-        return word in {EFFECT[w][0] if w in EFFECT else w for w in self.words(diagnosis)}
+        """Return whether this policy has `word` done on `diagnosis`."""
+        return word in self.words(diagnosis)
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,41 +345,9 @@ class PolicyFault:
         return f"{where}{self.name}: {self.reason}" if self.name else f"{where}{self.reason}"
 
 
-def _fault(text: str, name: str, reason: str, *, last: bool = False) -> PolicyFault:
-    """Return what is wrong with the setting `name` in `text`, fit for a terminal however hostile the file."""
-    found = list(re.finditer(rf'"{re.escape(name)}"\s*:', text))
-    line = text.count("\n", 0, found[-1 if last else 0].start()) + 1 if found else 0
-    return PolicyFault(line, _shown(name), _shown(reason))
-
-
 def _shown(words: str) -> str:
     cut = words if len(words) <= WORDS_MAX else words[: WORDS_MAX - 1] + "…"
     return cut if cut.isprintable() else ascii(cut)[1:-1]
-
-
-class _TwinError(ValueError):
-    """A name stands twice in one object; the argument is the name."""
-
-
-def _no_twins(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    seen: dict[str, object] = {}
-    for name, value in pairs:
-        if name in seen:
-            raise _TwinError(name)
-        seen[name] = value
-    return seen
-
-
-def _parse(text: str) -> dict[str, object] | PolicyFault:
-    try:
-        values = json.loads(text, object_pairs_hook=_no_twins)
-    except json.JSONDecodeError as error:
-        return PolicyFault(error.lineno, "", f"not JSON: {error.msg} at column {error.colno}")
-    except _TwinError as twin:
-        return _fault(text, str(twin), "stands there twice", last=True)
-    except (ValueError, RecursionError) as error:
-        return PolicyFault(0, "", str(error))
-    return values if isinstance(values, dict) else PolicyFault(1, "", "must be a JSON object")
 
 
 def _read_actions(value: object) -> dict[Diagnosis, frozenset[Word]] | list[Fault]:
@@ -378,25 +386,36 @@ def _contradictions(policy: Policy) -> list[Fault]:
         faults.append(Fault("transaction_timeout_ms", "must be more than health_check_timeout_ms"))
     if policy.enable_leader_election:
         faults.append(Fault("enable_leader_election", "several hosts: not in this version"))
-    if policy.mode != "act":
-        faults.append(Fault("mode", f"{policy.mode!r}: not in this version, only 'act'"))
+    faults += _contradictory_patience(policy)
     for diagnosis, words in policy.actions.items():
         faults.extend(_contradictory_words(diagnosis, words))
     return faults
 
 
+def _contradictory_patience(policy: Policy) -> list[Fault]:
+    """Return what is wrong between the words for when nobody has come."""
+    asked, name = frozenset(policy.on_await_timeout), "on_await_timeout"
+    faults = []
+    if Word.NONE in asked and len(asked) > 1:
+        faults.append(Fault(name, "NONE can't stand beside other words"))
+    if len(asked & {Word.REBOOT_PROCESS, Word.SAFE_MODE_ENTER, Word.SHUTDOWN}) > 1:
+        faults.append(Fault(name, "restart it, serve reads only, or stay down: only one of them"))
+    return faults
+
+
 def _contradictory_words(diagnosis: Diagnosis, words: frozenset[Word]) -> list[Fault]:
     faults = []
-    meant = {EFFECT[w][0] if w in EFFECT else w for w in words}
     if Word.NONE in words and len(words) > 1:
         faults.append(Fault(diagnosis, "NONE can't stand beside other words"))
-    if Word.REBOOT_PROCESS in meant and meant & {Word.AWAIT_OPERATOR, Word.SAFE_MODE_ENTER}:
+    if Word.REBOOT_PROCESS in words and words & {Word.AWAIT_OPERATOR, Word.SAFE_MODE_ENTER}:
         faults.append(
             Fault(diagnosis, "restart it, or leave it to wait or to read only: only one of the two")
         )
     if {Word.SHUTDOWN, Word.SAFE_MODE_ENTER} <= words:
         faults.append(Fault(diagnosis, "stay down, or serve reads only: only one of the two"))
-    if diagnosis in NEVER_REBOOT and Word.REBOOT_PROCESS in meant:
+    if {Word.REBOOT_PROCESS, Word.SHUTDOWN} <= words:
+        faults.append(Fault(diagnosis, "restart it, or stay down: only one of the two"))
+    if diagnosis in NEVER_REBOOT and Word.REBOOT_PROCESS in words:
         faults.append(Fault(diagnosis, "a ledger that may be damaged is never restarted by itself"))
     faults += [
         Fault(diagnosis, why) for undoable, on, why in _UNDOABLE if diagnosis in on and undoable & words
@@ -406,10 +425,25 @@ def _contradictory_words(diagnosis: Diagnosis, words: frozenset[Word]) -> list[F
 
 def read_policy(text: str) -> Policy | list[PolicyFault]:
     """Return the policy that `text` describes, or everything that is wrong with it, in line order."""
-    values = _parse(text)
-    if isinstance(values, PolicyFault):
-        return [values]
-    faults: list[Fault] = []
+    found = parse(text)
+    if isinstance(found, Broken):
+        return [PolicyFault(found.line, _shown(found.name), _shown(found.reason))]
+    values = dict(found.values)
+    special = _read_special(values)
+    plain = read(Policy, values)
+    faults = [(group, fault) for group, read in special.items() if isinstance(read, list) for fault in read]
+    if isinstance(plain, list):
+        faults += [("", fault) for fault in plain]
+    elif not faults:
+        policy = dataclasses.replace(plain, **special)  # type: ignore[arg-type]  # faults are ruled out
+        faults = [("actions" if one.name in Diagnosis.__members__ else "", one) for one in _contradictions(policy)]
+        if not faults:
+            return policy
+    return _in_their_lines(found, faults)
+
+
+def _read_special(values: dict[str, object]) -> dict[str, object]:
+    """Take out of `values` what is no number or word of its own; each is its value, or a list of faults."""
     special: dict[str, object] = {}
     if "actions" in values:
         special["actions"] = _read_actions(values.pop("actions"))
@@ -418,34 +452,30 @@ def read_policy(text: str) -> Policy | list[PolicyFault]:
         special["gateway"] = (
             read(Limits, held) if isinstance(held, dict) else [Fault("gateway", "must be an object")]
         )
-    if values.pop("alerts", []) != []:
-        faults.append(Fault("alerts", "alert channels are not in this version: leave the list empty"))
-    for result in special.values():
-        if isinstance(result, list):
-            faults.extend(result)
-    plain = read(Policy, values)
-    if isinstance(plain, list):
-        faults.extend(plain)
-    elif not faults:
-        policy = dataclasses.replace(plain, **special)  # type: ignore[arg-type]  # faults are ruled out
-        faults = _contradictions(policy)
-        if not faults:
-            return policy
-    return sorted((_fault(text, f.name, f.reason) for f in faults), key=lambda f: f.line)
+    if "alerts" in values:
+        special["alerts"] = read_channels(values.pop("alerts"))
+    return special
 
 
-def notes(policy: Policy) -> list[str]:
-    """Return a sentence for each word of this policy that does less here than its name says."""
-    return [
-        f"{diagnosis}: {word} here means: {EFFECT[word][1]}"
-        for diagnosis, words in sorted(policy.actions.items())
-        for word in sorted(words)
-        if word in EFFECT
+def _in_their_lines(found: Located, faults: list[tuple[str, Fault]]) -> list[PolicyFault]:
+    lines = found.lines()
+    told = [
+        PolicyFault(nearest(lines, _path(group, one)), _shown(one.name), _shown(one.reason))
+        for group, one in faults
     ]
+    return sorted(told, key=lambda fault: fault.line)
+
+
+def _path(group: str, fault: Fault) -> Path:
+    """Return the way to what is wrong; of a channel its number and its field stand in the reason."""
+    if group == "alerts":
+        named = re.match(r"channel (\d+): '?(\w*)", fault.reason)
+        return ("alerts",) if named is None else ("alerts", int(named[1]) - 1, named[2])
+    return (group, fault.name) if group and fault.name != group else (fault.name,)
 
 
 def in_full(policy: Policy) -> dict[str, object]:
-    """Return every number and every diagnosis' actions, as this policy has them."""
+    """Return every number and every diagnosis' actions, as this policy has them, but no channel: those may hold secrets."""
     numbers = {f.name: getattr(policy, f.name) for f in dataclasses.fields(policy) if "text" in f.metadata}
     actions = {str(diagnosis): sorted(map(str, policy.words(diagnosis))) for diagnosis in Diagnosis}
     return {**numbers, "actions": actions, "gateway": dataclasses.asdict(policy.gateway)}

@@ -76,13 +76,46 @@ def test_what_is_never_acted_on_is_said_to_be_so(diagnosis: Diagnosis) -> None:
     assert _said(diagnosis) == [Said.NEVER_ACTED_ON]
 
 
-def test_what_is_not_made_yet_promises_nothing() -> None:
-    assert _said(Diagnosis.LEAK) == [Said.NOT_MADE]
+def test_a_leak_is_foreseen_and_switched_in_a_quiet_moment() -> None:
+    assert _said(Diagnosis.LEAK) == [Said.FORESEEN, Said.ALERT, Said.SWITCHED_IN_QUIET]
+
+
+def test_a_part_that_stands_still_is_started_alone_first() -> None:
+    assert _said(Diagnosis.COMPONENT_STALLED) == [
+        Said.PART_SILENT,
+        Said.ALERT,
+        Said.PART_STARTED,
+        Said.SWITCHED_IN_QUIET,
+    ]
+
+
+def test_no_policy_leaves_a_household_without_a_gateway() -> None:
+    nothing = Policy(actions={Diagnosis.GATEWAY_LOST: frozenset({Word.NONE})})
+    assert _said(Diagnosis.GATEWAY_LOST, nothing) == [
+        Said.GATEWAY_GONE,
+        Said.GATEWAY_STARTED,
+        Said.AGENTS_REST,
+    ]
+
+
+def test_a_mode_is_told_before_what_it_keeps_from_being_done() -> None:
+    watched = _said(Diagnosis.FROZEN, Policy(mode="observe"))
+    assert watched.index(Said.ONLY_RECORDED) < watched.index(Said.ENDED_AND_STARTED)
+    assert Said.ALERT not in watched, "observe tells nobody"
+    asked = _said(Diagnosis.FROZEN, Policy(mode="assist"))
+    assert asked.index(Said.WAITS_FOR_WORD) < asked.index(Said.ENDED_AND_STARTED) < asked.index(Said.OVERDUE)
+
+
+def test_what_is_done_when_nobody_comes_is_told_where_somebody_is_waited_for() -> None:
+    stops = Policy(on_await_timeout=("SHUTDOWN",))
+    assert Said.OVERDUE_STOP in _said(Diagnosis.CRASH_LOOP, stops)
+    assert Said.OVERDUE_STOP not in _said(Diagnosis.CRASHED, stops)
+    assert Said.OVERDUE not in _said(Diagnosis.CRASH_LOOP, Policy(on_await_timeout=("NONE",)))
 
 
 def test_the_policy_in_force_is_explained_and_not_the_shipped_one() -> None:
     waits = Policy(actions={Diagnosis.CRASHED: frozenset({Word.SHUTDOWN})})
-    assert {Said.WAITS, Said.LESS_THAN_ITS_NAME} <= set(_said(Diagnosis.CRASHED, waits))
+    assert Said.SHUT_DOWN in _said(Diagnosis.CRASHED, waits)
     quiet = Policy(actions={Diagnosis.CRASHED: frozenset({Word.NONE})})
     assert Said.NOTHING in _said(Diagnosis.CRASHED, quiet)
 

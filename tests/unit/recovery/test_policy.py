@@ -7,6 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hardcore.model.verdicts import Diagnosis
+from hardcore.recovery.flight import CODEC
 from hardcore.recovery.policy import (
     DEFAULT_ACTIONS,
     HUNG,
@@ -15,7 +16,7 @@ from hardcore.recovery.policy import (
     Policy,
     PolicyFault,
     Word,
-    notes,
+    in_full,
     read_policy,
     shipped_text,
 )
@@ -89,16 +90,56 @@ def test_leader_election_is_refused() -> None:
     assert isinstance(_policy({"enable_leader_election": False}), Policy)
 
 
-@pytest.mark.parametrize("mode", ["assist", "observe"])
-def test_a_mode_that_is_not_built_is_refused(mode: str) -> None:
-    (fault,) = _faults({"mode": mode})
-    assert "not in this version" in fault.reason
+@pytest.mark.parametrize("mode", ["act", "assist", "observe"])
+def test_each_mode_is_taken_and_no_other(mode: str) -> None:
+    assert _policy({"mode": mode}).mode == mode
+    (fault,) = _faults({"mode": f"{mode}ing"})
+    assert fault.name == "mode"
 
 
-def test_alert_channels_are_refused_while_there_are_none() -> None:
-    (fault,) = _faults({"alerts": [{"kind": "ntfy"}]})
-    assert fault.name == "alerts"
-    assert isinstance(_policy({"alerts": []}), Policy)
+def test_a_faulty_channel_is_refused_with_the_line_of_its_field() -> None:
+    text = '{"alerts": [\n {"kind": "ntfy",\n  "url": "https://example.org/topic"},\n {"kind": "ntfy",\n  "url": "x"}\n]}'
+    (fault,) = _faults(text)
+    assert (fault.line, fault.name) == (5, "alerts")
+    assert "channel 2" in fault.reason
+
+
+def test_a_channel_without_an_address_is_refused_at_its_own_line() -> None:
+    (fault,) = _faults('{"alerts": [\n\n {"kind": "ntfy"}]}')
+    assert fault.line == 3
+
+
+def test_a_recording_carries_no_address_of_a_channel() -> None:
+    policy = _policy({"alerts": [{"kind": "ntfy", "url": "https://example.org/t0psecret"}]})
+    assert len(policy.alerts) == 1
+    for told in (in_full(policy), CODEC.encode(policy)):
+        assert "t0psecret" not in json.dumps(told)
+
+
+def test_the_same_name_in_another_object_is_not_where_the_fault_is() -> None:
+    text = '{"gateway": {\n"hold_ms": 5},\n"actions": {\n"FROZEN": ["NONE"],\n"LEAK": ["REBOOT_PROCESS"]}}'
+    (fault,) = _faults(text)
+    assert (fault.line, fault.name) == (5, "LEAK")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["REBOOT_PROCESS", "SHUTDOWN"],
+        ["NONE", "SEND_ALERT"],
+        ["DEGRADE"],
+        [],
+        "SEND_ALERT",
+        ["RESTART_COMPONENT"],
+    ],
+)
+def test_what_is_done_when_nobody_comes_is_one_thing_that_can_be_done(words: object) -> None:
+    (fault,) = _faults({"on_await_timeout": words})
+    assert fault.name == "on_await_timeout"
+
+
+def test_a_person_is_told_again_by_default_when_nobody_comes() -> None:
+    assert Policy().on_await_timeout == (Word.SEND_ALERT,)
 
 
 def test_a_longest_pause_shorter_than_the_first_is_refused() -> None:
@@ -248,6 +289,11 @@ def test_no_text_raises(text: str) -> None:
         ("STARVED", "REBOOT_PROCESS"),
         ("SLEPT", "SEND_ALERT"),
         ("CRASH_LOOP", "REBOOT_PROCESS"),
+        ("FROZEN", "RESTART_COMPONENT"),
+        ("FROZEN", "PLANNED_SWITCH"),
+        ("LEAK", "REBOOT_PROCESS"),
+        ("MEMORY_PRESSURE", "SAFE_MODE_ENTER"),
+        ("GATEWAY_LOST", "AWAIT_OPERATOR"),
     ],
 )
 def test_a_word_that_can_not_be_done_on_a_diagnosis_is_refused_with_line_and_reason(
@@ -276,21 +322,9 @@ def test_what_is_listed_replaces_the_default_whole() -> None:
     assert policy.asks(Diagnosis.EXITED, Word.REBOOT_PROCESS)
 
 
-def test_a_word_that_can_not_be_carried_out_is_taken_in_its_nearest_sense_and_named() -> None:
-    policy = _policy({"actions": {"LEAK": ["PLANNED_SWITCH"], "CRASHED": ["SHUTDOWN"]}})
-    assert policy.asks(Diagnosis.LEAK, Word.REBOOT_PROCESS)
-    assert policy.asks(Diagnosis.CRASHED, Word.AWAIT_OPERATOR)
-    assert [note.split(":")[0] for note in notes(policy)] == ["CRASHED", "LEAK"]
-
-
 def test_reading_only_is_a_word_that_is_meant_in_full() -> None:
     policy = _policy({"actions": {"DB_LOCKED": ["SAFE_MODE_ENTER"]}})
     assert policy.asks(Diagnosis.DB_LOCKED, Word.SAFE_MODE_ENTER)
-    assert notes(policy) == []
-
-
-def test_the_defaults_need_no_note() -> None:
-    assert notes(Policy()) == []
 
 
 def test_a_damaged_ledger_is_not_restarted_by_default() -> None:
