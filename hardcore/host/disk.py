@@ -5,6 +5,7 @@ is the other. It is a new file each time, because writing over a block that is t
 of it runs as an errand: a dead network disk stops whoever asks it anything, and that it hangs is the finding.
 """
 
+import dataclasses
 import errno
 import os
 import sys
@@ -34,6 +35,7 @@ class _Look:
     read_only: bool
     write_ns: int | None
     fault: str
+    size_bytes: int = 0
 
 
 class DiskWatch:
@@ -62,7 +64,7 @@ class DiskWatch:
         pending_ns = self._errand.pending_ns(time.monotonic_ns())
         if pending_ns:
             facts = self._facts
-            return DiskFacts(facts.free_bytes, facts.read_only, None, pending_ns, facts.fault)
+            return dataclasses.replace(facts, write_ns=None, pending_ns=pending_ns)
         return self._facts if self._errand.last is not None else None
 
     def _is_due(self, now_ns: int) -> bool:
@@ -74,9 +76,10 @@ class DiskWatch:
         """Return the newest facts: what the last write said stands until the next one."""
         if look.write_ns is None:
             fault = look.fault or self._facts.fault
-            return DiskFacts(look.free_bytes, look.read_only, self._facts.write_ns, fault=fault)
+            write_ns = self._facts.write_ns
+            return DiskFacts(look.free_bytes, look.read_only, write_ns, 0, fault, look.size_bytes)
         self._wrote_ns = look.at_ns
-        return DiskFacts(look.free_bytes, look.read_only, look.write_ns, fault=look.fault)
+        return DiskFacts(look.free_bytes, look.read_only, look.write_ns, 0, look.fault, look.size_bytes)
 
     def _look(self) -> _Look:
         at_ns = time.monotonic_ns()
@@ -87,11 +90,12 @@ class DiskWatch:
         told_bytes = told_free_bytes(about, reserve_is_ours=self._reserve_is_ours)
         free_bytes = sys.maxsize if told_bytes is None else told_bytes
         read_only = bool(about.f_flag & os.ST_RDONLY)
+        size_bytes = about.f_blocks * about.f_frsize
         if not self._write:
-            return _Look(at_ns, free_bytes, read_only, None, "")
+            return _Look(at_ns, free_bytes, read_only, None, "", size_bytes)
         began_ns = time.monotonic_ns()
         fault = write_once(self._probe)
-        return _Look(at_ns, free_bytes, read_only, time.monotonic_ns() - began_ns, fault)
+        return _Look(at_ns, free_bytes, read_only, time.monotonic_ns() - began_ns, fault, size_bytes)
 
 
 def told_free_bytes(about: os.statvfs_result, *, reserve_is_ours: bool) -> int | None:

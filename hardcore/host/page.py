@@ -12,6 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from struct import Struct
 
+from hardcore.model.observations import LogCounts
 from hardcore.model.recorder import (
     Beats,
     Census,
@@ -62,6 +63,7 @@ _MADE = Struct("<8s8Q36s4x16s")
 _OWNER = Struct("<6Q")
 _BEATS = Struct("<11Q8xQ")
 _WORD = Struct("<Q")
+_LOGGED = Struct("<2Q")
 _SLOT_NUMBERS = Struct("<3Q24x5Q")  # started, limit, payload length; stage, since, thread, ordinal, progress
 _FINISHED_NUMBERS = Struct("<4Q")  # finished, outcome, index, started
 _EVENT = Struct("<2Q32s64s")
@@ -146,6 +148,11 @@ def beats(head: bytes) -> Beats | None:
         state=LifeState(state),
         answered_seq=answered_seq,
     )
+
+
+def log_counts(head: bytes) -> LogCounts:
+    """Return what the owner has written to its log so far, by weight."""
+    return LogCounts(*_LOGGED.unpack_from(head, 360))
 
 
 def lock(entry: bytes) -> int:

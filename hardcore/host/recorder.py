@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardcore.host import page
+from hardcore.model.observations import LogCounts
 from hardcore.model.recorder import Beats, CommandNote, Page, Threads, Witness
 
 #: How often a torn entry is read again before it counts as torn.
@@ -139,6 +140,11 @@ class PageReader:
         """Return pid and start time (ticks since boot) of the page's owner, or None without one."""
         head = self._head()
         return None if head is None else page.identity(head)
+
+    def log_counts(self) -> LogCounts | None:
+        """Return what the core has written to its log so far, or None as in `beats`."""
+        head = self._head()
+        return None if head is None else page.log_counts(head)
 
     def in_flight(self) -> tuple[CommandNote, ...] | None:
         """Return the commands in the slots alone, cheaper than a whole `read`; None as in `beats`."""

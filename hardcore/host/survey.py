@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardcore.host import clock, memory
+from hardcore.host import clock, memory, vitals
 from hardcore.host.conduct import ConductWatch
 from hardcore.host.disk import DiskWatch
 from hardcore.host.lives import Life
@@ -98,12 +98,26 @@ class Survey:
             return None
         if self._watched is None or self._watched.life is not life:
             self._watched = _Watched(life, ConductWatch(life.handle.pid))
+        # What is told of a number is told of this life only if it was still there afterwards.
+        private, limit = memory.private_bytes(life.handle.pid), vitals.fds_limit(life.handle.pid)
+        lives = life.handle.signal(0)
         # A core that is gone has no conduct, but its disk is what its successor will need.
-        conduct = _conduct(self._watched) if life.handle.signal(0) else None
+        conduct = _conduct(self._watched) if lives else None
+        log = life.reader.log_counts() if lives and life.reader is not None else None
         free = memory.free_bytes(os.getpid())
         disk = self._disk.look(clock.now_ns(), now=now)
         self._pending = disk is not None and disk.pending_ns > 0
-        return Surveyed(clock.now_ns(), life.number, disk, conduct, life.oom_kills(), free)
+        return Surveyed(
+            clock.now_ns(),
+            life.number,
+            disk,
+            conduct,
+            life.oom_kills(),
+            free,
+            log=log,
+            private_bytes=private if lives else None,
+            fds_limit=limit if lives else None,
+        )
 
 
 def _conduct(watched: _Watched) -> Conduct:

@@ -131,3 +131,13 @@ def count_fds(pid: int) -> int | None:
         return Path(folder).stat().st_size or len(os.listdir(folder))  # noqa: PTH208  # names alone, no objects
     except OSError:
         return None
+
+
+def fds_limit(pid: int) -> int | None:
+    """Return how many descriptors the process may have open; None: it is gone, or nothing limits it."""
+    try:
+        lines = Path(f"/proc/{pid}/limits").read_text().splitlines()
+    except OSError:
+        return None
+    soft = next((line.split()[3] for line in lines if line.startswith("Max open files")), "")
+    return int(soft) if soft.isdigit() else None

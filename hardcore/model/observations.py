@@ -214,6 +214,7 @@ class DiskFacts:
     write_ns: int | None
     pending_ns: int = 0
     fault: str = ""
+    size_bytes: int = 0  # of the whole file system; 0: nobody says
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +239,7 @@ class Surveyed:
     free_bytes: int | None = None  # memory that could be had now; None: not looked
     log: "LogCounts | None" = None
     private_bytes: int | None = None  # memory of this life that nobody shares (USS); None: not looked
+    fds_limit: int | None = None  # how many descriptors it may have; None: not looked, or nothing limits it
 
 
 @dataclass(frozen=True, slots=True)

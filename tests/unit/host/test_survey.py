@@ -54,8 +54,12 @@ def test_a_life_is_surveyed_under_its_number_with_disk_and_conduct(
     assert told.life == 7
     assert told.disk is not None
     assert told.disk.free_bytes > 0
+    assert told.disk.size_bytes >= told.disk.free_bytes
     assert told.conduct is not None
     assert told.oom_kills is None
+    assert told.private_bytes is not None
+    assert 0 < told.private_bytes < told.disk.size_bytes
+    assert told.fds_limit is not None
 
 
 def test_who_asks_need_not_wait_for_the_next_round(
