@@ -85,6 +85,7 @@ class Gateway:
         self._desk = Desk(
             loop, limits, self._link, time.monotonic_ns, drills, self._history, receipts, state, investigator
         )
+        self._desk.connections = lambda: len(self._census.connections)
 
     async def serve(self) -> None:
         """Serve until SIGTERM, then drain."""

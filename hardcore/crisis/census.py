@@ -42,6 +42,7 @@ class Census:
     now_ns: Callable[[], int]
     changed: Callable[[], None]
     unread: Burden  # answers that were written and not taken
+    door_callers: int = 0  # came when it was full, and may still ask a door
     connections: dict[Guest, str] = field(default_factory=dict)  # and their addresses
     _by_address: dict[str, int] = field(default_factory=dict)
 

@@ -12,17 +12,17 @@ from collections import deque
 from collections.abc import Callable
 from typing import cast
 
-from hardcore.crisis import pages
 from hardcore.crisis.alarm import Alarm
 from hardcore.crisis.census import NOWHERE, Census, address_of
 from hardcore.crisis.desk import Desk
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.heads import AnswerHead, RequestHead, answer_bytes
+from hardcore.crisis.late import LateCaller
 from hardcore.crisis.mishap import describe
 from hardcore.crisis.pace import Pace, takes
 from hardcore.crisis.parsing import RequestParser
 from hardcore.crisis.problems import PLAIN, Outcome, Problem
-from hardcore.crisis.turns import Mode, Refused
+from hardcore.crisis.turns import Mode, Refused, refusal_bytes, whole_bytes
 
 _LOG = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ class ClientConnection(asyncio.BufferedProtocol):
     """One connection. It is the desk's `exchange.Client`, the parser's `Listener` and asyncio's protocol."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, desk: Desk, census: Census) -> None:
-        self.limit = Alarm(loop, self._limit_rings)
+        self.loop, self.limit = loop, Alarm(loop, self._limit_rings)
         self.address = NOWHERE
         self._desk = desk
         self._limits = desk.limits
@@ -72,10 +72,17 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._watch.set(self._limits.keepalive_ms)
         full, crowded = self._census.is_full(address, self._limits), self._census.is_crowded(self._limits)
         self._census.enter(self, NOWHERE if full else address)
-        if full:
-            self._parser.deaf = True
-            self._write_problem(Refused(Problem.TOO_BUSY), Outcome.NOT_DONE)
-            self._leave(linger=not crowded)
+        if full and self._census.door_callers < self._limits.door_callers_max:
+            self._mode = Mode.LEAVING
+            LateCaller(self, self._desk.doors, self._census, self._limits).take(transport)
+        elif full:
+            self.turn_away(linger=not crowded)
+
+    def turn_away(self, *, linger: bool) -> None:
+        """There is no place for this one."""
+        self._parser.deaf = True
+        self._write(refusal_bytes(Refused(Problem.TOO_BUSY), Outcome.NOT_DONE))
+        self._leave(linger=linger)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Let go of everything."""
@@ -204,7 +211,7 @@ class ClientConnection(asyncio.BufferedProtocol):
             if self._begun is not None or self._mode is Mode.LEAVING:
                 self.cut()
                 return
-            self._write_problem(Refused(Problem.GATEWAY_FAULT), Outcome.UNKNOWN)
+            self._write(refusal_bytes(Refused(Problem.GATEWAY_FAULT), Outcome.UNKNOWN))
             self._leave(linger=True)
 
     def _current(self) -> Exchange | None:
@@ -251,7 +258,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         item = self._queue[0]
         if isinstance(item, Refused):
             self._queue.popleft()
-            self._write_problem(item, None if item.problem in PLAIN else Outcome.NOT_DONE)
+            self._write(refusal_bytes(item, None if item.problem in PLAIN else Outcome.NOT_DONE))
             self._leave(linger=True)
             return True
         if item.started:
@@ -382,11 +389,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         exchange = self._queue.popleft()
         assert isinstance(exchange, Exchange)
         ends = close or self._ends_after(exchange)
-        silent = exchange.head.method == "HEAD"
-        length = head.length if silent else None if head.bodiless else len(body)
-        http10 = exchange.head.http10
-        said = answer_bytes(head, length=length, chunked=False, close=ends, http10=http10)
-        self._write(said if silent or not body else said + body)
+        self._write(whole_bytes(exchange.head, head, body, close=ends))
         self._after_answer(exchange, ends=ends)
 
     def begin(self, head: AnswerHead, first: bytes) -> None:
@@ -448,13 +451,6 @@ class ClientConnection(asyncio.BufferedProtocol):
             self._leave(linger=not exchange.whole or bool(self._rest))
         else:
             self._guarded(self._advance)
-
-    def _write_problem(self, refused: Refused, outcome: Outcome | None) -> None:
-        answer = pages.problem(refused.problem, refused.accept_language, outcome)
-        body = b"" if refused.no_body else answer.body
-        self._write(
-            answer_bytes(answer.head, length=len(answer.body), chunked=False, close=True, http10=False) + body
-        )
 
     def _write(self, data: bytes) -> None:
         if self._transport is not None and not self._transport.is_closing():

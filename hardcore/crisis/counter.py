@@ -1,17 +1,17 @@
 """The counter: where the gateway answers in its own name, and nobody else is asked.
 
-Whether it is alive, how things stand, its pages and files, and drills in a demo. Two things are not there in a
+What monitors ask (`doors`), how things stand, its pages and files, and drills in a demo. Two things are not there in a
 gateway's first moment: the shelf (it is rendered beside the serving) and a word of the core. Whoever asks for them
 then waits for them, because a browser never asks again for a module that was not found, and a page believes what
 it is told of the core. How many may wait is bounded by the connections.
 """
 
-from collections.abc import Callable
 from functools import partial
 from typing import assert_never
 
 from hardcore.crisis import pages
 from hardcore.crisis.census import is_near
+from hardcore.crisis.doors import DOOR_ROUTES, Doors
 from hardcore.crisis.drills import Begun, Declined, DrillDoor, Said, Unheard, fault_of
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.heads import RequestHead
@@ -22,7 +22,6 @@ from hardcore.crisis.moves import Moves
 from hardcore.crisis.problems import Problem
 from hardcore.crisis.routing import Route
 from hardcore.crisis.shelf import Shelf
-from hardcore.crisis.standing import alive, ready
 
 
 class Counter:
@@ -32,14 +31,12 @@ class Counter:
         self,
         moves: Moves,
         live: Live,
-        feed_silence_ms: int,
-        now_ns: Callable[[], int],
+        doors: Doors,
         drills: DrillDoor | None,
     ) -> None:
         self._moves = moves
         self._live = live
-        self._feed_silence_ms = feed_silence_ms
-        self._now_ns = now_ns
+        self._doors = doors
         self._drills = drills  # in a demo only
         self._early: list[Exchange] | None = []  # ask for what is not on the shelf yet; None: all of it is
 
@@ -55,6 +52,10 @@ class Counter:
         exchange.life = Life.ANSWERED  # it never was on its way to a core
         self._moves.release_bytes(exchange)
         head, tongue = exchange.head, exchange.head.accept_language
+        if way in DOOR_ROUTES:
+            answer = self._doors.answer(head, way, exchange.client.address)
+            exchange.client.answer(answer.head, answer.body)
+            return
         fault = fault_of(head.path) if way is Route.DRILL else None
         if fault is not None and self._drills is not None and is_near(exchange.client.address):
             if head.method == "POST":
@@ -81,12 +82,6 @@ class Counter:
         exchange.client.answer(answer.head, answer.body)
 
     def _answer(self, head: RequestHead, way: Route) -> pages.Answer:
-        standing = self._moves.outlook.standing
-        if way is Route.LIVE:
-            heard = alive(standing, self._now_ns(), self._feed_silence_ms)
-            return pages.live(heard=heard)
-        if way is Route.READY:
-            return pages.ready(standing.state, serving=ready(standing))
         if way is Route.STATUS:
             return self._live.status(head)
         sheet = self._moves.shelf.own(head.path, head.accept_language)

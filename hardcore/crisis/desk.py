@@ -13,6 +13,7 @@ from typing import assert_never
 
 from hardcore.crisis.admin import AdminDoor
 from hardcore.crisis.counter import Counter
+from hardcore.crisis.doors import Doors, Traffic
 from hardcore.crisis.drills import DrillDoor
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.feed import (
@@ -20,6 +21,7 @@ from hardcore.crisis.feed import (
     PhaseHeard,
     QuarantineHeard,
     ReleaseHeard,
+    StandingHeard,
     SuspectsHeard,
     Teller,
     VerdictHeard,
@@ -70,7 +72,9 @@ class Desk:
         self.sockets = Sockets(loop, outlook, self.live, limits, now_ns)
         outlook.watch = self._look
         self.promises.shelf = lambda: self.moves.shelf
-        self.counter = Counter(self.moves, self.live, limits.feed_silence_ms, now_ns, drills)
+        self.connections: Callable[[], int] = lambda: 0  # how many clients are connected: the gateway says
+        self.doors = Doors(lambda: outlook.standing, self._traffic, teller, limits.feed_silence_ms, now_ns)
+        self.counter = Counter(self.moves, self.live, self.doors, drills)
 
     @property
     def room(self) -> WaitingRoom:
@@ -93,7 +97,9 @@ class Desk:
                 self.moves.move(exchange, Trigger.BARRED)
                 return
         match way:
-            case Route.LIVE | Route.READY | Route.STATUS | Route.OWN | Route.DRILL:
+            case Route.LIVE | Route.READY | Route.STARTUP | Route.HEALTH | Route.METRICS:
+                self.counter.asked(exchange, way)
+            case Route.STATUS | Route.OWN | Route.DRILL:
                 self.counter.asked(exchange, way)
             case Route.ADMIN:
                 self._is_ours(exchange)
@@ -196,6 +202,8 @@ class Desk:
         current = message.generation >= self.moves.outlook.standing.generation
         self.moves.outlook.hear(message)
         if current:
+            if isinstance(message, StandingHeard):
+                self.doors.hear(message)
             contained("seeing to suspects", lambda: self._heard_of_suspects(message))
 
     def _passes(self, exchange: Exchange) -> bool:
@@ -235,8 +243,13 @@ class Desk:
         self.sockets.upkeep()
         self.promises.upkeep()
 
+    def _traffic(self) -> Traffic:
+        held, _ = self.moves.counts()
+        return Traffic(held, len(self.sockets), self.connections(), self.moves.book.totals)
+
     def _look(self, was: Standing) -> None:
         """Something was learned about the core: whoever watches is told, and sockets go on."""
+        self.doors.look()
         contained("telling pages", lambda: self.live.look(was, self.moves.outlook.standing))
         contained("moving sockets", self.sockets.look)
         contained("running receipts", self.promises.look)

@@ -109,6 +109,15 @@ class VerifiedHeard:
 
 
 @dataclass(frozen=True, slots=True)
+class StandingHeard:
+    """How everything stands: what `hardcore status --json` says, and what was counted. Only the doors read it."""
+
+    generation: int
+    status: Mapping[str, Any]
+    counters: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
 class Unreadable:
     """A line that is none of the above, and why."""
 
@@ -116,7 +125,14 @@ class Unreadable:
 
 
 Heard = (
-    PhaseHeard | ServingHeard | SuspectsHeard | ReleaseHeard | VerifiedHeard | VerdictHeard | QuarantineHeard
+    PhaseHeard
+    | ServingHeard
+    | SuspectsHeard
+    | ReleaseHeard
+    | VerifiedHeard
+    | VerdictHeard
+    | QuarantineHeard
+    | StandingHeard
 )
 
 
@@ -145,6 +161,13 @@ def _text(fields: Mapping[str, Any], name: str) -> str:
     value = fields[name]
     if not isinstance(value, str):
         raise TypeError(f"{name} is not a text")
+    return value
+
+
+def _object(fields: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    value = fields[name]
+    if not isinstance(value, dict):
+        raise TypeError(f"{name} is not an object")
     return value
 
 
@@ -182,6 +205,8 @@ def _message(fields: Mapping[str, Any]) -> Heard:
             return ReleaseHeard(generation, _number(fields, "epoch"), _text_or_none(fields.get("incident")))
         case "verified":
             return VerifiedHeard(generation, _number(fields, "epoch"), fields.get("ok") is True)
+        case "standing":
+            return StandingHeard(generation, _object(fields, "status"), _object(fields, "counters"))
         case other:
             raise ValueError(f"unknown type {other!r}")
 
@@ -255,6 +280,11 @@ def settled_line(names: Sequence[str]) -> bytes:
 def investigate_line() -> bytes:
     """Ask for the investigators: somebody wants their pages, and nobody listens there."""
     return _line({"type": "investigate"})
+
+
+def asked_doors_line() -> bytes:
+    """Say that somebody reads the doors, and that fresh numbers are wanted."""
+    return _line({"type": "asked-doors"})
 
 
 def served_line(epoch: int, at_ns: int) -> bytes:

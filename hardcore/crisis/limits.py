@@ -50,6 +50,10 @@ class GatewayLimits(Limits):
     turned_away_max: int = setting(
         256, "connections above the limit that are heard out with their answer", low=1, high=10_000
     )
+    door_callers_max: int = setting(
+        64, "connections above the limit that may still ask a door", low=0, high=10_000
+    )
+    door_head_ms: int = setting(1_000, "such a one must have said what it asks by then", low=10, high=60_000)
     body_bytes_per_s_min: int = setting(
         1_000, "a body that comes or is taken slower ends", low=1, high=1 << 20
     )

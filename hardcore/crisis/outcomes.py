@@ -5,6 +5,7 @@ second outage that begins before the first is settled joins it: its requests are
 half lists would each look complete.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -16,13 +17,17 @@ SETTLED_MAX = 4096
 
 @dataclass(slots=True)
 class OutageBook:
-    """`unsettled` counts requests that met the outage and have no answer yet; `open`: there is an outage."""
+    """`unsettled` counts requests that met the outage and have no answer yet; `open`: there is an outage.
+
+    `totals`: how many were settled since this gateway began, by outcome.
+    """
 
     open: bool = False
     incident: str | None = None
     unsettled: int = 0
     left_out: int = 0
     due: bool = False
+    totals: Counter[str] = field(default_factory=Counter)
     _settled: list[Settled] = field(default_factory=list)
 
     def begin(self) -> None:
@@ -43,6 +48,7 @@ class OutageBook:
         """One of them has its answer."""
         self.unsettled -= 1
         assert self.unsettled >= 0, "a request was settled that never met the outage"
+        self.totals[one.outcome] += 1
         if len(self._settled) < SETTLED_MAX:
             self._settled.append(one)
         else:

@@ -15,6 +15,9 @@ class Route(Enum):
 
     LIVE = "answer whether the guard is alive"
     READY = "answer whether a core may be sent traffic"
+    STARTUP = "answer whether the first start is over"
+    HEALTH = "answer how everything is"
+    METRICS = "answer with the numbers"
     STATUS = "answer how things stand"
     OWN = "answer with a file or a page of our own"
     RECEIPT = "tell of a promise, take one up, or hear a person's word on it"
@@ -26,7 +29,15 @@ class Route(Enum):
     CLOSE = "answer at once that the service is being stopped"
 
 
-OWN_PAGES = {b"/livez": Route.LIVE, b"/readyz": Route.READY, b"/__hc/status.json": Route.STATUS}
+#: The doors: what monitors ask. They are answered from memory, whatever else is going on.
+DOORS = {
+    b"/livez": Route.LIVE,
+    b"/readyz": Route.READY,
+    b"/startupz": Route.STARTUP,
+    b"/health": Route.HEALTH,
+    b"/metrics": Route.METRICS,
+}
+OWN_PAGES = {**DOORS, b"/__hc/status.json": Route.STATUS}
 #: Everything under it is the gateway's; a core never sees it.
 OWN_PREFIX = b"/__hc/"
 DRILL_PREFIX = b"/__hc/drill/"

@@ -17,6 +17,7 @@ from hardcore.crisis.feed import (
     QuarantineHeard,
     ReleaseHeard,
     ServingHeard,
+    StandingHeard,
     SuspectsHeard,
     VerdictHeard,
     VerifiedHeard,
@@ -106,7 +107,7 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
             )
         case VerdictHeard(name=name):
             return unsuspected(known, (name,))
-        case QuarantineHeard():
+        case QuarantineHeard() | StandingHeard():
             return known
         case ReleaseHeard(epoch=epoch, incident=incident):
             named = incident or known.incident

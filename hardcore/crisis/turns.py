@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from hardcore.crisis.problems import Problem
+from hardcore.crisis import pages
+from hardcore.crisis.heads import AnswerHead, RequestHead, answer_bytes
+from hardcore.crisis.problems import Outcome, Problem
 
 
 class Mode(Enum):
@@ -24,3 +26,19 @@ class Refused:
     problem: Problem
     accept_language: str = ""
     no_body: bool = False
+
+
+def refusal_bytes(refused: Refused, outcome: Outcome | None) -> bytes:
+    """The answer to a refused request as it goes out."""
+    answer = pages.problem(refused.problem, refused.accept_language, outcome)
+    length = len(answer.body)
+    said = answer_bytes(answer.head, length=length, chunked=False, close=True, http10=False)
+    return said if refused.no_body else said + answer.body
+
+
+def whole_bytes(asked: RequestHead, head: AnswerHead, body: bytes, *, close: bool) -> bytes:
+    """A whole answer as it goes out to whoever asked so: HEAD is told of the body and gets none."""
+    silent = asked.method == "HEAD"
+    length = head.length if silent else None if head.bodiless else len(body)
+    said = answer_bytes(head, length=length, chunked=False, close=close, http10=asked.http10)
+    return said if silent or not body else said + body
