@@ -43,6 +43,16 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
             "It does not follow the rules of HTTP. Please check the program that sent it.",
         ),
     },
+    "refused-path": {
+        "ko": (
+            "이 주소는 잠시 받지 않아요",
+            "이 주소의 요청을 읽다가 접속을 맡은 부분이 두 번 멈췄어요. 10분이 지나면 다시 받아요. 이 요청은 처리되지 않았어요.",
+        ),
+        "en": (
+            "This address is refused for a while",
+            "The gateway has died twice while it read a request for it. It is taken again after ten minutes. This request was not done.",
+        ),
+    },
     "wrong-host": {
         "ko": (
             "이 주소로는 열 수 없어요",

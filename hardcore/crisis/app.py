@@ -32,6 +32,7 @@ from hardcore.crisis.history import History
 from hardcore.crisis.limits import GatewayLimits, limits_from
 from hardcore.crisis.link import FeedLink
 from hardcore.crisis.mishap import describe
+from hardcore.crisis.recording import NOBODYS, Recording, record_on
 from hardcore.crisis.shelf import Shelf, stock
 
 _LOG = logging.getLogger(__name__)
@@ -67,8 +68,10 @@ class Gateway:
         receipts: Path | None = None,
         state: Path | None = None,
         investigator: Path | None = None,
+        recording: Recording = NOBODYS,
     ) -> None:
         self._loop = loop
+        self._recording = recording
         self._demo = demo
         self._listener = listener
         self._limits = limits
@@ -89,9 +92,10 @@ class Gateway:
 
     async def serve(self) -> None:
         """Serve until SIGTERM, then drain."""
+        self._recording.begin(self._loop)
         self._loop.add_signal_handler(signal.SIGTERM, self._leaving.set)
         server = await self._loop.create_server(
-            lambda: ClientConnection(self._loop, self._desk, self._census),
+            lambda: ClientConnection(self._loop, self._desk, self._census, self._recording),
             sock=self._listener,
             backlog=BACKLOG,
         )
@@ -179,6 +183,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--receipts", type=Path, help="where promised requests are kept")
     parser.add_argument("--state", type=Path, help="where rules of the quarantine and cases of suspects lie")
     parser.add_argument("--investigator", type=Path, help="where the investigators listen")
+    parser.add_argument("--page", type=Path, help="the page on which the guard looks for our beats")
     parser.add_argument("--demo", action="store_true", help="let pages of this address break the core")
     return parser.parse_args(arguments)
 
@@ -209,6 +214,13 @@ def main(arguments: Sequence[str]) -> int:
         _LOG.error("--listen-fd %d is no socket: %s", options.listen_fd, error.strerror)
         return EXIT_CONFIG
 
+    refused = options.state / "refused_paths.json" if options.state is not None else None
+    try:
+        recording = record_on(options.page, refused)
+    except OSError as error:  # it serves all the same: the guard then knows of it what the kernel says
+        _LOG.error("the page %s can't be written: %s", options.page, error)
+        recording = NOBODYS
+
     gc.freeze()  # what was loaded stays
     gc.set_threshold(GARBAGE_EVERY)
 
@@ -225,6 +237,7 @@ def main(arguments: Sequence[str]) -> int:
             receipts=options.receipts,
             state=options.state,
             investigator=options.investigator,
+            recording=recording,
         )
         await gateway.serve()
 

@@ -22,6 +22,7 @@ from hardcore.crisis.mishap import describe
 from hardcore.crisis.pace import Pace, takes
 from hardcore.crisis.parsing import RequestParser
 from hardcore.crisis.problems import PLAIN, Outcome, Problem
+from hardcore.crisis.recording import NOBODYS, Recording
 from hardcore.crisis.turns import Mode, Refused, refusal_bytes, whole_bytes
 
 _LOG = logging.getLogger(__name__)
@@ -39,14 +40,16 @@ _SCRATCH = memoryview(bytearray(READ_BYTES))
 class ClientConnection(asyncio.BufferedProtocol):
     """One connection. It is the desk's `exchange.Client`, the parser's `Listener` and asyncio's protocol."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, desk: Desk, census: Census) -> None:
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, desk: Desk, census: Census, recording: Recording = NOBODYS
+    ) -> None:
         self.loop, self.limit = loop, Alarm(loop, self._limit_rings)
         self.address = NOWHERE
         self._desk = desk
         self._limits = desk.limits
         self._census = census
         self._transport: asyncio.Transport | None = None
-        self._parser = RequestParser(self, census.hosts, desk.limits.header_bytes_max)
+        self._parser = RequestParser(self, census.hosts, desk.limits.header_bytes_max, recording)
         self._watch = Alarm(loop, self._watch_rings)
         self._mode = Mode.IDLE
         self._queue: deque[Exchange | Refused] = deque()
@@ -148,7 +151,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         if length is not None and length > self._limits.body_bytes_max:
             self._parser.refuse(Problem.BODY_TOO_LARGE, head.accept_language)
             return
-        exchange = Exchange(self, head, self._census.now_ns())
+        exchange = Exchange(self, head, self._census.now_ns(), self._parser.place)
         exchange.streamed = length is not None and length > self._limits.replay_body_bytes_max
         if length and not exchange.streamed:
             if not self._desk.room.take_bytes(length):
@@ -216,9 +219,8 @@ class ClientConnection(asyncio.BufferedProtocol):
 
     def _current(self) -> Exchange | None:
         """The request whose turn it is, once the desk has it."""
-        if self._queue and isinstance(item := self._queue[0], Exchange) and item.started:
-            return item
-        return None
+        item = self._queue[0] if self._queue else None
+        return item if isinstance(item, Exchange) and item.started else None
 
     def _advance(self) -> None:
         """Start what can be started and parse what may be parsed, until neither is possible."""
@@ -276,6 +278,7 @@ class ClientConnection(asyncio.BufferedProtocol):
             self._hand_over(item)
         else:
             self._desk.arrived(item)
+            item.place.passed_on()
             if self._eof:
                 self._desk.half_left(item)
         return True
@@ -288,7 +291,7 @@ class ClientConnection(asyncio.BufferedProtocol):
             return
         transport, self._transport = self._transport, None
         assert transport is not None, "nothing is started on a connection that is gone"
-        self._queue.popleft()
+        self._over()
         self._desk.sockets.arrived(transport, item.head, self._census)
         self.connection_lost(None)
 
@@ -386,8 +389,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         """Give a whole answer to the request whose turn it is."""
         if self._transport is None or self._mode is Mode.LEAVING:
             return
-        exchange = self._queue.popleft()
-        assert isinstance(exchange, Exchange)
+        exchange = self._over()
         ends = close or self._ends_after(exchange)
         self._write(whole_bytes(exchange.head, head, body, close=ends))
         self._after_answer(exchange, ends=ends)
@@ -414,8 +416,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         """The answer that was begun is whole."""
         if self._begun is None or not self._queue:
             return
-        exchange = self._queue.popleft()
-        assert isinstance(exchange, Exchange)
+        exchange = self._over()
         if self._chunked:
             self._write(b"0\r\n\r\n")
         self._begun = None
@@ -443,6 +444,13 @@ class ClientConnection(asyncio.BufferedProtocol):
             self._parser.refuse(Problem.SHUTTING_DOWN)
             self._guarded(self._advance)
 
+    def _over(self) -> Exchange:
+        """Take the request whose turn it is out of the line."""
+        exchange = self._queue.popleft()
+        assert isinstance(exchange, Exchange)
+        exchange.place.leave()
+        return exchange
+
     def _ends_after(self, exchange: Exchange) -> bool:
         return not (exchange.head.keep_alive and exchange.whole) or self._desk.moves.leaving
 
@@ -457,11 +465,7 @@ class ClientConnection(asyncio.BufferedProtocol):
             self._transport.write(data)
 
     def _leave(self, *, linger: bool) -> None:
-        """End after what was written.
-
-        A client that still sends is heard out: closing on it would reset the connection, and the reset
-        would overtake the answer.
-        """
+        """End after what was written. Who still sends is heard out: a reset would overtake the answer."""
         self._mode, self._rest, self._left_ns = Mode.LEAVING, b"", self._census.now_ns()
         self._drop_queue()
         if self._transport is None:
@@ -487,8 +491,10 @@ class ClientConnection(asyncio.BufferedProtocol):
     def _drop_queue(self) -> None:
         """Whoever still waits here lost his connection."""
         queue, self._queue, self._parsing = self._queue, deque(), None
+        self._parser.place.leave()
         for item in queue:
             if isinstance(item, Exchange):
+                item.place.leave()
                 if item.started:
                     self._desk.left(item)
                 self._desk.forget(item)

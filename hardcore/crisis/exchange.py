@@ -11,6 +11,7 @@ from hardcore.crisis.heads import AnswerHead, RequestDigest, RequestHead
 from hardcore.crisis.holding import Life, Plea
 from hardcore.crisis.problems import Problem
 from hardcore.crisis.quarantine import Refusal
+from hardcore.crisis.recording import NOBODYS, Place
 from hardcore.crisis.upstream import UpstreamConnection
 
 #: Pieces of a body kept apart.
@@ -68,6 +69,7 @@ class Exchange:
         "lost_ns",
         "made_name",
         "met_outage",
+        "place",
         "received_bytes",
         "refusal",
         "rests",
@@ -81,10 +83,13 @@ class Exchange:
         "whole",
     )
 
-    def __init__(self, client: Client, head: RequestHead, arrived_ns: int) -> None:
+    def __init__(
+        self, client: Client, head: RequestHead, arrived_ns: int, place: Place = NOBODYS.no_place
+    ) -> None:
         self.client = client
         self.head = head
         self.arrived_ns = arrived_ns
+        self.place = place  # on the gateway's own page
         self.body: list[bytes] = []
         self.received_bytes = 0  # of the body, in all
         self.kept_bytes = 0  # of the body, set aside in the waiting room's count

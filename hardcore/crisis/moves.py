@@ -43,6 +43,7 @@ from hardcore.crisis.receipts import Receipt
 from hardcore.crisis.receipts_desk import Kept, Promises, moments
 from hardcore.crisis.receipts_pages import promised
 from hardcore.crisis.receipts_store import Failure
+from hardcore.crisis.recording import STAGES
 from hardcore.crisis.returns import Returns
 from hardcore.crisis.routing import Route, route
 from hardcore.crisis.sending import Courier
@@ -233,6 +234,7 @@ class Moves:
         before = exchange.life
         exchange.life, deed = TABLE[before, trigger]
         assert deed is not Deed.NEVER, f"{trigger} cannot happen to a request in {before}"
+        exchange.place.stands(STAGES[exchange.life])
         self._unlist(exchange)
         match deed:
             case Deed.SEND:

@@ -17,6 +17,7 @@ import httptools
 
 from hardcore.crisis.heads import Header, RequestHead, read_request, with_target
 from hardcore.crisis.problems import Problem
+from hardcore.crisis.recording import NOBODYS, Recording
 
 #: Header lines up to this size are remembered as judged, those of one head for each connection.
 REMEMBERED_BYTES_MAX = 4 << 10
@@ -49,10 +50,24 @@ class _Judged:
     head: RequestHead
 
 
-class RequestParser:
-    """Parses one connection's requests."""
+class _RefusedPathError(Exception):
+    """The head that is being parsed is for a path that is refused. Raised within the parser, to stop it there."""
 
-    def __init__(self, listener: Listener, hosts: Collection[str], header_bytes_max: int) -> None:
+
+class RequestParser:
+    """Parses one connection's requests; `place` is where the one that is being parsed stands in the `recording`."""
+
+    def __init__(
+        self,
+        listener: Listener,
+        hosts: Collection[str],
+        header_bytes_max: int,
+        recording: Recording = NOBODYS,
+    ) -> None:
+        self.place = recording.no_place
+        self._recording = recording
+        self._connection = recording.connection()
+        self._fed = b""
         self.in_head = False
         self.deaf = False
         self.overrun = False  # the client spoke on in another protocol before it was told to
@@ -68,9 +83,14 @@ class RequestParser:
 
     def feed(self, data: bytes) -> None:
         """Parse `data`; everything found is told to the listener before this returns."""
+        self.place.heard(len(data))
+        self._fed = data
         try:
             self._parser.feed_data(data)
         except httptools.HttpParserCallbackError as error:
+            if isinstance(error.__context__, _RefusedPathError):
+                self.refuse(Problem.REFUSED_PATH)
+                return
             raise (error.__context__ or error) from None  # our own bug: the parser only wraps it
         except httptools.HttpParserUpgrade as upgrade:
             self.deaf = True  # what follows would be another protocol, which is not spoken here
@@ -95,10 +115,20 @@ class RequestParser:
     def on_message_begin(self) -> None:
         """A new head begins."""
         self.in_head, self._head_bytes, self._target, self._lines = True, 0, b"", []
+        self.place = self._recording.take(self._connection)
+        self.place.heard(len(self._fed))
 
     def on_url(self, target: bytes) -> None:
         """A piece of the target."""
         self._target += target
+        name = self._name()
+        self.place.named(name)
+        # What ends where our bytes end may go on: then it is judged with its head.
+        if self._recording.refused and not self._fed.endswith(target) and self._recording.refuses(name):
+            raise _RefusedPathError
+
+    def _name(self) -> int:
+        return self._recording.name_of(self._parser.get_method(), self._target)
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """A header line; after the head, a trailer, which nobody here has use for."""
@@ -109,6 +139,9 @@ class RequestParser:
         """Judge the head."""
         self.in_head = False
         if self.deaf:
+            return
+        if self._recording.refused and self._recording.refuses(self._name()):
+            self.refuse(Problem.REFUSED_PATH)
             return
         head = self._judge()
         if isinstance(head, Problem):

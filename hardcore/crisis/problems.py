@@ -12,6 +12,7 @@ class Problem(StrEnum):
     """The slug of a problem."""
 
     BAD_REQUEST = "bad-request"
+    REFUSED_PATH = "refused-path"
     WRONG_HOST = "wrong-host"
     FOREIGN_PAGE = "foreign-page"
     NOT_FOUND = "not-found"
@@ -54,6 +55,7 @@ class Outcome(StrEnum):
 
 STATUS: dict[Problem, int] = {
     Problem.BAD_REQUEST: 400,
+    Problem.REFUSED_PATH: 400,
     Problem.WRONG_HOST: 421,
     Problem.FOREIGN_PAGE: 403,
     Problem.NOT_FOUND: 404,
@@ -107,6 +109,7 @@ RETRY_AFTER_S: dict[Problem, int] = {
 PLAIN = frozenset(
     {
         Problem.BAD_REQUEST,
+        Problem.REFUSED_PATH,
         Problem.WRONG_HOST,
         Problem.FOREIGN_PAGE,
         Problem.METHOD_NOT_ALLOWED,
