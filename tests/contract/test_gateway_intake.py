@@ -227,7 +227,7 @@ def test_a_body_in_many_tiny_chunks_arrives_whole(tmp_path: Path) -> None:
 
 def _is_served(w: World) -> bool:
     client = w.client()
-    status = client.ask("GET", "/livez").read().status
+    status = client.ask("GET", "/r").read().status
     client.close()
     return status == 200
 
@@ -236,7 +236,7 @@ def test_one_address_never_has_all_the_places(tmp_path: Path) -> None:
     with world(tmp_path, connections_per_address_max=2) as w:
         w.serving()
         clients = [w.client() for _ in range(3)]
-        assert [client.ask("GET", "/livez").read().status for client in clients] == [200, 200, 503]
+        assert [client.ask("GET", "/r").read().status for client in clients] == [200, 200, 503]
         clients[0].close()
         until(lambda: _is_served(w), "a place to be free again")
 

@@ -366,7 +366,7 @@ def test_health_answers_are_small_and_readable(tmp_path: Path) -> None:
 
 def _flooded(w: World, count: int) -> list[int]:
     clients = [w.client() for _ in range(count)]
-    return [client.ask("GET", "/livez").read().status for client in clients]
+    return [client.ask("GET", "/r").read().status for client in clients]
 
 
 def test_a_connection_over_the_limit_is_told_so(tmp_path: Path) -> None:
