@@ -6,6 +6,7 @@ the machine makes of it may differ, and what was met is written down.
 """
 
 import contextlib
+import http.client
 import random
 import threading
 import time
@@ -80,8 +81,8 @@ class Runs:
             asked = len(clients.told)
             hit = [BY_NAME[name] for name, _ in met]
             incidents = self.audit.after(before, hit, clients)
-        except (Broken, AssertionError) as error:
-            broken = (str(error),)
+        except (Broken, AssertionError, OSError, http.client.HTTPException, client.Unreachable) as error:
+            broken = (f"{type(error).__name__}: {error}",)
         names = tuple(f"{one.fault.name} at {one.moment}" for one in planned)
         told = Told(
             seed, names, tuple(met), broken, manual, asked, time.monotonic() - began, tuple(incidents)
