@@ -27,6 +27,7 @@ from bench import (
     peace,
     poison_row,
     poisons,
+    promises,
     rates,
     restarts,
     switches,
@@ -145,6 +146,11 @@ LONG: dict[str, Part] = {
         "150 kills from outside under load: nobody is convicted (4 minutes)",
         lambda folder: poisons.measure_outside(folder, kills=150, say=note),
         lambda folder: poisons.measure_outside(folder, kills=2, say=note),
+    ),
+    "promises": Part(
+        "what is promised of high availability, each with its number (3 minutes)",
+        lambda folder: promises.measure(folder, rounds=10),
+        lambda folder: promises.measure(folder, rounds=2),
     ),
     "restarts": Part(
         "what a thousand restarts leave in the guard (10 minutes)",
