@@ -108,7 +108,7 @@ class Track:
     number: int | None = None  # of the open stretch
     low: int = 0
     high: int = 0
-    load: int = 0
+    done: int = 0  # what was done when it began
     claim: Claim | None = None
     since_ns: int | None = None  # since when a claim has stood
     gone_ns: int | None = None  # since when none has stood
@@ -117,20 +117,19 @@ class Track:
         default_factory=lambda: tuple(Scale(size, kept_max) for size, kept_max in SCALES)
     )
 
-    def look(self, at_ns: int, value: int, load: int, limit: int, horizon_ns: int) -> bool:
-        """Note a value, and what was done since the one before; return whether a stretch has ended by it."""
+    def look(self, at_ns: int, value: int, done: int, limit: int, horizon_ns: int) -> bool:
+        """Note a value, and how much was done so far; return whether a stretch has ended by it."""
         if at_ns < self.from_ns:
             return False
         number = at_ns // self.step_ns
         ended = self.number is not None and number > self.number
         if ended:
-            self._end(limit, horizon_ns)
+            self._end(max(0, done - self.done), limit, horizon_ns)
             self.since_ns = None if self.claim is None else self.since_ns or at_ns
         if self.number is None or ended:
-            self.number, self.low, self.high, self.load = number, value, value, load
+            self.number, self.low, self.high, self.done = number, value, value, done
         else:
             self.low, self.high = min(self.low, value), max(self.high, value)
-            self.load += load
         return ended
 
     @property
@@ -145,11 +144,11 @@ class Track:
         slopes = [growth(scale.points()) if scale.left else None for scale in self.scales]
         return self._claim(limit, FAR_STRETCHES, slopes)
 
-    def _end(self, limit: int, horizon_ns: int) -> None:
+    def _end(self, load: int, limit: int, horizon_ns: int) -> None:
         assert self.number is not None, "a stretch is open"
         horizon = horizon_ns / self.step_ns
         for scale in self.scales:
-            if scale.add(self.number, self.low, self.high, self.load) and len(scale.lows) >= POINTS_MIN:
+            if scale.add(self.number, self.low, self.high, load) and len(scale.lows) >= POINTS_MIN:
                 scale.judge(limit, horizon / scale.size)
         self.claim = self._claim(limit, horizon, [scale.slope for scale in self.scales])
 

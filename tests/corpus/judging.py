@@ -29,9 +29,11 @@ def judge(trace: Trace) -> Judged:
     horizon_ns, confirm_ns = POLICY.forecast_horizon_sec * S, POLICY.forecast_confirm_sec * S
     track = Track(POLICY.forecast_interval_sec * S, POLICY.forecast_warmup_sec * S)
     told_s: list[int] = []
+    done = 0
     for step, (value, load) in enumerate(zip(trace.values, trace.loads, strict=True)):
         at_s = step * STEP_S
-        if track.look(at_s * S, value, load, trace.limit, horizon_ns) and tell(track, at_s * S, confirm_ns):
+        done += load
+        if track.look(at_s * S, value, done, trace.limit, horizon_ns) and tell(track, at_s * S, confirm_ns):
             told_s.append(at_s)
     end_s = len(trace.values) * STEP_S
     stood = told_s and track.told
