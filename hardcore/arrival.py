@@ -10,17 +10,20 @@ import os
 import sys
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hardcore import quarantine_file, standing
+from hardcore.agents_file import Guard, write_agents
 from hardcore.court_words import unruled
-from hardcore.host import files, leftovers, steps, suspects
+from hardcore.host import clock, files, leftovers, steps, suspects
 from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
 from hardcore.host.ids import new_id
 from hardcore.host.leftovers import Leftovers
 from hardcore.host.processes import start_of
+from hardcore.host.sentinel_page import SentinelPage, read_page
 from hardcore.model.phases import Wanted
 from hardcore.model.trials import CourtMemory, Letter
 from hardcore.quarantine_file import Aside
@@ -29,6 +32,14 @@ from hardcore.snapshot import writer
 
 EXIT_ANOTHER_WATCHES = 3
 EXIT_UNUSABLE = 78
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """How the guard before this one was lost. `unwatched_ns` None: none was, or nobody can tell."""
+
+    unwatched_ns: int | None = None
+    found_frozen: bool = False
 
 
 @dataclass(slots=True)
@@ -49,6 +60,9 @@ class Setup:
     unruled: tuple[Letter, ...]  # what was set aside though no rule says so
     court: CourtMemory  # what the guard before remembered of suspects
     court_since: Mapping[str, str]  # and since when
+    guard: Guard  # who we are, for those who watch us
+    page: SentinelPage
+    before: Before
 
 
 def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
@@ -66,22 +80,15 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         return EXIT_ANOTHER_WATCHES
     standing.own_run_folder(folders)
     generation = standing.next_generation(folders)
-    files.write_json(
-        folders.sentinel,
-        {
-            "pid": os.getpid(),
-            "start": start_of(os.getpid()),
-            "nonce": new_id(),
-            "generation": generation,
-            "launcher": os.getppid(),
-            "url": url,
-            "argv": sys.orig_argv,
-        },
-        durable=False,
-    )
+    before = _before(folders)
+    guard, page = _name(folders, generation, url)
     standing.ship_policy(folders)
     threading.Thread(target=_behind, args=(folders, generation), daemon=True, name="behind").start()
     in_force = standing.policy_in_force(folders)
+    with suppress(
+        OSError
+    ):  # then there are no agents, as in a run folder that is full; the launcher is there
+        write_agents(folders, guard, in_force.policy)
     noted = steps.incident_left(folders)
     court, court_since = suspects.read(folders, dt.datetime.now(dt.UTC))
     aside, rules_fault = quarantine_file.take_in(folders)
@@ -101,7 +108,42 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         tuple(map(letter, unruled(court, aside))),
         court,
         court_since,
+        guard,
+        page,
+        before,
     )
+
+
+def _name(folders: Folders, generation: int, url: str) -> tuple[Guard, SentinelPage]:
+    """Say who we are, to the launcher and to the agents."""
+    start = start_of(os.getpid())
+    assert start is not None, "this very process is there"
+    guard = Guard(generation, os.getpid(), start, new_id().replace("-", ""), url)
+    files.write_json(
+        folders.sentinel,
+        {
+            "pid": guard.pid,
+            "start": guard.start,
+            "nonce": guard.nonce,
+            "generation": generation,
+            "launcher": os.getppid(),
+            "url": url,
+            "boot": clock.boot_id(),
+            "argv": sys.orig_argv,
+        },
+        durable=False,
+    )
+    return guard, SentinelPage(folders.sentinel_page, generation, guard.start, guard.nonce)
+
+
+def _before(folders: Folders) -> Before:
+    """Return how the guard before was lost: its page is left as it was at its last beat, unless it ended as it was told."""
+    page, named = read_page(folders.sentinel_page), files.read_json(folders.sentinel)
+    # Times of another boot mean nothing: only a run folder that is no tmpfs has a page of one.
+    if page is None or named.get("boot") != clock.boot_id() or named.get("nonce") != page.nonce:
+        return Before()
+    ended = [files.read_json(note).get("ended") for note in folders.run.glob("agent-budget-*.json")]
+    return Before(max(0, clock.now_ns() - max(page.began_ns, page.loop_ns)), found_frozen=page.nonce in ended)
 
 
 def _behind(folders: Folders, generation: int) -> None:

@@ -17,6 +17,8 @@ SOCKET_PATH_BYTES_MAX = 107
 LIMIT_MS_MAX = 86_400_000
 #: Who can have seen a commit: the last core's page, its guard, the gateway, and one to spare.
 WITNESSES_MAX = 4
+#: No process has a descriptor beyond this: the kernel's largest `fs.nr_open`.
+FDS_MAX = 1 << 31
 _NUMBER_MAX = 2**63 - 1
 _WITNESS = re.compile(r"([0-9]{1,19}):([0-9]{1,19}):([0-9a-f]{64})")
 _NUMBER = re.compile(r"[0-9]{1,19}")
@@ -59,6 +61,9 @@ class GuardedEnvironment:
     memory_bytes: int | None = None
     #: The rules it makes for its core; beside them the drills it has armed, and a place for cases.
     quarantine: Path | None = None
+    #: What the sentinel has left word of for its agents, and the gateway's listener, which is only kept for it.
+    agents: Path | None = None
+    listen_fd: int | None = None
     notify_socket: str | None = None
     watchdog_usec: int | None = None
 
@@ -86,6 +91,8 @@ class GuardedEnvironment:
             limit_ms=reading.number("HARDCORE_LIMIT_MS", 1, LIMIT_MS_MAX),
             memory_bytes=reading.number("HARDCORE_MEMORY_BYTES", 1),
             quarantine=reading.path("HARDCORE_QUARANTINE"),
+            agents=reading.path("HARDCORE_AGENTS"),
+            listen_fd=reading.number("HARDCORE_LISTEN_FD", 3, FDS_MAX),
             notify_socket=reading.notify("NOTIFY_SOCKET"),
             watchdog_usec=reading.watchdog(own_pid),
         )

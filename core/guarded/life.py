@@ -13,7 +13,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.guarded import oom
+from core.guarded import agent, oom
 from core.guarded.beacon import Beacon
 from core.guarded.beats import BEAT_MS, LoopBeat, ThreadBeat, note_collections
 from core.guarded.census import CENSUS_MS, CensusTaker
@@ -86,6 +86,7 @@ async def guarded_life(
         ending.callback(loop_beat.stop)
         thread_beat = ThreadBeat(recorder, beat_ms)
         thread_beat.start()
+        agent.begin_if_told(environment.agents, environment.listen_fd)
         ending.callback(thread_beat.stop)
         census = CensusTaker(recorder, census_ms, environment.memory_bytes)
         census.start()

@@ -22,6 +22,7 @@ from pathlib import Path
 
 import uvloop
 
+from hardcore.crisis import agent
 from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
 from hardcore.crisis.client import ClientConnection
@@ -184,6 +185,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--state", type=Path, help="where rules of the quarantine and cases of suspects lie")
     parser.add_argument("--investigator", type=Path, help="where the investigators listen")
     parser.add_argument("--page", type=Path, help="the page on which the guard looks for our beats")
+    parser.add_argument("--agents", type=Path, help="what the sentinel has left word of for its agents")
     parser.add_argument("--demo", action="store_true", help="let pages of this address break the core")
     return parser.parse_args(arguments)
 
@@ -221,6 +223,7 @@ def main(arguments: Sequence[str]) -> int:
         _LOG.error("the page %s can't be written: %s", options.page, error)
         recording = NOBODYS
 
+    agent.begin_if_told(options.agents, options.listen_fd)
     gc.freeze()  # what was loaded stays
     gc.set_threshold(GARBAGE_EVERY)
 

@@ -250,8 +250,17 @@ def as_words(witnesses: Iterable[Witness]) -> list[str]:
     return [f"{each.seq}:{each.epoch}:{each.hash}" for each in witnesses]
 
 
-def start(life: Life, terms: Terms, watchdog_usec: int, limits: CoreLimits | None = None) -> Handle:
-    """Start the core of this life. Raises OSError when no process can be made."""
+def start(
+    life: Life,
+    terms: Terms,
+    watchdog_usec: int,
+    limits: CoreLimits | None = None,
+    listen_fd: int | None = None,
+) -> Handle:
+    """Start the core of this life. Raises OSError when no process can be made.
+
+    `listen_fd`: the gateway's listener, which the core keeps for the sentinel that its agent may have to start.
+    """
     folders = life.folders
     environment = {
         **clean_environment(),
@@ -267,10 +276,13 @@ def start(life: Life, terms: Terms, watchdog_usec: int, limits: CoreLimits | Non
     if limits is not None:
         environment["HARDCORE_LIMIT_MS"] = str(limits.command_ms)
         environment["HARDCORE_MEMORY_BYTES"] = str(limits.memory_bytes)
+    fds = () if listen_fd is None else (listen_fd,)
+    if listen_fd is not None:
+        environment |= {"HARDCORE_AGENTS": str(folders.agents), "HARDCORE_LISTEN_FD": str(listen_fd)}
     argv = [sys.executable, "-I", "-m", "core", "serve", "--data", str(folders.data)]
     life.log = logs.place(folders.logs / "core.log", folders.run)
     life.log_end = LogEnd(life.log)
-    life.handle = processes.spawn(argv, environment, life.log, folders.data)
+    life.handle = processes.spawn(argv, environment, life.log, folders.data, fds=fds)
     life.oom = memory.oom_counter(life.handle.pid)
     return life.handle
 
