@@ -97,6 +97,10 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
     # It takes longer, or nobody tries any more.
     "R7": ("평소보다 오래 걸리고 있어요", "Taking longer than usual"),
     "R7.stage": ("지금 단계: {stage}.", "Current step: {stage}."),
+    "R7.alerted": (
+        "{t} 관리자에게 알림을 보냈어요.",
+        "The administrator was alerted at {t}.",
+    ),
     "R7b.line": (
         "알림을 보내지 못했어요. 서버 관리자에게 직접 알려 주세요.",
         "No alert could be sent. Please tell the person who runs this server.",
@@ -248,6 +252,7 @@ FACTS: Final[dict[str, str]] = {
     "R9": "the state frame's text is null and its safe names a diagnosis: the core refuses changes and serves reads",
     "R10": "proof B found a fault: ok, verified or sound is false, or safe is STORE_CORRUPT",
     "R10.safe": "the state frame's safe names a diagnosis: the core refuses changes",
+    "R7.alerted": "the state frame's alerted_at: somebody's channel has taken the message",
     "R7b.line": "the state frame's text is R7b: no alert was delivered",
     "R8": "the state frame's text is R8: the guard has stopped trying",
     "OFF": "the state frame's text is OFF: the operator stopped it",

@@ -32,13 +32,18 @@ export function isFinal(frame) {
   return frame.text === "R8" || frame.text === "OFF";
 }
 
+/** Whether it takes longer than it usually does. */
+export function isLate(frame) {
+  return frame.text === "R7" || frame.text === "R7b";
+}
+
 /** Whether it was asked for and may be over before anybody notices: nothing is said of it yet. */
 export function isQuiet(view) {
   return view.mode === "sign" && view.frame.planned && !isFinal(view.frame);
 }
 
 function isLong(frame) {
-  return isFinal(frame) || frame.text === "R7b" || (!frame.planned && frame.eta !== null && frame.eta.low_s >= LONG_S);
+  return isFinal(frame) || isLate(frame) || (!frame.planned && frame.eta !== null && frame.eta.low_s >= LONG_S);
 }
 
 function withStage(view, frame, now_ms) {

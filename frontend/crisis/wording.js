@@ -3,10 +3,10 @@
 // Pure, and the only place where the script decides to claim something. A claim is made from its fact alone
 // (FACTS in catalogue_crisis.py names each): without the fact the neutral sentence stands, or none.
 
-import { isFinal, isQuiet } from "./outage.js";
+import { isFinal, isLate, isQuiet } from "./outage.js";
 
 const TITLES = { R8: "title.stopped", OFF: "title.off" };
-const HEADS = { R1: "R1", R2: "R2", R7b: "R7", R8: "R8", OFF: "OFF" };
+const HEADS = { R1: "R1", R2: "R2", R7: "R7", R7b: "R7", R8: "R8", OFF: "OFF" };
 const STATUS_EVERY_S = 10;
 const SAMPLES_MIN = 5;  // with fewer there is no estimate; with more and none, what was promised is over
 
@@ -27,11 +27,20 @@ function headOf(frame, words) {
 function promises(frame, words) {
   switch (frame.text) {
     case "R2": return [words["R2.line"], words["R1.line"]];
+    case "R7": return [...stageNow(frame, words), ...alerted(frame, words)];
     case "R7b": return [...stageNow(frame, words), words["R7b.line"]];
     case "R8": return [words["R8.line"]];
     case "OFF": return [words["OFF.line"]];
     default: return [words["R1.line"]];
   }
+}
+
+// Only a delivery that was confirmed has a time; without one nothing is said of it.
+function alerted(frame, words) {
+  const at = new Date(frame.alerted_at ?? NaN);
+  if (Number.isNaN(at.getTime())) return [];
+  const [hours, minutes] = [at.getHours(), at.getMinutes()].map((part) => String(part).padStart(2, "0"));
+  return [fill(words["R7.alerted"], { t: `${hours}:${minutes}` })];
 }
 
 function stageNow(frame, words) {
@@ -46,7 +55,7 @@ function stageName(frame, number, words) {
 function timing(frame, elapsed_s, words) {
   const elapsed = fill(words.elapsed, { t: elapsed_s });
   const { eta } = frame;
-  if (eta === null) return frame.text !== "R7b" && frame.samples < SAMPLES_MIN ? `${words["eta.none"]} · ${elapsed}` : elapsed;
+  if (eta === null) return !isLate(frame) && frame.samples < SAMPLES_MIN ? `${words["eta.none"]} · ${elapsed}` : elapsed;
   const usual = eta.low_s < 1 || eta.low_s >= eta.high_s ? "eta.within" : "eta.range";
   return `${fill(words[usual], { a: eta.low_s, b: eta.high_s })} · ${elapsed}`;
 }
@@ -107,7 +116,7 @@ function downCard(view, facts, now_ms, words) {
       ...(final || elapsed_s < STATUS_EVERY_S ? [] : [
         fill(words.elapsed, { t: elapsed_s - (elapsed_s % STATUS_EVERY_S) })])].join(" "),
     closes: final,
-    tone: frame.text === "R7b" || final ? "warn" : "busy",
+    tone: isLate(frame) || final ? "warn" : "busy",
   };
 }
 

@@ -23,11 +23,15 @@ _WAYS = {Phase.SWITCHING: Way.SPARE, Phase.STARTING: Way.COLD, Phase.BACKOFF: Wa
 
 
 class Text(StrEnum):
-    """Which text of the catalogue is true. R7 (an alert was delivered) needs a channel, which there is not yet."""
+    """Which text of the catalogue is true.
+
+    UNTOLD: it takes longer, and nobody could be told; of LONGER it is known only if `alerted_at` says so.
+    """
 
     RECOVERING = "R1"
     PLANNED = "R2"
-    LONGER = "R7b"
+    LONGER = "R7"
+    UNTOLD = "R7b"
     STOPPED_TRYING = "R8"
     OFF = "OFF"
 
@@ -89,6 +93,7 @@ class Shown:
     text: Text | None = None
     safe: str | None = None
     sound: bool | None = None
+    alerted_at: str | None = None
 
 
 def follow(
@@ -175,7 +180,8 @@ def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_n
     elapsed_ms = _elapsed_ms(outage, now_ns)
     late = elapsed_ms > _limit_ms(outage, pace)
     past = outage.told is not None and elapsed_ms > _promised_ms(outage.told)
-    text = _text(outage, known.face, late=late)
+    alerted_at, untold = _alerted(known)
+    text = _text(outage, known.face, late=late, untold=untold)
     open_ended = past or text not in {Text.RECOVERING, Text.PLANNED}
     return Shown(
         # The guard may not have said anything yet of what we saw ourselves: its words are older then.
@@ -191,16 +197,25 @@ def show(outage: Outage | None, known: Standing, samples: int, pace: Pace, now_n
         text=text,
         safe=known.safe,
         sound=known.sound,
+        alerted_at=alerted_at,
     )
 
 
-def _text(outage: Outage, face: Face, *, late: bool) -> Text:
+def _alerted(known: Standing) -> tuple[str | None, bool]:
+    """When whoever runs the server was told of the incident that is shown, and whether that failed."""
+    told = known.alerted
+    if told is None or known.incident is None or told.incident != known.incident:
+        return None, False
+    return told.at, told.failed
+
+
+def _text(outage: Outage, face: Face, *, late: bool, untold: bool) -> Text:
     if face is Face.CLOSED:
         return Text.OFF
     if face is Face.REFUSE:
         return Text.STOPPED_TRYING
     if late:
-        return Text.LONGER
+        return Text.UNTOLD if untold else Text.LONGER
     return Text.PLANNED if outage.planned else Text.RECOVERING
 
 
@@ -244,7 +259,7 @@ def fields(shown: Shown, held: int, since: str | None) -> dict[str, object]:
         "incident": shown.incident,
         "held": held,
         "planned": shown.planned,
-        "alerted_at": None,
+        "alerted_at": shown.alerted_at,
         "safe": shown.safe,
         "text": shown.text,
         "sound": shown.sound,

@@ -109,6 +109,16 @@ class VerifiedHeard:
 
 
 @dataclass(frozen=True, slots=True)
+class AlertedHeard:
+    """Whether whoever runs the server was told of an incident: when the first message arrived, or that none did."""
+
+    generation: int
+    incident: str
+    at: str | None
+    failed: bool
+
+
+@dataclass(frozen=True, slots=True)
 class StandingHeard:
     """How everything stands: what `hardcore status --json` says, and what was counted. Only the doors read it."""
 
@@ -133,6 +143,7 @@ Heard = (
     | VerdictHeard
     | QuarantineHeard
     | StandingHeard
+    | AlertedHeard
 )
 
 
@@ -205,6 +216,10 @@ def _message(fields: Mapping[str, Any]) -> Heard:
             return ReleaseHeard(generation, _number(fields, "epoch"), _text_or_none(fields.get("incident")))
         case "verified":
             return VerifiedHeard(generation, _number(fields, "epoch"), fields.get("ok") is True)
+        case "alerted":
+            at = _text_or_none(fields.get("at"))
+            failed = at is None and fields.get("failed") is True
+            return AlertedHeard(generation, _text(fields, "incident"), at, failed)
         case "standing":
             return StandingHeard(generation, _object(fields, "status"), _object(fields, "counters"))
         case other:

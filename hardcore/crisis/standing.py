@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from hardcore.crisis.feed import (
+    AlertedHeard,
     Heard,
     PhaseHeard,
     QuarantineHeard,
@@ -48,7 +49,8 @@ class Standing:
     `suspects`: those that are open, by their names; `account_ids`: what they would have touched.
     `heard_ns` 0: the feed was never heard. `since_ns`: when the phase began, 0 if that was not said.
     `safe`: why the core serves reads only. `sound`: what the proof of the whole ledger said of the serving epoch, None while it runs. `unanswered`: a core
-    in doubt was asked for its health since, and did not answer well.
+    in doubt was asked for its health since, and did not answer well. `alerted`: what was said last of whether somebody
+    was told of an incident.
     """
 
     generation: int = 0
@@ -68,6 +70,7 @@ class Standing:
     doubted: bool = False
     unanswered: bool = False
     heard_ns: int = 0
+    alerted: AlertedHeard | None = None
 
 
 def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
@@ -107,6 +110,8 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
             )
         case VerdictHeard(name=name):
             return unsuspected(known, (name,))
+        case AlertedHeard():
+            return replace(known, alerted=message)
         case QuarantineHeard() | StandingHeard():
             return known
         case ReleaseHeard(epoch=epoch, incident=incident):

@@ -69,7 +69,7 @@ BRIDGES: Final = (
     ("postmortem.web", "frontend.render"),
     ("core.web.app", "frontend.render"),
     ("hardcore.cli", "frontend.catalogue"),
-    ("hardcore.host.alerts", "frontend.catalogue"),
+    ("hardcore.alerting.wording", "frontend.catalogue_alerts"),
     ("core.web.app", "starlette"),
 )
 

@@ -321,6 +321,11 @@ def test_a_claim_is_made_exactly_where_its_fact_is(open_ledger: OpenLedger) -> N
         assert ("slow to answer" in text) == (mode == "calm" and slow)
         assert ("Check this device" in text) == (mode == "lost")
         assert ("No alert could be sent" in text) is False
+    for code, at in itertools.product(("R1", "R7", "R7b"), (None, "2026-01-01T00:00:00.000Z")):
+        view = base | {"mode": "card", "frame": down(code, alerted_at=at)}
+        text = page.evaluate(said, [view, facts])
+        assert ("was alerted at" in text) == (code == "R7" and at is not None)
+        assert ("No alert could be sent" in text) == (code == "R7b")
 
 
 def test_waiting_requests_of_the_page_are_counted(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:

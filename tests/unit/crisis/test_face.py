@@ -20,6 +20,7 @@ from hardcore.crisis.face import (
     length_ms,
     show,
 )
+from hardcore.crisis.feed import AlertedHeard
 from hardcore.crisis.standing import Serving, Standing, confirm, doubt, leaving, posture
 from hardcore.model.phases import Face
 
@@ -252,6 +253,30 @@ def test_an_outage_teaches_nothing_that_was_nobodys_to_foresee() -> None:
         again = follow(touched, DOWN, DOWN, (), _ms(1_600))
         assert again is not None
         assert finished(again, 8, _ms(2_000)) is None
+
+
+@pytest.mark.parametrize(
+    ("alerted", "text", "at"),
+    [
+        (None, Text.LONGER, None),
+        (
+            AlertedHeard(1, "i1", "2026-01-01T00:00:01.000Z", failed=False),
+            Text.LONGER,
+            "2026-01-01T00:00:01.000Z",
+        ),
+        (AlertedHeard(1, "i1", None, failed=True), Text.UNTOLD, None),
+        (AlertedHeard(1, "i0", None, failed=True), Text.LONGER, None),
+        (AlertedHeard(1, "i0", "2026-01-01T00:00:01.000Z", failed=False), Text.LONGER, None),
+    ],
+)
+def test_that_somebody_was_told_is_said_of_this_incident_alone(
+    alerted: AlertedHeard | None, text: Text, at: str | None
+) -> None:
+    known = replace(DOWN, incident="i1", alerted=alerted)
+    outage = _outage()
+    shown = show(outage, known, 9, PACE, outage.began_ns + _ms(30_001))
+    assert (shown.text, shown.alerted_at) == (text, at)
+    assert show(outage, known, 9, PACE, outage.began_ns).text is Text.RECOVERING
 
 
 def test_a_core_that_takes_over_without_a_pause_is_no_outage() -> None:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from hardcore.crisis.feed import (
     LINE_BYTES_MAX,
+    AlertedHeard,
     LineSplitter,
     PhaseHeard,
     QuarantineHeard,
@@ -50,6 +51,10 @@ def test_each_line_of_the_wire_becomes_its_message() -> None:
     verdict = b'{"type": "verdict", "generation": 3, "name": "aa", "outcome": "held", "letter": "l", "reason": "UNPROVEN"}'
     assert parse_line(verdict) == VerdictHeard(3, "aa", Verdict.HELD, "l", "UNPROVEN")
     assert isinstance(parse_line(verdict.replace(b"held", b"hung")), Unreadable)
+    alerted = b'{"type": "alerted", "generation": 3, "incident": "i", "at": null, "failed": true}'
+    assert parse_line(alerted) == AlertedHeard(3, "i", None, failed=True)
+    at = alerted.replace(b"null", b'"2026-01-01T00:00:01.000Z"')
+    assert parse_line(at) == AlertedHeard(3, "i", "2026-01-01T00:00:01.000Z", failed=False)
     assert parse_line(b'{"type": "quarantine", "generation": 3, "serial": 9}') == QuarantineHeard(3, 9)
 
 

@@ -14,8 +14,8 @@ _VALUE: Final = re.compile(r"\{(\w+)\}")
 _PARTICLE: Final = re.compile(r"\}(은|는|이|가|을|를|과|와|로|으로)(\s|$|[.,])")
 #: Words that claim something of the ledger, the storage, the clipboard or the past.
 _CLAIMS: Final = re.compile(
-    r"확인했어요|잃은 내역은 없|저장해 뒀|되살렸|복사했|처리하지 않았|보내지 않았|알림을 보내지 못|돌아왔어요|관리자가 껐|이미 처리|접수했어요|적혀 있어요"
-    r"|were checked|Nothing was lost|is stored in|^Restored|^Copied|was not done|not been sent|No alert could"
+    r"확인했어요|잃은 내역은 없|저장해 뒀|되살렸|복사했|처리하지 않았|보내지 않았|알림을 보내지 못|알림을 보냈어요|돌아왔어요|관리자가 껐|이미 처리|접수했어요|적혀 있어요"
+    r"|were checked|Nothing was lost|is stored in|^Restored|^Copied|was not done|not been sent|No alert could|was alerted"
     r"|It took|Interrupted for|was stopped by|lready done|lready received|in the ledger|not been done"
 )
 
