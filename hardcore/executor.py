@@ -26,6 +26,7 @@ from hardcore.host.steps import Steps
 from hardcore.investigating import Investigators
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.outbox import Outbox
 from hardcore.reporting import have_report
 from hardcore.rule_book import Doors
 from hardcore.senses import Senses
@@ -93,6 +94,7 @@ class Executor:
         self._adopted_in = ""
         self._tasks: set[asyncio.Task[None]] = set()
         self.investigators = Investigators(folders, self)
+        self.outbox = Outbox(folders, self, publish)
         self.filing = Filing(folders.incidents, self, self._report, shelter=folders.shelter, ran=self._ran)
         self.policy_sha256 = ""  # of the policy in force, as its recording says it
         self.serving: tuple[dict[str, object], ...] = ()
@@ -135,6 +137,7 @@ class Executor:
                 self.begin(self.filing.add_audit(action))
             case orders.Alert():
                 self.note("alert", diagnosis=action.diagnosis, text=action.text)
+                self.begin(self.outbox.put(action))
             case orders.KeepBudget():
                 self.begin(self._keep(action))
             case orders.Halt():
@@ -154,7 +157,7 @@ class Executor:
         """Wait for what is under way, but not for ever; a hand that hangs in the kernel ends with the process."""
         loop = asyncio.get_running_loop()
         give_up_at = loop.time() + FINISH_S
-        await asyncio.gather(self.court.stop(), self.investigators.stop())
+        await asyncio.gather(self.court.stop(), self.investigators.stop(), self.outbox.stop())
         while self._tasks and loop.time() < give_up_at:
             await asyncio.wait(self._tasks, timeout=give_up_at - loop.time())
         for task in self._tasks:
