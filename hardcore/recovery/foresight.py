@@ -81,7 +81,6 @@ class Foresight:
     log: Chatter | None = None
     forecasts: dict[Resource, Forecast] = field(default_factory=dict)
     asked_ns: int | None = None  # when a switch was last asked for in this life
-    switches_ns: tuple[int, ...] = ()  # switches because of a forecast, in the last day
     vain_ns: int | None = None  # when the last one was seen not to have helped
     judgement: Judgement | None = None
 
@@ -96,7 +95,6 @@ class Foresight:
         self.log = Chatter(with_numbers.step_ns, now_ns + with_numbers.warmup_ns)
         if self.judgement is not None and life != self.judgement.life:
             self.judgement.until_ns = now_ns + with_numbers.step_ns
-            self.switches_ns += (now_ns,)
 
     def look(self, resource: Resource, value: int, now_ns: int, by: Numbers) -> Forecast | None:
         """Note a value of a resource whose limit is known; return a forecast that is to be told now."""
@@ -146,11 +144,9 @@ class Foresight:
             return judged
         return None
 
-    def may_switch(self, now_ns: int, most: int) -> bool:
-        """Return whether another switch may help: fewer than `most` were made in the last day, and none in vain."""
-        self.switches_ns = tuple(at_ns for at_ns in self.switches_ns if now_ns - at_ns < DAY_NS)
-        in_vain = self.vain_ns is not None and now_ns - self.vain_ns < DAY_NS
-        return not in_vain and len(self.switches_ns) < most
+    def in_vain(self, now_ns: int) -> bool:
+        """Return whether a switch of the last day was seen not to have helped."""
+        return self.vain_ns is not None and now_ns - self.vain_ns < DAY_NS
 
     def soonest(self) -> tuple[Forecast, ...]:
         """Return the forecasts that stand, the soonest first."""

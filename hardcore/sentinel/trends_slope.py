@@ -3,8 +3,8 @@
 The slope is Theil and Sen's: the median of the slopes of all pairs of points, which a third of wild points can't bend.
 Its lower bound is read off the same sorted slopes at the place that Kendall's variance gives, and the variance is
 widened by how much neighbours resemble each other, because a sawtooth is no sequence of independent looks. Only pairs
-under a like load count: what grows because more is asked of it is no leak, and where the load only rises too few pairs
-are left to say anything. Least squares was not chosen: one flushed cache would tilt it.
+whose later point was under no more load than the earlier one, and not under much less, count: what grows because more
+is asked of it is no leak, and where the load only rises too few pairs are left to say anything. Least squares was not chosen: one flushed cache would tilt it.
 
 The second opinion is a one-sided CUSUM over the same points: it asks not how fast, but whether the values have left
 where they began and are still leaving. Where either says no, nothing is claimed.
@@ -28,9 +28,9 @@ CRUDE, CRUDE_POINTS = 3, 5
 Z = 2.33
 #: Neighbours that resemble each other widen the band by at most so much.
 WIDER_MAX = 16.0
-#: Two loads are alike within this share of the larger one, or within twice its own chance.
+#: The later load is not much less within this share of the earlier one, or within twice its own chance.
 LIKE_SHARE = 0.15
-#: So many of all pairs must be under a like load.
+#: So many of all pairs must be comparable.
 PAIRS_SHARE_MIN = 0.2
 #: CUSUM: what is forgiven at each point, and what has to be gathered, in standard deviations.
 SLACK, GATHERED = 0.5, 5.0
@@ -117,14 +117,14 @@ def has_left(lows: Sequence[int], floor: float) -> bool:
 
 
 def _slope(points: Points, first: int) -> Slope | None:
-    """Return the slope of the points from `first` on; None where too few pairs are under a like load."""
+    """Return the slope of the points from `first` on; None where too few pairs are comparable."""
     numbers, lows, loads = points.numbers[first:], points.lows[first:], points.loads[first:]
     count = len(lows)
     slopes = [
         (lows[j] - lows[i]) / (numbers[j] - numbers[i])
         for j in range(1, count)
         for i in range(j)
-        if _alike(loads[i], loads[j])
+        if _comparable(loads[i], loads[j])
     ]
     pairs = count * (count - 1) // 2
     if len(slopes) < max(POINTS_MIN, PAIRS_SHARE_MIN * pairs):
@@ -136,9 +136,9 @@ def _slope(points: Points, first: int) -> Slope | None:
     return Slope(middle, slopes[place]) if place >= 0 else None
 
 
-def _alike(one: int, other: int) -> bool:
-    larger = max(one, other)
-    return abs(one - other) <= max(LIKE_SHARE * larger, 2 * math.sqrt(larger))
+def _comparable(earlier: int, later: int) -> bool:
+    """Whether the later load is no more than the earlier one, and not much less: more asked of it explains growth."""
+    return 0 <= earlier - later <= max(LIKE_SHARE * earlier, 2 * math.sqrt(earlier))
 
 
 def _wider(numbers: Sequence[int], lows: Sequence[int], slope: float) -> float:
