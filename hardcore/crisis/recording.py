@@ -7,6 +7,7 @@ Noting only what goes wrong was not chosen: whatever kills a parser leaves no ti
 """
 
 import asyncio
+import gc
 import hashlib
 import mmap
 import os
@@ -20,7 +21,6 @@ from pathlib import Path
 from hardcore.crisis.holding import Life
 from hardcore.host import gateway_page as page
 from hardcore.host.files import read_json
-from hardcore.host.vitals import stat_fields
 from hardcore.model.gateway import Stage
 
 BEAT_S = 0.1
@@ -104,11 +104,15 @@ class Recording:
         """Say who we are, and beat from now on: on the loop, and on a thread beside it."""
         words, pid = self._words, os.getpid()
         words[page.LOOP_THREAD] = threading.get_native_id()
-        words[page.START] = int(stat_fields(pid)[19])
+        words[page.START] = _own_start()
         words[page.THREAD_NS] = time.monotonic_ns()
         self._beat(loop)
         words[page.PID] = pid  # last: from here on the page is ours
+        gc.callbacks.append(self._collects)
         threading.Thread(target=self._beat_on, name="gateway-beat", daemon=True).start()
+
+    def _collects(self, phase: str, _info: Mapping[str, int]) -> None:
+        self._words[page.GC_SINCE_NS] = time.monotonic_ns() if phase == "start" else 0
 
     def _beat(self, loop: asyncio.AbstractEventLoop) -> None:
         self._beats += 1
@@ -117,6 +121,7 @@ class Recording:
         loop.call_later(BEAT_S, self._beat, loop)
 
     def _beat_on(self) -> None:
+        self._words[page.BEAT_THREAD] = threading.get_native_id()
         while True:
             time.sleep(BEAT_S)
             self._words[page.THREAD_NS] = time.monotonic_ns()
@@ -173,6 +178,11 @@ class Recording:
         """A core has not answered in time: its client is told 504."""
         self._words[page.OVERDUE] += 1
         self._words[page.OVERDUE_NS] = time.monotonic_ns()
+
+
+def _own_start() -> int:
+    """Return when this process started, as the kernel counts it: field 22 of its `stat`."""
+    return int(Path("/proc/self/stat").read_text("utf-8", "replace").rpartition(")")[2].split()[19])
 
 
 def word_of(name: bytes) -> int:

@@ -12,7 +12,6 @@ import struct
 from contextlib import suppress
 from pathlib import Path
 
-from hardcore.host.processes import Identity
 from hardcore.model.gateway import GatewayPage, GatewayPulse, GatewayRequest, Stage
 
 MAGIC = b"HCGATE01"
@@ -22,15 +21,15 @@ SLOTS_AT = 4096
 FILE_BYTES = SLOTS_AT + SLOTS * SLOT_BYTES
 
 #: Places of words, counted in words from the page's begin.
-PID, START, LOOP_THREAD = 4, 5, 6
+PID, START, LOOP_THREAD, BEAT_THREAD = 4, 5, 6, 7
 LOOP_NS, LOOP_COUNT, THREAD_NS = 8, 9, 10
-BEGUN, OVER, OVERDUE, OVERDUE_NS, REFUSED = 11, 12, 13, 14, 15
+BEGUN, OVER, OVERDUE, OVERDUE_NS, REFUSED, GC_SINCE_NS = 11, 12, 13, 14, 15, 16
 #: Of a slot, from its own begin.
 STAGE, SINCE_NS, PATH_HASH, BYTES_READ, CONNECTION = range(5)
 FIRST_SLOT, SLOT_WORDS = SLOTS_AT // 8, SLOT_BYTES // 8
 
 _MADE = struct.Struct("=8s3Q")
-_PULSE = struct.Struct("=3Q8x8Q")
+_PULSE = struct.Struct("=13Q")
 _PULSE_AT = 32
 _HEAD_BYTES = _PULSE_AT + _PULSE.size
 _SLOT = struct.Struct("=2Q8s2Q")
@@ -76,8 +75,8 @@ class GatewayPageReader:
         except OSError:
             return b""
 
-    def pulse(self, who: Identity) -> GatewayPulse | None:
-        """Return the head of the page; None while `who` has not written it, or it is no evidence."""
+    def pulse(self, pid: int, start: int) -> GatewayPulse | None:
+        """Return the head of the page; None while that process has not written it, or it is no evidence."""
         if self._fd is None:
             return None
         try:
@@ -85,7 +84,7 @@ class GatewayPageReader:
         except OSError:
             return None
         pulse = _pulse(head)
-        return pulse if pulse is not None and (pulse.pid, pulse.start) == (who.pid, who.start) else None
+        return pulse if pulse is not None and (pulse.pid, pulse.start) == (pid, start) else None
 
     def close(self) -> None:
         """Give the descriptor back."""

@@ -39,8 +39,8 @@ class Steps:
         self._told: dict[str, object] = {"generation": generation, "step": "begin"}
         self._condemned: tuple[str, ...] = ()
 
-    def mark(self, step: str, **particulars: object) -> None:
-        """Ask whether the next deed is still ours, and write down which it is."""
+    def mark(self, step: str | None, **particulars: object) -> None:
+        """Ask whether the next deed is still ours, and write down which it is; None: it is no step of the core's."""
         self._still_ours()
         self.hint(step, **particulars)
 

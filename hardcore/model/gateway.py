@@ -25,6 +25,7 @@ class GatewayPulse:
     pid: int = 0
     start: int = 0
     loop_thread: int = 0
+    beat_thread: int = 0
     loop_ns: int = 0
     loop_count: int = 0
     thread_ns: int = 0
@@ -33,6 +34,7 @@ class GatewayPulse:
     overdue: int = 0  # answered 504: the core had not answered in time
     overdue_ns: int = 0
     refused: int = 0  # answered 400 because their path had killed a gateway
+    gc_since_ns: int = 0  # in garbage collection since then; 0: not
 
 
 @dataclass(frozen=True, slots=True)

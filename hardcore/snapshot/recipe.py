@@ -57,6 +57,15 @@ DEAD: Mapping[Piece, int] = {
     Piece.LOCKS: 5,
     Piece.MEMORY: 5,
 }
+#: Of a gateway: it has no recorder of the core's form, no suspended commands, and no locks in the data folder.
+OF_A_LIVING_GATEWAY: Mapping[Piece, int] = {
+    Piece.THREADS: 10,
+    Piece.DEBUGGER: 5,
+    Piece.PROCESS: 10,
+    Piece.LOG: 10,
+    Piece.STACKS: 45,
+}
+OF_A_DEAD_GATEWAY: Mapping[Piece, int] = {Piece.LOG: 60}
 
 #: Of a budget of one millisecond.
 NS_PER_PERCENT = 10_000

@@ -89,6 +89,26 @@ async def take_dead(
     return await _store(pool, subject, work.haul, start_ns, until_ns)
 
 
+async def take_gateway(
+    subject: Subject,
+    budget_ms: int,
+    pool: Executor,
+    tools: Tools,
+    *,
+    living: bool,
+    found: Mapping[str, bytes],
+) -> Evidence | EvidenceFailed:
+    """Take the evidence of a gateway, which is only looked at; `found` are files that are known already.
+
+    Returns after `budget_ms` and the time that the disk has, as above: little if it lives, for it is to be killed.
+    """
+    work = Gathering(subject, tools, Haul(files=dict(found)))
+    shares = recipe.OF_A_LIVING_GATEWAY if living else recipe.OF_A_DEAD_GATEWAY
+    start_ns = await _collect(pool, shares, budget_ms, work)
+    grace_ms = STORE_GRACE_MS if living else DEAD_STORE_MS
+    return await _store(pool, subject, work.haul, start_ns, recipe.end_ns(start_ns, budget_ms + grace_ms))
+
+
 def write_facts(path: Path, facts: Mapping[str, Any]) -> bundle.BundleFailed | None:
     """Write `incident.json` into the incident's folder, which is made if no evidence was taken.
 
