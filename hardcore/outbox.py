@@ -55,15 +55,12 @@ class Hands(Protocol):
 
 
 class Outbox:
-    """Owns the folder and the sender.
-
-    `publish` takes lines for the gateway; `url` is where the ledger is served, for the link in a message.
-    """
+    """Owns the folder and the sender. `publish` takes lines for the gateway."""
 
     def __init__(
-        self, folders: Folders, hands: Hands, publish: Callable[[Mapping[str, object]], None], url: str = ""
+        self, folders: Folders, hands: Hands, publish: Callable[[Mapping[str, object]], None]
     ) -> None:
-        self.url = url
+        self.url = ""  # where the ledger is served, for the link in a message
         self._folders = folders
         self._hands = hands
         self._publish = publish
@@ -99,8 +96,9 @@ class Outbox:
             self._bound(self._awaited)
         self._wake()
 
-    async def resume(self) -> None:
-        """Go on with what an earlier guard has left in the outbox."""
+    async def resume(self, url: str) -> None:
+        """Go on with what an earlier guard has left in the outbox. `url`: where the ledger is served from now on."""
+        self.url = url
         if await self._hands.in_hand(self._waiting):
             self._wake()
 
