@@ -110,6 +110,7 @@ class Runtime:
         self._begin()
         self.executor.begin(self.gatekeeper.begin(self.setup.leftovers.gateways))
         self.executor.begin(self.senses.examine())
+        self.executor.begin(self.executor.outbox.resume(self.url))
         self.senses.begin_survey(self.policy.survey_interval_ms / 1000)
         probing = self.senses.probe_on(self._serving, self.policy.probe_interval_ms / 1000)
         tasks = [loop.create_task(work) for work in (self._watch(), self._feed_on(), probing)]
@@ -399,7 +400,7 @@ class Runtime:
         greeting = self.court.greeting()
         lines += [{**line, "generation": self.setup.generation} for line in greeting]
         if reading.epoch is not None:
-            told = (*self.executor.serving, *_audit_lines(reading))
+            told = (*self.executor.serving, *_audit_lines(reading), *self.executor.outbox.lines)
             lines += [{**line, "generation": self.setup.generation} for line in told]
         return lines
 
