@@ -69,7 +69,7 @@ class Calendar:
 
     def __init__(self, folders: Folders, policy: Policy, hands: Hands) -> None:
         self._folders = folders
-        self._policy = policy
+        self.policy = policy
         self._hands = hands
         self._looked = float("-inf")
         self._running = False
@@ -77,7 +77,7 @@ class Calendar:
 
     def look(self, reading: Reading, *, quiet: bool) -> None:
         """Begin the drill that is due, if this is the moment. To be called about once a second."""
-        if not self._policy.drill_every_hours or not self._policy.drills or self._running:
+        if not self.policy.drill_every_hours or not self.policy.drills or self._running:
             return
         now = asyncio.get_running_loop().time()
         if now - self._looked < LOOK_EVERY_S or not is_moment(reading, quiet=quiet):
@@ -96,10 +96,10 @@ class Calendar:
             told = await self._hands.in_hand(files.read_json, self._folders.calendar)
             last, number = _last(told.get("at")), told.get("number")
             now = dt.datetime.now().astimezone()
-            if not is_due(now, last, self._policy.drill_every_hours, self._policy.drill_hour):
+            if not is_due(now, last, self.policy.drill_every_hours, self.policy.drill_hour):
                 return
             begun = number + 1 if isinstance(number, int) else 0
-            fault = self._policy.drill_faults[begun % len(self._policy.drill_faults)]
+            fault = self.policy.drill_faults[begun % len(self.policy.drill_faults)]
             written = {"at": now.isoformat(timespec="seconds"), "number": begun, "fault": fault}
             await self._hands.in_hand(files.write_json, self._folders.calendar, written)
             await self._run(fault)

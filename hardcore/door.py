@@ -25,8 +25,8 @@ from hardcore.house import Answer, House, refuse
 from hardcore.model import observations as seen
 from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.recorder import Witness
+from hardcore.policy_desk import PolicyDesk
 from hardcore.recovery.budget import NS_PER_S
-from hardcore.recovery.policy import in_full
 from hardcore.rule_desk import RuleDesk
 
 #: A core that does not say at once which code it runs is taken for one of other code.
@@ -38,15 +38,29 @@ LOOKED_FOR_S = 0.2
 #: Who is connected and has asked nothing for so long would not notice a drill.
 QUIET_NS = 60 * NS_PER_S
 #: What an operator does, as opposed to what one asks.
-ACTS = frozenset({Ask.DRILL, Ask.DOWN, Ask.RESTART, Ask.RESUME, Ask.RULE_ADD, Ask.RULE_REMOVE})
+ACTS = frozenset(
+    {
+        Ask.DRILL,
+        Ask.DOWN,
+        Ask.RESTART,
+        Ask.RESUME,
+        Ask.RULE_ADD,
+        Ask.RULE_REMOVE,
+        Ask.SAFE_MODE,
+        Ask.POLICY_RELOAD,
+    }
+)
 _HASH = re.compile(r"[0-9a-f]{64}")
 
 
 class Door:
     """Answers requests and takes in what the gateway reports."""
 
-    def __init__(self, house: House) -> None:
+    def __init__(self, house: House, policy: PolicyDesk) -> None:
         self.last_incident = status.last_incident(house.folders)
+        self._policy = policy
+        self._safe_reason = standing.safe_reason(house.folders)
+        self.doors_asked_ns: int | None = None  # when somebody last read the gateway's doors for monitors
         self._house = house
         self._proved: seen.CoreReady | None = None
         self._verified_ns: int | None = None
@@ -65,7 +79,9 @@ class Door:
         """Return the answer to one request, and descriptors to send along. What was done is told to the investigators."""
         answer = await self._answer(request)
         if request.ask in ACTS and answer[0].get("ok") is True and not request.audited:
-            what = request.fault or request.id or str(answer[0].get("id", ""))
+            what = request.fault or request.id or request.component or str(answer[0].get("id", ""))
+            if request.ask is Ask.SAFE_MODE:
+                what = "on" if request.on else "off"
             told = {"who": "cli", "verb": str(request.ask), "what": what, "reason": request.reason}
             self._house.court.spool("act", told)
         return answer
@@ -80,7 +96,15 @@ class Door:
             case Ask.DRILL:
                 return await self._breaking.drill(request)
             case Ask.POLICY:
-                return {"ok": True, "policy": in_full(self._house.policy)}, []
+                return self._policy.shown()
+            case Ask.POLICY_RELOAD:
+                return await self._policy.reload()
+            case Ask.SAFE_MODE:
+                return await self._safe_mode(request)
+            case Ask.HISTORY:
+                return {"ok": True, "changes": self._house.history()}, []
+            case Ask.ALERTS_TEST:
+                return await self._house.test_alerts(request.channel)
             case Ask.DOWN:
                 return await self._down(request)
             case Ask.RESTART:
@@ -110,6 +134,7 @@ class Door:
             image=request.image,
             build=on_disk,
             serves=serves,
+            component=request.component,
         )
         self._house.feed(asked)
         after = self._house.reading()
@@ -130,6 +155,28 @@ class Door:
             )
         return self._order(seen.Verb.STOP, request)
 
+    async def _safe_mode(self, request: Request) -> Answer:
+        """Serve reads only, or everything again. What is wanted is on disk before anybody is told."""
+        reading = self._house.reading()
+        if reading.wanted is Wanted.DOWN:
+            return refuse("stopping", "It is being stopped; `hardcore up` starts it as it was wanted before.")
+        wanted = Wanted.SAFE if request.on else Wanted.UP
+        if reading.wanted is wanted and not request.on and reading.safe is not None:
+            return refuse(
+                "safe-by-policy",
+                f"Nobody asked for reading only: {reading.safe} is why. It ends by itself, or by `hardcore resume`.",
+                safe=str(reading.safe),
+            )
+        try:
+            await self._house.in_hand(standing.store_wanted, self._house.folders, wanted, request.reason)
+        except OSError as error:
+            return refuse(
+                "wish-not-stored", f"What is wanted can't be written ({error.strerror}).", why=error.strerror
+            )
+        self._safe_reason = request.reason if request.on else ""
+        answer, fds = self._order(seen.Verb.SAFE_ON if request.on else seen.Verb.SAFE_OFF, request)
+        return {**answer, "changed": reading.wanted is not wanted}, fds
+
     async def _resume(self, request: Request) -> Answer:
         reading = self._house.reading()
         if request.accept_ledger:
@@ -147,14 +194,28 @@ class Door:
             return refuse(
                 "no-image",
                 "The policy in force keeps no memory (`memory_image` is never). Set it to on_request; a changed "
-                "policy is read at the next start.",
+                "policy is taken within seconds.",
             )
+        if request.component:
+            return self._restart_component(request)
         if reading.phase is Phase.UNKILLABLE:
             return refuse("unkillable", "The old core does not die; a second one beside it could lose money.")
         if request.hard:
             return self._order(seen.Verb.RESTART_HARD, request)
         serves, on_disk = await asyncio.gather(self._code_that_serves(), self._code_on_disk())
         return self._order(seen.Verb.RESTART, request, on_disk=on_disk, serves=serves)
+
+    def _restart_component(self, request: Request) -> Answer:
+        """Have one part of the serving core started anew; the others go on."""
+        reading = self._house.reading()
+        if reading.phase not in SERVING:
+            return refuse("no-component", "No core serves now: there is no part to start anew.")
+        known = [each.name for each in reading.components]
+        if known and request.component not in known:
+            names = ", ".join(known)
+            words = f"{request.component!r} is no part of this core; it has: {names}."
+            return refuse("component-unknown", words, component=request.component, names=names)
+        return self._order(seen.Verb.RESTART_COMPONENT, request)
 
     async def _code_that_serves(self) -> str:
         """Return the name of the code that the serving core runs, as it says itself; empty if it does not say."""
@@ -201,14 +262,17 @@ class Door:
                 self._of_suspects(line)
             case "investigate", _:
                 self._house.begin(self._house.investigators.wake())
+            case "asked-doors", _:
+                self.doors_asked_ns = clock.now_ns()
             case "stats", _:
                 self._counted({k: v for k, v in line.items() if isinstance(v, int)})
             case _:
                 return
 
     def _counted(self, stats: dict[str, int]) -> None:
+        at_ns = clock.now_ns()
         if stats.get("forwarded") != self._stats.get("forwarded") or stats.get("held"):
-            self._busy_ns = clock.now_ns()
+            self._busy_ns = at_ns
         self._stats = stats
 
     @property
@@ -273,7 +337,9 @@ class Door:
     async def _status(self) -> dict[str, object]:
         await self._look_at_code()
         house, reading = self._house, self._house.reading()
-        told = status.running(reading, house.policy)
+        told = status.running(reading, house.policy, self._safe_reason)
+        told["policy_fault"] = self._policy.fault
+        told["history"] = house.history()[-status.HISTORY_SHOWN_MAX :]
         gateway = house.gateway()
         told["url"] = house.url
         told["launcher"] = {"pid": _living(self._launcher)}

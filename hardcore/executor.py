@@ -86,6 +86,7 @@ class Executor:
         self._still_ours = still_ours
         self._log = logs.LogThread(logs.LogFile(folders.logs / "sentinel.log", folders.run))
         self._bounds = bounds
+        self.listen_fd: int | None = None  # kept by each core for the guard that its agent may have to start
         self.tools = find_tools()
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
         self._handover = Handover(folders, generation, self.steps, tell)
@@ -181,6 +182,11 @@ class Executor:
     def _unwritten(self, step: str | None, error: BaseException) -> None:
         self.note("hint", step=step, failed=_said(error))
 
+    def go_by(self, bounds: Bounds, policy_sha256: str) -> None:
+        """Tell the next core, and the next image of a memory, these numbers."""
+        self._bounds, self.policy_sha256 = bounds, policy_sha256
+        self._taking.image = bounds.image
+
     # ---- orders ----
 
     def begin(self, work: Coroutine[Any, Any, object]) -> None:
@@ -222,7 +228,9 @@ class Executor:
         life = lives.conceive(self._folders, number, nonce)
         life.spare = terms.spare
         try:
-            lives.start(life, terms, WATCHDOG_USEC, self._bounds.core if self._bounds else None)
+            lives.start(
+                life, terms, WATCHDOG_USEC, self._bounds.core if self._bounds else None, self.listen_fd
+            )
         except BaseException:
             life.discard()  # no process has come of it
             raise

@@ -42,7 +42,7 @@ class Gatekeeper:
     def __init__(self, folders: Folders, policy: Policy, listen_fd: int, executor: Executor) -> None:
         self.handle: Handle | None = None
         self._folders = folders
-        self._policy = policy
+        self.policy = policy
         self._listen_fd = listen_fd
         self._executor = executor
         self._deaths = Budget(QUICK_RESTARTS, 60 * NS_PER_S)
@@ -124,7 +124,7 @@ class Gatekeeper:
     def _environment(self) -> dict[str, str]:
         return {
             **leftovers.environment_of_gateway(self._folders),
-            "HARDCORE_LIMITS": json.dumps(dataclasses.asdict(self._policy.gateway)),
+            "HARDCORE_LIMITS": json.dumps(dataclasses.asdict(self.policy.gateway)),
             "HARDCORE_BUILD": build.guard_build_id(),
         }
 
@@ -136,6 +136,7 @@ class Gatekeeper:
         argv += ["--recoveries", str(self._folders.state / "recoveries.json")]
         argv += ["--receipts", str(self._folders.data / "receipts.db")]
         argv += ["--state", str(self._folders.state), "--investigator", str(self._folders.investigator)]
+        argv += ["--agents", str(self._folders.agents)]
         return argv
 
     def _fits(self, older: Handle) -> bool:
@@ -171,7 +172,7 @@ class Gatekeeper:
         now_ns = clock.now_ns()
         self._deaths = self._deaths.after_death(now_ns)
         over = len(self._deaths.deaths_ns) - QUICK_RESTARTS
-        policy = self._policy
+        policy = self.policy
         pause_ns = (
             backoff_ns(over, policy.backoff_initial_ms, policy.backoff_max_ms, random.random())
             if over > 0
@@ -190,7 +191,7 @@ class Gatekeeper:
         older.signal(signal.SIGTERM)
         older.signal(signal.SIGCONT)
         try:
-            if not await gone(older, self._policy.gateway.drain_ms / 1000 + LEAVE_GRACE_S):
+            if not await gone(older, self.policy.gateway.drain_ms / 1000 + LEAVE_GRACE_S):
                 await self._executor.in_hand(older.kill_tree)
         finally:
             older.close()
@@ -207,7 +208,7 @@ class Gatekeeper:
             return
         handle.signal(signal.SIGTERM)
         handle.signal(signal.SIGCONT)
-        limit_s = self._policy.gateway.drain_ms / 1000 + LEAVE_GRACE_S
+        limit_s = self.policy.gateway.drain_ms / 1000 + LEAVE_GRACE_S
         if not await _within(self._ended, limit_s):
             handle.kill_tree()
             await _within(self._ended, LEAVE_GRACE_S)

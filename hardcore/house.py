@@ -13,6 +13,7 @@ from hardcore.host.lives import Life
 from hardcore.host.processes import Handle
 from hardcore.investigating import Investigators
 from hardcore.model import observations as seen
+from hardcore.model.actions import Alert
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 
@@ -48,6 +49,21 @@ class House(Protocol):
 
     def gateway(self) -> Handle | None:
         """Return the present gateway's process."""
+
+    def go_by(self, policy: Policy) -> None:
+        """Go by another policy from now on."""
+
+    def alert(self, alert: Alert) -> None:
+        """Tell whoever runs the server; nothing waits for it."""
+
+    def note(self, kind: str, **particulars: object) -> None:
+        """Write a line to the guard's log."""
+
+    def history(self) -> list[Mapping[str, object]]:
+        """Return the last changes of the state, the newest last."""
+
+    async def test_alerts(self, channel: int | None) -> Answer:
+        """Send a trial through one channel, or all of them; say what came of it."""
 
     async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
         """Run blocking work on a hand's thread."""

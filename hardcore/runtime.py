@@ -8,6 +8,7 @@ moment means is published to whoever listens. Started by the launcher as
 
 import argparse
 import asyncio
+import json
 import os
 import random
 import resource
@@ -22,6 +23,7 @@ from typing import Any, NoReturn
 from hardcore import rehearsal, standing
 from hardcore.arrival import Setup, set_up
 from hardcore.calendar import Calendar
+from hardcore.chronicle import Chronicle
 from hardcore.control.server import ControlServer
 from hardcore.door import Door
 from hardcore.executor import Executor
@@ -29,24 +31,20 @@ from hardcore.gatekeeper import Gatekeeper
 from hardcore.host import clock, deaths, files, lives, logs
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Life
-from hardcore.host.notify import NotifySocket, Tally
 from hardcore.host.processes import Handle
+from hardcore.house import Answer
+from hardcore.listening import Listener
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import LIVING, SERVING
+from hardcore.policy_desk import PolicyDesk
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import CODEC, Tape, digest
+from hardcore.recovery.policy import Policy, in_full
 from hardcore.recovery.reading import Reading
-from hardcore.sentinel.heartbeat import (
-    CONTROL_VERSION,
-    NOTICE_BYTES_MAX,
-    MalformedNotice,
-    Notice,
-    SpareNotice,
-    read_notice,
-)
 from hardcore.snapshot.facts import stops
+from hardcore.standing_line import StandingLine
 
 FEED_EVERY_S = 1.0
 #: A spare that waits has nothing to do but to beat; what was seen of it holds for some seconds.
@@ -81,17 +79,20 @@ class Runtime:
             self._still_ours,
             standing.bounds(self.policy),
         )
+        self.executor.listen_fd = setup.listen_fd
         self.senses = self.executor.senses
         self.court, self.investigators = self.executor.court, self.executor.investigators
         self.begin = self.executor.begin
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
-        self.door = Door(self)
+        self.policy_desk = PolicyDesk(self, setup.in_force.fault)
+        self.chronicle = Chronicle(folders, self.executor, self.court.spool)
+        self.door = Door(self, self.policy_desk)
+        self.standing = StandingLine(self, self.door, self.manager.open_incident, self.publish)
         self.calendar = Calendar(folders, self.policy, self.executor)
         self.control = ControlServer(
             folders.control, self.door.answer, self.door.listen, self._greet, self.gatekeeper.dialled
         )
-        self.notify = NotifySocket(folders.notify, NOTICE_BYTES_MAX)
-        self._strange_notices = Tally()
+        self.listener = Listener(folders, self.executor, self.feed)
         self._timer: asyncio.TimerHandle | None = None
         self._kept_open: tuple[str, int, int] | None = None
         self._published: Mapping[str, object] = {}
@@ -105,36 +106,37 @@ class Runtime:
         loop.set_exception_handler(self._on_fault)
         loop.add_signal_handler(signal.SIGTERM, self._on_term)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # the launcher kept it back until now
-        loop.add_reader(self.notify.fileno(), self._on_notice)
+        loop.add_reader(self.listener.fileno(), self.listener.hear)
         await self.control.start()
         self._begin()
         self.executor.begin(self.gatekeeper.begin(self.setup.leftovers.gateways))
         self.executor.begin(self.senses.examine())
         self.executor.begin(self.executor.outbox.resume(self.url))
         self.senses.begin_survey(self.policy.survey_interval_ms / 1000)
-        probing = self.senses.probe_on(self._serving, self.policy.probe_interval_ms / 1000)
-        tasks = [loop.create_task(work) for work in (self._watch(), self._feed_on(), probing)]
+        probing = self.senses.probe_on(self._serving, lambda: self.policy.probe_interval_ms / 1000)
+        ongoing = (self._watch(), self._feed_on(), probing, self.policy_desk.look_on())
+        tasks = [loop.create_task(work) for work in ongoing]
         for task in tasks:
             task.add_done_callback(_ended_unasked)
         await self.executor.halted.wait()
         await self.gatekeeper.stop()
         await self.calendar.stop()
+        await self.standing.finish()
         for task in tasks:
             task.cancel()
         self.control.close()
-        loop.remove_reader(self.notify.fileno())
-        self.notify.close()
+        loop.remove_reader(self.listener.fileno())
+        self.listener.close()
         await self.executor.finish()
         with suppress(OSError):  # everything is stopped; what can't be tidied up is left
             self.setup.folders.switch.unlink(missing_ok=True)
+            self.setup.folders.sentinel_page.unlink(missing_ok=True)  # nobody was lost
             lives.sweep(self.setup.folders, set(), keep=1)  # the last page is the next start's witness
         return 0
 
     def _begin(self) -> None:
         setup = self.setup
         self.executor.policy_sha256 = digest(CODEC.encode(setup.in_force.policy))
-        if setup.in_force.fault:
-            self.executor.note("policy", fault=setup.in_force.fault)
         found = setup.leftovers
         self.executor.inherit(found.cores, found.adoptable)
         self.executor.filing.left_open = str(setup.noted["id"]) if stops(setup.noted) else ""
@@ -156,6 +158,8 @@ class Runtime:
                 suspects=tuple(map(str, setup.noted.get("suspects", ()))),
                 serves_since_ns=found.serves_since_ns,
                 court=court,
+                unwatched_ns=setup.before.unwatched_ns,
+                found_frozen=setup.before.found_frozen,
             )
         )
 
@@ -169,6 +173,7 @@ class Runtime:
             if isinstance(fact, seen.CoreReady | seen.LedgerAudited):
                 self.door.proved(fact)
             self._obey()
+            self.standing.hear(fact)
             if isinstance(fact, seen.EvidenceTaken) and (incident := self.manager.reading().incident):
                 self._keep_recording(incident)  # if this guard dies before the end, so much is known
         except Exception as error:  # noqa: BLE001  # half a step was made: whoever told us could not mend that
@@ -177,6 +182,7 @@ class Runtime:
     def _obey(self) -> None:
         # The moment first: the gateway must hold before the hands begin.
         self._publish_reading()
+        self.chronicle.take(self.manager.reading().history)
         news = self._news()
         if (
             news is not None
@@ -189,9 +195,11 @@ class Runtime:
             self.executor.carry_out(action)
             if isinstance(action, orders.CloseIncident):
                 self.door.last_incident = action.incident.id
+                self.standing.close(action.incident)
                 self._keep_recording(action.incident.id)
         self._set_timer()
         for change in self.manager.take_transitions():
+            self.standing.change(change)
             self.executor.note(
                 "phase",
                 before=change.before,
@@ -240,11 +248,12 @@ class Runtime:
     async def _watch(self) -> None:
         """Look at the core once in an interval, and at the spare now and then; a late look is not made up for."""
         loop = asyncio.get_running_loop()
-        interval_s = self.policy.health_check_interval_ms / 1000
         due, ticks = loop.time(), 0
         while True:
+            interval_s = self.policy.health_check_interval_ms / 1000
             due = max(due + interval_s, loop.time())
             await asyncio.sleep(due - loop.time())
+            self.setup.page.beat()
             life = self.life()
             self.senses.watch(life)
             if life is not None and self.manager.reading().phase in LIVING:
@@ -257,6 +266,30 @@ class Runtime:
     def reading(self) -> Reading:
         """Return what the present moment means."""
         return self.manager.reading()
+
+    def go_by(self, policy: Policy) -> None:
+        """Go by another policy from now on. What was told to a core or a gateway at its start holds until the next."""
+        self.policy = policy
+        self.executor.go_by(standing.bounds(policy), digest(CODEC.encode(policy)))
+        self.gatekeeper.policy = self.calendar.policy = policy
+        self.senses.pace(policy.survey_interval_ms / 1000)
+        self.feed(seen.PolicyRead(clock.now_ns(), json.dumps(in_full(policy))))
+
+    def alert(self, alert: orders.Alert) -> None:
+        """Tell whoever runs the server; nothing waits for it."""
+        self.executor.carry_out(alert)
+
+    def note(self, kind: str, **particulars: object) -> None:
+        """Write a line to the guard's log."""
+        self.executor.note(kind, **particulars)
+
+    def history(self) -> list[Mapping[str, object]]:
+        """Return the last changes of the state, the newest last."""
+        return self.chronicle.told()
+
+    async def test_alerts(self, channel: int | None) -> Answer:
+        """Send a trial through one channel, or all of them; say what came of it."""
+        return await self.executor.outbox.test(channel), []
 
     def gateway(self) -> Handle | None:
         """Return the present gateway's process."""
@@ -290,59 +323,6 @@ class Runtime:
 
     def _on_term(self) -> None:
         self.feed(seen.OperatorAsked(clock.now_ns(), seen.Verb.STOP, "the guard was told to stop"))
-
-    def _on_notice(self) -> None:
-        at_ns = clock.now_ns()
-        for pid, data in self.notify.waiting():
-            life = self.executor.speaker(pid)
-            if life is None:
-                self._passed_over(f"from process {pid}, which is no core of ours", at_ns)
-                continue
-            notice = read_notice(data)
-            if isinstance(notice, MalformedNotice):
-                self._passed_over(f"malformed: {notice.reason}", at_ns)
-            elif notice.spare is not None:
-                self._heard_spare(notice.spare, life, at_ns)
-            else:
-                self._heard(notice, life.number, at_ns)
-
-    def _passed_over(self, why: str, at_ns: int) -> None:
-        count = self._strange_notices.count(at_ns)
-        if count:
-            self.executor.note("notice", passed_over=count, last=why)
-
-    def _heard_spare(self, told: SpareNotice, life: Life, at_ns: int) -> None:
-        if told.control != CONTROL_VERSION:
-            why = f"it speaks version {told.control} of the control socket, this guard version {CONTROL_VERSION}"
-            self.executor.reject(life, why)
-            return
-        life.build, life.schema = told.build, None if told.migrates else told.schema
-        self.feed(seen.SpareReady(at_ns, life.number, told.build, told.schema, told.migrates))
-        if self.court.rules.aside.serial:  # it may have read the rules before the last change was made
-            self.begin(self.court.rules.tell_cores())
-
-    def _heard(self, notice: Notice, life: int, at_ns: int) -> None:
-        if notice.term_pid is not None and notice.term_pid != os.getpid():
-            self.feed(seen.TermReceived(at_ns, life, notice.term_pid))
-        if notice.fence_blocked:
-            self.feed(seen.FenceBlocked(at_ns, life))
-        for name in notice.cases:
-            self.begin(self.court.case_filed(name))
-        if notice.store is not None:
-            self.senses.look_at_disk()  # the core's word is one kind of evidence, ours the other
-            self.feed(seen.StoreTold(at_ns, life, notice.store))
-        if notice.extend_usec:
-            self.feed(seen.StartExtended(at_ns, life, notice.extend_usec * 1000))
-        if notice.ready and notice.epoch is not None and notice.hash is not None:
-            assert notice.proof is not None, "the parser gives a whole proof or none"
-            assert notice.tail is not None, "as above"
-            assert notice.seq is not None, "as above"
-            proof = seen.Proof(notice.proof, notice.tail, notice.seq, notice.hash)
-            self.feed(seen.CoreReady(at_ns, life, notice.epoch, proof))
-        elif notice.epoch is not None:
-            self.feed(seen.EpochRaised(at_ns, life, notice.epoch))
-        if notice.verified_seq is not None or notice.unsound is not None:
-            self.feed(seen.LedgerAudited(at_ns, life, notice.verified_seq, notice.unsound or ""))
 
     # ---- the feed ----
 
@@ -392,6 +372,7 @@ class Runtime:
             self._still_ours()
             self.publish(self.phase_line(self.manager.reading()))
             self.door.measure()
+            self.standing.look()
             self.calendar.look(self.manager.reading(), quiet=self.door.is_quiet)
 
     def _greet(self) -> list[Mapping[str, object]]:

@@ -128,11 +128,11 @@ class Senses:
         told = seen.ComponentRestarted(clock.now_ns(), life.number, name, done=not refused, reason=refused)
         self._tell(told)
 
-    async def probe_on(self, serving: Callable[[], Life | None], interval_s: float) -> None:
-        """Ask whoever serves for its health, again and again."""
+    async def probe_on(self, serving: Callable[[], Life | None], interval_s: Callable[[], float]) -> None:
+        """Ask whoever serves for its health, again and again; the pace may change meanwhile."""
         loop = asyncio.get_running_loop()
         while True:
-            due = loop.time() + interval_s
+            due = loop.time() + interval_s()
             life, asked_ns = serving(), clock.now_ns()
             if life is not None:
                 health = await probe.ask_health(self._folders.core_socket(life.nonce), PROBE_S)
@@ -167,6 +167,11 @@ class Senses:
 
         self._survey = Survey(self._folders.data, self._folders.state, interval_s, tell, trouble)
         self._survey.begin()
+
+    def pace(self, interval_s: float) -> None:
+        """Survey at this pace from now on."""
+        if self._survey is not None:
+            self._survey.interval_s = interval_s
 
     def watch(self, life: Life | None) -> None:
         """Survey this life from now on."""

@@ -23,6 +23,10 @@ from hardcore.snapshot.image import ImageLimits
 
 #: Passed from `hardcore up --no-spare` to each sentinel of that launcher: none keeps a spare, whatever the policy says.
 NO_SPARE_SWITCH = "HARDCORE_NO_SPARE"
+#: Passed from `hardcore up --mode` in the same way: what each guard of that run may do, whatever the policy says.
+MODE_SWITCH = "HARDCORE_MODE"
+MODES = ("act", "assist", "observe")
+REASON_CHARACTERS_MAX = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,26 +39,59 @@ class PolicyInForce:
 
 def load_policy_file(path: Path) -> Policy | list[PolicyFault]:
     """Return the policy in a file, or everything that is wrong with it."""
+    data = read_policy_file(path)
+    return data if isinstance(data, list) else judge_policy(data)
+
+
+def read_policy_file(path: Path) -> bytes | list[PolicyFault]:
+    """Return what stands in a policy file, or why it can't be read."""
     try:
         if not path.is_file():
             return [PolicyFault(0, "", "is not a file that can be read")]
         with path.open("rb") as file:
             data = file.read(POLICY_BYTES_MAX + 1)
-        if len(data) > POLICY_BYTES_MAX:
-            return [PolicyFault(0, "", f"larger than {POLICY_BYTES_MAX} bytes")]
+    except OSError as error:
+        return [PolicyFault(0, "", f"can't be read: {error.strerror}")]
+    too_long = len(data) > POLICY_BYTES_MAX
+    return [PolicyFault(0, "", f"larger than {POLICY_BYTES_MAX} bytes")] if too_long else data
+
+
+def judge_policy(data: bytes) -> Policy | list[PolicyFault]:
+    """Return the policy that a file's bytes say, or everything that is wrong with them."""
+    try:
         return read_policy(data.decode("utf-8-sig"))
     except UnicodeDecodeError:
         return [PolicyFault(0, "", "not UTF-8 text")]
-    except OSError as error:
-        return [PolicyFault(0, "", f"can't be read: {error.strerror}")]
+
+
+def stamp_of(path: Path) -> tuple[int, ...] | None:
+    """Return what changes whenever a file is written or replaced; None while there is none that can be looked at."""
+    try:
+        told = path.stat()
+    except OSError:
+        return None
+    return told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns
+
+
+def fault_of(folders: Folders, first: PolicyFault) -> str:
+    """Return why the policy file is not what is gone by, as one line."""
+    return f"{folders.policy.name}: {first}"
 
 
 def policy_in_force(folders: Folders) -> PolicyInForce:
-    """Return the policy of the data folder, less what the command line has taken away."""
+    """Return the policy of the data folder, as the command line of this run has it."""
     found = policy_at_next_start(folders)
-    if os.environ.get(NO_SPARE_SWITCH) == "1":
-        return PolicyInForce(dataclasses.replace(found.policy, spare=False), found.fault)
-    return found
+    return PolicyInForce(of_this_run(found.policy), found.fault)
+
+
+def of_this_run(policy: Policy) -> Policy:
+    """Return a policy with what the command line has said over it: that holds for this run alone."""
+    mode = os.environ.get(MODE_SWITCH, "")
+    return dataclasses.replace(
+        policy,
+        spare=policy.spare and os.environ.get(NO_SPARE_SWITCH) != "1",
+        mode=mode if mode in MODES else policy.mode,
+    )
 
 
 def policy_at_next_start(folders: Folders) -> PolicyInForce:
@@ -62,10 +99,10 @@ def policy_at_next_start(folders: Folders) -> PolicyInForce:
     found = load_policy_file(folders.policy)
     if isinstance(found, Policy):
         return PolicyInForce(found)
-    fault = f"{folders.policy.name}: {found[0]}"
+    fault = fault_of(folders, found[0])
     kept = load_policy_file(folders.good_policy)
     if isinstance(kept, Policy):
-        return PolicyInForce(kept, f"{fault}; the last good policy stays in force")
+        return PolicyInForce(kept, fault)
     return PolicyInForce(Policy(), f"{fault}; the defaults are in force")
 
 
@@ -86,19 +123,46 @@ def bounds(policy: Policy) -> Bounds:
 
 def wanted(folders: Folders) -> Wanted:
     """Return what the operator wants; UP when nobody has said anything."""
-    stored = files.read_json(folders.state / "wanted.json").get("wanted")
-    return Wanted.DOWN if stored == Wanted.DOWN else Wanted.UP
+    return _wanted(files.read_json(folders.state / "wanted.json").get("wanted"))
 
 
-def store_wanted(folders: Folders, what: Wanted) -> None:
-    """Write down what the operator wants. On disk before the first signal is sent."""
-    files.write_json(folders.state / "wanted.json", {"wanted": str(what), "at": clock.wall(clock.now_ns())})
+def _wanted(stored: object) -> Wanted:
+    return Wanted(stored) if isinstance(stored, str) and stored in set(Wanted) else Wanted.UP
+
+
+def safe_reason(folders: Folders) -> str:
+    """Return why the operator wants reads only, as it was written down; empty: no reason, or not wanted."""
+    kept = files.read_json(folders.state / "wanted.json")
+    reason = kept.get("reason")
+    wants_safe = Wanted.SAFE in {kept.get("wanted"), kept.get("before")}
+    return reason if wants_safe and isinstance(reason, str) else ""
+
+
+def store_wanted(folders: Folders, what: Wanted, reason: str = "") -> None:
+    """Write down what the operator wants. On disk before the first signal is sent.
+
+    A wish for reads only outlives a DOWN: it is written beside it, and the next `up` finds it.
+    """
+    kept = files.read_json(folders.state / "wanted.json")
+    told: dict[str, object] = {"wanted": str(what), "at": clock.wall(clock.now_ns())}
+    if what is Wanted.DOWN and Wanted.SAFE in {kept.get("wanted"), kept.get("before")}:
+        told |= {"before": str(Wanted.SAFE), "reason": kept.get("reason", "")}
+    elif what is Wanted.SAFE:
+        told["reason"] = reason[:REASON_CHARACTERS_MAX]
+    files.write_json(folders.state / "wanted.json", told)
 
 
 def want_up(folders: Folders) -> None:
-    """Write down that it should run; a disk that refuses is no hindrance where nothing else is written there."""
+    """Write down that it should run; one that was to serve reads only is to do that again.
+
+    A disk that refuses is no hindrance where nothing else is written there.
+    """
+    kept = files.read_json(folders.state / "wanted.json")
+    if _wanted(kept.get("wanted")) is Wanted.SAFE:
+        return
+    safe = kept.get("before") == Wanted.SAFE
     try:
-        store_wanted(folders, Wanted.UP)
+        store_wanted(folders, Wanted.SAFE if safe else Wanted.UP, str(kept.get("reason") or ""))
     except OSError:
         if wanted(folders) is Wanted.DOWN:
             raise
@@ -148,9 +212,13 @@ def keep(folders: Folders, generation: int) -> None:
     """
     with contextlib.suppress(OSError):  # a full disk must not keep the guard from coming back
         files.write_json(folders.generation, {"generation": generation})
-    found = load_policy_file(folders.policy)
-    if isinstance(found, Policy):
-        with contextlib.suppress(OSError):  # as above
-            text = folders.policy.read_bytes()
-            if not folders.good_policy.exists() or folders.good_policy.read_bytes() != text:
-                files.write_whole(folders.good_policy, text)
+    text = read_policy_file(folders.policy)
+    if isinstance(text, bytes) and isinstance(judge_policy(text), Policy):
+        keep_policy(folders, text)
+
+
+def keep_policy(folders: Folders, text: bytes) -> None:
+    """Keep the text of a policy as the last good one, if it is not that already."""
+    with contextlib.suppress(OSError):  # a full disk must not keep the guard from going by it
+        if not folders.good_policy.exists() or folders.good_policy.read_bytes() != text:
+            files.write_whole(folders.good_policy, text)

@@ -2,16 +2,20 @@
 
 from typing import Any
 
-from hardcore import quarantine_file
+from hardcore import chronicle, quarantine_file
 from hardcore.host import clock, files
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
-from hardcore.model.phases import SERVING, Phase
+from hardcore.model.forecasts import Forecast
+from hardcore.model.phases import SERVING, Phase, Wanted
+from hardcore.model.recorder import ComponentBeat
 from hardcore.model.verdicts import Colour
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 
 _MS = 1_000_000
+#: Changes of the state that a status tells, the newest last; all of them come with the verb `history`.
+HISTORY_SHOWN_MAX = 20
 #: Phases in which the present life is a successor that does not serve yet.
 _BEGINNING = frozenset({Phase.STARTING, Phase.SWITCHING, Phase.PROVING})
 
@@ -25,6 +29,13 @@ def _shape() -> dict[str, Any]:
         "mode": "act",
         "wanted": "UP",
         "safe": None,
+        "safe_by": None,  # who has it read only: operator, policy
+        "safe_reason": "",  # the operator's
+        "needs_since": None,  # since when a person is needed
+        "policy_fault": "",  # why the policy file is not what is gone by
+        "components": [],
+        "forecasts": [],
+        "history": [],
         "url": None,
         "launcher": {"pid": None},
         "sentinel": {
@@ -64,9 +75,9 @@ def _shape() -> dict[str, Any]:
     }
 
 
-def running(reading: Reading, policy: Policy) -> dict[str, Any]:
-    """Return the part of the status that follows from the manager's reading."""
-    status = _shape()
+def running(reading: Reading, policy: Policy, safe_reason: str = "") -> dict[str, Any]:
+    """Return the part of the status that follows from the manager's reading. `safe_reason` is the operator's."""
+    status, now_ns = _shape(), clock.now_ns()
     status |= {
         "state": str(reading.state),
         "phase": str(reading.phase),
@@ -74,6 +85,11 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "mode": policy.mode,
         "wanted": str(reading.wanted),
         "safe": str(reading.safe) if reading.safe else None,
+        "safe_by": reading.safe_by,
+        "safe_reason": safe_reason if reading.wanted is Wanted.SAFE else "",
+        "needs_since": None if reading.needs_ns is None else clock.wall(reading.needs_ns),
+        "components": [_component(each, now_ns) for each in reading.components],
+        "forecasts": [_forecast(each) for each in reading.forecasts],
         "spare_off": reading.spare_fault,
         "spare_lack": str(reading.spare_lack) if reading.spare_lack else None,
         "switch_waits": reading.switch_waits,
@@ -91,6 +107,32 @@ def running(reading: Reading, policy: Policy) -> dict[str, Any]:
         "window_s": policy.restart_window_sec,
     }
     return status
+
+
+def _component(each: ComponentBeat, now_ns: int) -> dict[str, Any]:
+    """Return one part of the core: since when it has work and how old its last sign is, both None while it has none."""
+    works = each.since_ns > 0
+    return {
+        "name": each.name,
+        "works_ms": (now_ns - each.since_ns) // _MS if works else None,
+        "beat_age_ms": (now_ns - each.beat_ns) // _MS if works and each.beat_ns else None,
+        "limit_ms": each.limit_ns // _MS,
+        "done": each.done,
+    }
+
+
+def _forecast(each: Forecast) -> dict[str, Any]:
+    """Return what will run out, with the wall's times at which it does."""
+    return {
+        "resource": str(each.resource),
+        "level": each.level,
+        "limit": each.limit,
+        "per_hour": each.per_hour,
+        "since": clock.wall(each.since_ns),
+        "due": clock.wall(each.due_ns),
+        "due_late": clock.wall(each.due_late_ns),
+        "why": each.why,
+    }
 
 
 def _worries(reading: Reading) -> list[str]:
@@ -161,7 +203,8 @@ def from_files(folders: Folders) -> dict[str, Any]:
     """Return the status as the files tell it when no sentinel answers: the same shape, state UNKNOWN."""
     status = _shape()
     wanted = files.read_json(folders.state / "wanted.json").get("wanted", "UP")
-    status["wanted"] = wanted if wanted in {"UP", "DOWN"} else "UP"
+    status["wanted"] = wanted if wanted in set(Wanted) else "UP"
+    status["history"] = list(chronicle.read(folders))[-HISTORY_SHOWN_MAX:]
     told = files.read_json(folders.sentinel)
     status["url"] = told.get("url")
     status["last_incident"] = last_incident(folders)

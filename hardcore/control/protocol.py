@@ -14,6 +14,7 @@ REASON_CHARACTERS_MAX = 500
 ID_CHARACTERS_MAX = 64
 #: A command's name is this much of the hash of its key, in hexadecimal digits (docs/wires.md section 3).
 NAME_DIGITS = 32
+COMPONENT_CHARACTERS_MAX = 24
 
 
 class Ask(StrEnum):
@@ -25,6 +26,10 @@ class Ask(StrEnum):
     DOWN = "down"
     DRILL = "drill"
     POLICY = "policy"
+    POLICY_RELOAD = "policy-reload"
+    SAFE_MODE = "safe-mode"
+    HISTORY = "history"
+    ALERTS_TEST = "alerts-test"
     ATTACH = "attach"
     QUARANTINE = "quarantine"
     RULE_ADD = "rule-add"
@@ -47,7 +52,10 @@ PEACE_S = 12.0
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One line from a client. `rule`: as it came, and `id` a rule's; `audited`: whoever asks keeps a record of it itself."""
+    """One line from a client. `rule`: as it came, and `id` a rule's; `audited`: whoever asks keeps a record of it itself.
+
+    `component`: of a restart, the part that is meant alone; `on`: of the safe mode; `channel`: a number, or None for all.
+    """
 
     ask: Ask
     reason: str = ""
@@ -60,6 +68,9 @@ class Request:
     rule: object = None
     id: str = ""
     audited: bool = False
+    component: str = ""
+    on: bool = False
+    channel: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +99,14 @@ def read_request(line: bytes) -> Request | BadRequest:
     if not isinstance(verb, str) or verb not in set(Ask):
         return BadRequest("unknown-verb", f"{str(verb)[:40]!r} is not something the guard can be asked")
     reason, fault, pid = value.get("reason", ""), value.get("fault", ""), value.get("pid", 0)
-    rule_id = value.get("id", "")
-    texts = all(isinstance(one, str) for one in (reason, fault, rule_id))
-    if not texts or not isinstance(pid, int):
-        return BadRequest("bad-field", "reason, fault and id are text, pid is a number")
+    rule_id, component, channel = value.get("id", ""), value.get("component", ""), value.get("channel")
+    texts = all(isinstance(one, str) for one in (reason, fault, rule_id, component))
+    if not texts or not isinstance(pid, int) or not isinstance(channel, int | None):
+        return BadRequest(
+            "bad-field", "reason, fault, component and id are text, pid and channel are numbers"
+        )
+    if verb == Ask.SAFE_MODE and not isinstance(value.get("on"), bool):
+        return BadRequest("bad-field", "on says whether the safe mode is to be on: true or false")
     if verb == Ask.DRILL and fault not in DRILLS:
         return BadRequest("unknown-drill", f"the drills are: {', '.join(DRILLS)}")
     return Request(
@@ -106,6 +121,9 @@ def read_request(line: bytes) -> Request | BadRequest:
         rule=value.get("rule"),
         id=str(rule_id)[:ID_CHARACTERS_MAX],
         audited=value.get("audited") is True,
+        component=str(component)[:COMPONENT_CHARACTERS_MAX],
+        on=value.get("on") is True,
+        channel=channel,
     )
 
 

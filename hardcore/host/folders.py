@@ -164,6 +164,11 @@ class Folders:
         return self.spool / "alerts"
 
     @property
+    def history(self) -> Path:
+        """The last changes of the state for people."""
+        return self.state / "history.json"
+
+    @property
     def counters(self) -> Path:
         """What is counted over the lives of the guard."""
         return self.state / "counters.json"

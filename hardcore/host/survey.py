@@ -41,7 +41,7 @@ class Survey:
         trouble: Callable[[str], None],
     ) -> None:
         self._disk = DiskWatch(data, state)
-        self._interval_s = interval_s
+        self.interval_s = interval_s
         self._tell = tell
         self._trouble = trouble
         self._wake = threading.Event()
@@ -84,7 +84,7 @@ class Survey:
                 self._say("")
                 if surveyed is not None and not self._closed:
                     self._tell(surveyed)
-            self._wake.wait(min(self._interval_s, PENDING_S) if self._pending else self._interval_s)
+            self._wake.wait(min(self.interval_s, PENDING_S) if self._pending else self.interval_s)
 
     def _say(self, trouble: str) -> None:
         """Tell of a trouble once, not once a second."""

@@ -6,25 +6,30 @@ import json
 import signal
 import subprocess
 import tempfile
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from hardcore import standing
 from hardcore.control.protocol import Ask, Request
 from hardcore.court_room import CourtRoom
 from hardcore.door import Door
-from hardcore.host import build, processes
+from hardcore.host import build, files, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
+from hardcore.house import Answer
 from hardcore.investigating import Investigators
 from hardcore.model import observations as seen
-from hardcore.model.phases import Phase
+from hardcore.model.actions import Alert
+from hardcore.model.phases import Phase, Wanted
+from hardcore.model.recorder import ComponentBeat
 from hardcore.model.trials import AddTrials
 from hardcore.model.verdicts import Diagnosis
+from hardcore.policy_desk import PolicyDesk
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 from hardcore.rule_book import Doors
@@ -58,6 +63,7 @@ class House:
     published: list[dict[str, object]] = field(default_factory=list)
     halted: asyncio.Event = field(default_factory=asyncio.Event)
     under_way: list["asyncio.Task[None]"] = field(default_factory=list)
+    alerts: list[Alert] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         doors = Doors(self.feed, lambda line: self.published.append(dict(line)), list, calm, nothing_more)
@@ -72,6 +78,18 @@ class House:
 
     def feed(self, fact: seen.Observation) -> None:
         self.told.append(fact)
+
+    def go_by(self, policy: Policy) -> None:
+        self.policy = policy
+
+    def alert(self, alert: Alert) -> None:
+        self.alerts.append(alert)
+
+    def history(self) -> list[Mapping[str, object]]:
+        return [{"after": "OPERATIONAL"}]
+
+    async def test_alerts(self, channel: int | None) -> Answer:
+        return {"ok": True, "results": [], "channel": channel}, []
 
     def reading(self) -> Reading:
         return self.moment
@@ -106,10 +124,15 @@ def house(tmp_path: Path) -> House:
     return House(folders, Play().begin().running().manager.reading(), Life(1, "0" * 16, folders))
 
 
+def door_of(house: House) -> Door:
+    return Door(house, PolicyDesk(house))
+
+
 def ask(house: House, request: Request) -> dict[str, Any]:
     async def answered() -> dict[str, Any]:
-        answer = await Door(house).answer(request)
+        answer = await door_of(house).answer(request)
         await asyncio.gather(*house.under_way)
+        house.under_way.clear()
         return dict(answer[0])
 
     return asyncio.run(answered())
@@ -190,7 +213,7 @@ def test_a_restart_names_the_code_that_serves_as_the_core_says_it(
             house.core = Life(1, "0" * 16, Folders(house.folders.data, Path(base)))
             house.folders = house.core.folders
             async with await asyncio.start_unix_server(say, house.folders.core_control("0" * 16)):
-                await Door(house).answer(Request(Ask.RESTART))
+                await door_of(house).answer(Request(Ask.RESTART))
 
     asyncio.run(restarted())
     assert [fact.serves for fact in house.told if isinstance(fact, seen.OperatorAsked)] == [serves]
@@ -218,7 +241,7 @@ def test_a_drill_of_the_spare_ends_it_and_counts_on_nothing(house: House) -> Non
 
 
 def test_the_gateways_witness_is_taken_in(house: House) -> None:
-    Door(house).listen({"type": "witness", "epoch": 3, "seq": 12, "hash": "ab" * 32})
+    door_of(house).listen({"type": "witness", "epoch": 3, "seq": 12, "hash": "ab" * 32})
     told = [fact.witness for fact in house.told if isinstance(fact, seen.GatewayWitnessed)]
     assert [(one.seq, one.epoch, one.hash) for one in told] == [(12, 3, "ab" * 32)]
 
@@ -233,5 +256,70 @@ def test_the_gateways_witness_is_taken_in(house: House) -> None:
     ],
 )
 def test_a_witness_that_makes_no_sense_is_dropped(house: House, line: dict[str, object]) -> None:
-    Door(house).listen({"type": "witness", **line})
+    door_of(house).listen({"type": "witness", **line})
     assert house.told == []
+
+
+def test_a_wish_for_reads_only_is_on_disk_before_anybody_is_told(house: House) -> None:
+    house.folders.state.mkdir()
+    stored: list[object] = []
+
+    def told(fact: seen.Observation) -> None:
+        assert isinstance(fact, seen.OperatorAsked)
+        stored.append(standing.wanted(house.folders))
+
+    house.feed = told  # type: ignore[method-assign]
+    answer = ask(house, Request(Ask.SAFE_MODE, on=True, reason="audit"))
+    assert (answer["ok"], answer["changed"]) == (True, True)
+    assert stored[0] is Wanted.SAFE
+    assert standing.safe_reason(house.folders) == "audit"
+    assert ask(house, Request(Ask.SAFE_MODE, on=False))["ok"] is True
+    assert standing.wanted(house.folders) is Wanted.UP
+
+
+def test_a_wish_that_can_not_be_written_is_refused_and_nobody_is_told(house: House) -> None:
+    assert ask(house, Request(Ask.SAFE_MODE, on=True))["code"] == "wish-not-stored", (
+        "there is no state folder"
+    )
+    assert house.told == []
+
+
+def test_what_is_being_stopped_is_asked_for_no_safe_mode(house: House) -> None:
+    house.folders.state.mkdir()
+    standing.store_wanted(house.folders, Wanted.DOWN)
+    house.moment = dataclasses.replace(house.moment, wanted=Wanted.DOWN)
+    for on in (True, False):
+        assert ask(house, Request(Ask.SAFE_MODE, on=on))["code"] == "stopping"
+    assert standing.wanted(house.folders) is Wanted.DOWN
+    assert house.told == []
+
+
+def test_reading_only_that_nobody_asked_for_is_not_ended_by_the_safe_modes_switch(house: House) -> None:
+    house.folders.state.mkdir()
+    house.moment = dataclasses.replace(house.moment, safe=Diagnosis.DISK_FULL)
+    assert ask(house, Request(Ask.SAFE_MODE, on=False))["code"] == "safe-by-policy"
+    assert house.told == []
+
+
+def test_a_part_is_started_anew_by_its_name_alone(house: House) -> None:
+    beats = (ComponentBeat("importer", 1, 0, 10, 0),)
+    house.moment = dataclasses.replace(house.moment, components=beats)
+    assert ask(house, Request(Ask.RESTART, component="importer"))["ok"] is True
+    (told,) = [fact for fact in house.told if isinstance(fact, seen.OperatorAsked)]
+    assert (told.verb, told.component) == (seen.Verb.RESTART_COMPONENT, "importer")
+    assert ask(house, Request(Ask.RESTART, component="engine"))["code"] == "component-unknown"
+    house.moment = dataclasses.replace(house.moment, phase=Phase.BACKOFF)
+    assert ask(house, Request(Ask.RESTART, component="importer"))["code"] == "no-component"
+    assert len(house.told) == 1
+
+
+def test_who_asks_for_the_history_is_told_it(house: House) -> None:
+    assert ask(house, Request(Ask.HISTORY))["changes"] == [{"after": "OPERATIONAL"}]
+
+
+def test_a_status_says_what_is_wrong_with_the_policy_file(house: House) -> None:
+    files.write_whole(house.folders.policy, b"{", durable=False)
+    answer = ask(house, Request(Ask.POLICY_RELOAD))
+    assert answer["code"] == "policy-faults"
+    assert answer["values"]["faults"][0]["line"] == 1
+    assert [alert.diagnosis for alert in house.alerts] == [Diagnosis.CONFIG_INVALID]
