@@ -23,6 +23,7 @@ from bench import (
     dashboard,
     deaths,
     faults,
+    forecasts,
     losses,
     peace,
     poison_row,
@@ -141,6 +142,11 @@ LONG: dict[str, Part] = {
         "one poison among the 10,000 rows of a bank's file: that row, and nothing of the rest (2 minutes)",
         lambda folder: poison_row.measure(folder, rows=10_000, say=note),
         lambda folder: poison_row.measure(folder, rows=200, say=note),
+    ),
+    "forecasts": Part(
+        "leaks told of before their limit, and false alarms in a thousand healthy hours (2 minutes)",
+        lambda folder: forecasts.measure(folder, hours=2_000, leaks=300, say=note),
+        lambda folder: forecasts.measure(folder, hours=50, leaks=5, say=note),
     ),
     "outside": Part(
         "150 kills from outside under load: nobody is convicted (4 minutes)",
