@@ -93,6 +93,7 @@ class Verdict:
     testimonies: tuple[Testimony, ...] = ()
     wishes: frozenset[Wish] = frozenset()
     blamed: tuple[str, ...] = ()
+    component: str = ""  # COMPONENT_STALLED: which part
 
 
 GREEN = Verdict(Colour.GREEN)

@@ -33,8 +33,8 @@ def begin(c: Course, fact: seen.SentinelBegan) -> None:
     elif fact.leftovers or (fact.page is not None and fact.page.beats.state is LifeState.READY):
         why = "the core of a guard that is gone was found" if fact.leftovers else "guard and core are gone"
         found = Testimony("run folder", Colour.RED, why)
-        death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found,))
-        c.pending = Trouble(death, fact.at_ns)
+        death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found, *_unwatched(fact)))
+        c.pending = Trouble(death, _since(fact), asked=True)
         fire(c, Trigger.FOUND, fact.at_ns, "processes of an earlier guard were found")
     else:
         fire(c, Trigger.START, fact.at_ns, "the guard is up")
@@ -46,9 +46,27 @@ def _adopt(c: Course, fact: seen.SentinelBegan, page: Page) -> None:
     c.store.certain = False  # a core that was started since may have raised it
     c.epoch = page.beats.epoch
     why = "the guard was gone; its core was found serving and goes on"
-    death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (Testimony("run folder", Colour.YELLOW, why),))
-    c.pending = Trouble(death, fact.at_ns)
+    found = Testimony("run folder", Colour.YELLOW, why)
+    c.pending = Trouble(
+        Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found, *_unwatched(fact))), _since(fact)
+    )
     fire(c, Trigger.FOUND_NEW if _is_new(c, fact) else Trigger.FOUND_SERVING, fact.at_ns, why)
+
+
+def _unwatched(fact: seen.SentinelBegan) -> tuple[Testimony, ...]:
+    """Return what is known of the guard before, and of the time without one."""
+    said = []
+    if fact.found_frozen:
+        said.append(Testimony("sentinel page", Colour.YELLOW, "the guard before stood still, and was ended"))
+    if fact.unwatched_ns is not None:
+        why = f"nobody watched for {fact.unwatched_ns // NS_PER_MS} ms"
+        said.append(Testimony("sentinel page", Colour.YELLOW, why))
+    return tuple(said)
+
+
+def _since(fact: seen.SentinelBegan) -> int:
+    """Return since when nobody has watched, as far as anybody knows."""
+    return max(0, fact.at_ns - (fact.unwatched_ns or 0))
 
 
 def _is_new(c: Course, fact: seen.SentinelBegan) -> bool:

@@ -10,19 +10,22 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from hardcore.model.actions import Action
-from hardcore.model.observations import CoreObservation
-from hardcore.model.phases import Phase, StartCause, Wanted
+from hardcore.model.observations import CoreObservation, CoreReady
+from hardcore.model.phases import HAState, Phase, StartCause, Wanted
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import GREEN, Diagnosis, Testimony, Verdict
 from hardcore.recovery import plan
 from hardcore.recovery.audit import Audit
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget
+from hardcore.recovery.calm import Calm
 from hardcore.recovery.court import Court
 from hardcore.recovery.curiosity import Curiosity
 from hardcore.recovery.deadline import Deadline
 from hardcore.recovery.drill import PendingDrill
+from hardcore.recovery.foresight import Foresight
 from hardcore.recovery.policy import Policy
-from hardcore.recovery.reading import Transition
+from hardcore.recovery.reading import StateChange, Transition
+from hardcore.recovery.repair import Repair
 from hardcore.recovery.safety import Safety, safety
 from hardcore.recovery.spare import Behind, Spare, spare
 from hardcore.recovery.store import StoreKnowledge
@@ -34,6 +37,8 @@ from hardcore.sentinel.verdict import Bench
 from hardcore.sentinel.witnesses.own_stall import LATE_INTERVALS
 
 TRANSITIONS_MAX = 1024
+#: Changes of the state that are remembered.
+HISTORY_MAX = 256
 #: So much of what a core says while it is drained is kept: the newest.
 LATER_MAX = 16
 #: Deaths whose pages may still come: the present core's, and that of one left behind.
@@ -53,7 +58,7 @@ class Given:
 
 @dataclass(slots=True)
 class Switching:
-    """A switch that a person asked for and that has not been done. Times are monotonic.
+    """A switch that was asked for and that has not been done. Times are monotonic.
 
     `build`: the code that lay on the disk then; `updates`: it is not what serves, or spares have died of it, so only a
     spare can show that it starts. `born`: the last life that had begun by then. `give_up_ns`: until when a spare is waited
@@ -68,6 +73,10 @@ class Switching:
     give_up_ns: int | None = None
     drains: int = 0
     again_ns: int | None = None
+    # No person asked for it: it waits for a calm moment until then, and after that until what grows has no room left.
+    ours: bool = False
+    patience_ns: int = 0
+    limit_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +128,11 @@ class Course:
     verdict: Verdict = GREEN
     growth: Growth = field(default_factory=Growth)
     curiosity: Curiosity = field(default_factory=Curiosity)
+    pressed_ns: int | None = None  # since when it has held more memory than it may; 0: that was told
+    pressed_looked_ns: int = 0  # when that was last looked at
+    awaits: CoreReady | None = None  # it is ready, and is to say first that it reads only
+    ask_again_ns: int | None = None  # when it is told so again
+    repair: Repair = field(default_factory=Repair)
     # What outlives it.
     behind: Behind | None = None  # a core that lives on behind the fence
     switching: Switching | None = None
@@ -130,10 +144,21 @@ class Course:
         None  # a start waits for the log's trial; without it, it would have waited so long
     )
     later: tuple[CoreObservation, ...] = ()  # what a core that is drained said, for when it serves again
+    consent: bool = True  # a person asked for what comes next, whatever the mode
+    left: bool = False  # a core that is gone is not replaced, because of the mode
+    shut: bool = False  # the policy shut the service down: only a person starts it again
+    relieved_ns: tuple[int, ...] = ()  # when the last switches were done that no person asked for
+    calm: Calm = field(default_factory=Calm)
+    state: HAState = HAState.STARTING  # as it was last told
+    history: tuple[StateChange, ...] = ()
+    needs_ns: int | None = None  # since when a person is needed
+    overdue: bool = False  # nobody came in time, and what the policy says about that was done
+    why: str = ""  # what this step began with
     switch_fault: str = ""  # why the last one that was asked for was given up
     start_fault: str = ""  # what the core said last that died before it served; of the last death
     store: StoreKnowledge = field(default_factory=StoreKnowledge)
     audit: Audit = field(default_factory=Audit)
+    foresight: Foresight = field(default_factory=Foresight)
     drill: PendingDrill = field(default_factory=PendingDrill)
     story: Story | None = None
     held_ns: int | None = None  # since when the gateway has been holding

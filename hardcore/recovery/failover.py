@@ -15,19 +15,30 @@ from hardcore.model import observations as seen
 from hardcore.model import phases, trials
 from hardcore.model.actions import Action, Incident, LookAtStore, SampleStacks
 from hardcore.model.phases import Phase, StartCause, Wanted
-from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Wish
-from hardcore.recovery import hearing, plan, relief, succession
+from hardcore.recovery import (
+    asked,
+    chronicle,
+    foretelling,
+    hearing,
+    mandate,
+    parts,
+    plan,
+    pressure,
+    readiness,
+    relief,
+    succession,
+)
 from hardcore.recovery.beginning import begin
 from hardcore.recovery.budget import NS_PER_MS
 from hardcore.recovery.course import LATER_MAX, Course, Given, course
-from hardcore.recovery.moves import dismiss, fire
-from hardcore.recovery.policy import Policy, Word
+from hardcore.recovery.moves import fire
+from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading, Transition
-from hardcore.recovery.spare import Lack, SpareState
+from hardcore.recovery.spare import SpareState
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.telling import BOOTING, mark, order, suspected_of
-from hardcore.recovery.transitions import Trigger, step
+from hardcore.recovery.transitions import Trigger
 from hardcore.sentinel.deaths import Death, describe, judge_death, last_said, own_fault
 
 #: What kind of proof a core tells that serves reads only.
@@ -57,6 +68,7 @@ class FailoverManager:
         """Take in one fact. Facts about another life than the present one are dropped."""
         self._take_in(fact)
         hearing.sit(self._course, fact.at_ns)
+        chronicle.note(self._course, fact.at_ns)
 
     def _take_in(self, fact: seen.Observation) -> None:
         c = self._course
@@ -64,7 +76,7 @@ class FailoverManager:
             case seen.SentinelBegan():
                 begin(c, fact)
             case seen.OperatorAsked():
-                _obey(c, fact)
+                asked.obey(c, fact)
             case seen.DrillStarted():
                 if fact.life == c.life:
                     c.drill.start(fact)
@@ -85,6 +97,12 @@ class FailoverManager:
             case seen.RequestsSettled():
                 if c.story is not None and fact.incident == c.story.id:
                     c.story.add_requests(fact.requests)
+            case seen.GatewayCounted():
+                succession.counted(c, fact)
+            case seen.PolicyRead():
+                mandate.adopt(c, fact)
+                if c.phase is Phase.BACKOFF and mandate.withheld(c):
+                    fire(c, Trigger.WITHHELD, fact.at_ns, f"mode {c.policy.mode}")
             case (
                 trials.CaseFiled()
                 | trials.SuspectsSettled()
@@ -112,16 +130,30 @@ class FailoverManager:
             if c.phase is Phase.PROBATION:
                 c.outlasted_ns = now_ns
                 _last(c, now_ns)
+            elif c.phase is Phase.FATAL and mandate.withheld(c):
+                c.left = True
             else:
                 fire(c, Trigger.DEADLINE, now_ns, "time is over")
+        readiness.ask_again(c, now_ns)
         relief.ring(c, now_ns)
+        parts.ring(c, now_ns)
         succession.ring(c, now_ns)
         hearing.sit(c, now_ns)
+        chronicle.ring(c, now_ns)
+        chronicle.note(c, now_ns)
 
     def next_deadline_ns(self) -> int | None:
         """Return when `handle_deadline` wants to be called, monotonic; None: not by itself."""
         c = self._course
-        due = (c.deadline.due_ns, relief.next_ns(c), succession.next_ns(c), c.court.next_ns())
+        due = (
+            c.deadline.due_ns,
+            c.ask_again_ns,
+            relief.next_ns(c),
+            parts.next_ns(c),
+            succession.next_ns(c),
+            c.court.next_ns(),
+            chronicle.next_ns(c),
+        )
         return min((at_ns for at_ns in due if at_ns is not None), default=None)
 
     def take_actions(self) -> tuple[Action, ...]:
@@ -168,15 +200,12 @@ class FailoverManager:
         c = self._course
         serving = c.phase in phases.SERVING
         shown = phases.stage(c.phase)
-        stuck = c.behind is not None and c.behind.stuck
-        spareless = c.spare.lost or (c.switch_fault != "" and c.spare.lack is Lack.DIED)
-        yellow = c.worry.shown or c.audit.worries or c.troubles.on or spareless or stuck
         safe = c.safety.reason if serving else None
         locked = safe is Diagnosis.DB_LOCKED
-        alone = _left_alone(c) if serving else None
+        trouble = c.safety.trouble if serving else None
         return Reading(
             phase=c.phase,
-            state=phases.ha_state(c.phase, c.wanted, c.cause, yellow=yellow, safe=safe, alone=alone),
+            state=chronicle.state(c),
             face=phases.face(c.phase, c.wanted),
             stage=max(shown, c.stage_max) if shown is not None else None,
             since_ns=c.since_ns,
@@ -187,13 +216,13 @@ class FailoverManager:
             incident=c.story.id if c.story else None,
             planned=c.cause is StartCause.PLANNED,
             verdict=c.verdict,
-            waits_for=plan.waits_for(c.phase, c.hopeless, safe, alone),
+            waits_for=plan.waits_for(c.phase, c.hopeless, trouble, chronicle.alone(c)),
             late_ticks=c.bench.late_ticks,
             deaths=len(c.budget.deaths_ns),
             audit=c.audit.heard if serving else None,
             safe=safe,
             drill_ns=c.drill.since_ns,
-            in_question=_in_question(c),
+            in_question=asked.in_question(c),
             behind=c.behind.life if c.behind is not None else None,
             spare=c.spare.life,
             spare_ready=c.spare.state is SpareState.READY,
@@ -206,55 +235,23 @@ class FailoverManager:
             switch_fault=c.switch_fault,
             start_fault="" if serving else c.start_fault,
             locked_by=c.holder.why if c.holder is not None and (locked or not serving) else None,
+            mode=c.policy.mode,
+            safe_by=_safe_by(c) if serving else None,
+            needs_ns=c.needs_ns,
+            history=c.history,
+            components=c.repair.beats if serving else (),
+            forecasts=c.foresight.soonest(),
         )
 
 
-def _left_alone(c: Course) -> Diagnosis | None:
-    """Return what is wrong with a serving core that nothing is done about, if anything is."""
-    wrong = c.verdict.diagnosis if c.verdict.colour is Colour.RED else None
-    return wrong if wrong is not None and plan.left_alone(c.policy, wrong) else None
+def _safe_by(c: Course) -> str | None:
+    """Return who has the core read only, if it does."""
+    if c.safety.reason is None:
+        return None
+    return "operator" if c.safety.held or c.safety.trouble is None else "policy"
 
 
 # ---- facts ----
-
-
-def _obey(c: Course, fact: seen.OperatorAsked) -> None:
-    why = fact.reason or "the operator asked for it"
-    match fact.verb:
-        case seen.Verb.STOP:
-            c.wanted = Wanted.DOWN
-            dismiss(c, fact.at_ns)
-            fire(c, Trigger.STOP, fact.at_ns, why)
-        case seen.Verb.RESUME:
-            if fact.accept_ledger and _in_question(c):
-                c.store.forget()
-            c.safety.locked = False
-            if c.phase in phases.SERVING:
-                relief.resumed(c, fact.at_ns)
-            fire(c, Trigger.RESUME, fact.at_ns, why)
-        case seen.Verb.RESTART | seen.Verb.RESTART_HARD:
-            asked = Testimony("operator", Colour.GREEN, fact.reason or "no reason was given")
-            trouble = Trouble(Death(Diagnosis.OPERATOR, Grade.CERTAIN, (asked,)), fact.at_ns)
-            trigger, c.switch_fault = _restart(c, fact), ""
-            if trigger is Trigger.RESTART and succession.asked(c, fact, trouble):
-                return
-            c.pending = trouble
-            fire(c, trigger, fact.at_ns, why)
-        case _:
-            assert_never(fact.verb)
-
-
-def _in_question(c: Course) -> bool:
-    """Whether a person may say of the ledger that it is right as it stands: nothing goes on by itself."""
-    return c.phase is Phase.FATAL or c.safety.locked or c.reader is Diagnosis.STORE_CORRUPT
-
-
-def _restart(c: Course, fact: seen.OperatorAsked) -> Trigger:
-    """Return what the operator's wish for a new core means; there is an image only of one that serves."""
-    if fact.image and c.policy.memory_image != "never" and step(c.phase, Trigger.RESTART_IMAGED):
-        c.image_asked = True
-        return Trigger.RESTART_IMAGED
-    return Trigger.RESTART_HARD if fact.verb is seen.Verb.RESTART_HARD else Trigger.RESTART
 
 
 def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
@@ -267,7 +264,7 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
             _not_born(c, fact)
         case seen.EpochRaised():
             if c.reader is None:
-                _raised(c, fact.epoch, fact.at_ns)
+                readiness.raised(c, fact.epoch, fact.at_ns)
                 fire(c, Trigger.EPOCH_RAISED, fact.at_ns, f"epoch {fact.epoch}")
         case seen.StartExtended():
             if c.phase in BOOTING:
@@ -275,7 +272,7 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
                 most_ns = c.policy.startup_timeout_ms * NS_PER_MS
                 c.deadline.extend(fact.at_ns + min(fact.for_ns, most_ns))
         case seen.CoreReady():
-            _ready(c, fact)
+            readiness.ready(c, fact)
         case seen.PromoteRefused():
             fire(c, Trigger.REFUSED, fact.at_ns, fact.reason)
         case seen.Drained():
@@ -297,6 +294,9 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
             _exited(c, fact)
         case seen.EvidenceTaken():
             _evidence(c, fact)
+        case seen.SafeSwitched() if c.awaits is not None:
+            if fact.on and fact.done:
+                readiness.serve(c, c.awaits, fact.at_ns)
         case _:
             if c.phase in phases.SERVING:
                 _receive_of_serving(c, fact)
@@ -307,6 +307,7 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
 def _receive_of_serving(
     c: Course,
     fact: seen.Sampled
+    | seen.ComponentRestarted
     | seen.LedgerAudited
     | seen.StacksSampled
     | seen.Probed
@@ -314,11 +315,14 @@ def _receive_of_serving(
     | seen.SafeSwitched
     | seen.Surveyed,
 ) -> None:
-    if not isinstance(fact, seen.Sampled | seen.LedgerAudited | seen.SafeSwitched):
+    apart = seen.Sampled | seen.LedgerAudited | seen.SafeSwitched | seen.ComponentRestarted
+    if not isinstance(fact, apart):
         c.bench.hear(fact)
     match fact:
         case seen.Sampled():
             _watch(c, fact)
+        case seen.ComponentRestarted():
+            parts.restarted(c, fact)
         case seen.LedgerAudited():
             relief.audited(c, fact)
         case seen.StacksSampled():
@@ -329,6 +333,7 @@ def _receive_of_serving(
             relief.switched(c, fact)
         case seen.Surveyed():
             relief.surveyed(c, fact)
+            foretelling.surveyed(c, fact)
             c.spare.survey(fact.free_bytes)
         case seen.Probed():
             relief.probed(c, fact)
@@ -341,46 +346,6 @@ def _not_born(c: Course, fact: seen.SpawnFailed) -> None:
     told = Testimony("spawn", Colour.RED, f"no process could be started: {fact.reason}")
     c.pending = Trouble(Death(Diagnosis.STARTUP_FAILED, Grade.CERTAIN, (told,)), fact.at_ns)
     fire(c, Trigger.SPAWN_FAILED, fact.at_ns, fact.reason)
-
-
-def _raised(c: Course, epoch: int, now_ns: int) -> None:
-    c.store.epoch, c.store.certain, c.epoch = epoch, True, epoch
-    if c.behind is not None:
-        c.behind.fenced = True
-    mark(c, "fenced", now_ns)
-
-
-def _ready(c: Course, fact: seen.CoreReady) -> None:
-    if c.reader is not None:
-        c.epoch = fact.epoch  # as it stands in the store: nobody has raised it
-    elif fact.proof.kind == UNPROVEN:
-        return  # it was started to write, and must have proven what it writes to
-    elif c.phase in BOOTING and c.store.misses(fact.proof.seq):
-        _misses(c, fact)
-        return
-    else:
-        c.store.is_proven(Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns))
-    if c.phase not in BOOTING:
-        return  # it is being ended: what it has proven serves nobody
-    mark(c, "ready", fact.at_ns)
-    if c.reader is None:
-        if c.phase in {Phase.STARTING, Phase.SWITCHING}:
-            _raised(c, fact.epoch, fact.at_ns)
-        mark(c, "verified", fact.at_ns)
-        if c.story:
-            c.story.proof, c.story.next_epoch = fact.proof, fact.epoch
-            c.story.witness = c.challenge
-    fire(c, Trigger.READY, fact.at_ns, f"proof: {fact.proof.kind}, {fact.proof.tail} events")
-
-
-def _misses(c: Course, fact: seen.CoreReady) -> None:
-    """A client was told of a commit that this core does not have; it was heard of after the core was told what to show."""
-    told = c.store.passed_on
-    assert told is not None, "held just now"
-    why = f"a client was told of event {told.seq}, and the ledger ends at {fact.proof.seq}"
-    death = Death(Diagnosis.STORE_CORRUPT, Grade.CERTAIN, (Testimony("gateway", Colour.RED, why),))
-    c.pending = Trouble(death, fact.at_ns)
-    fire(c, Trigger.UNPROVEN, fact.at_ns, why)
 
 
 def _last(c: Course, now_ns: int) -> None:
@@ -409,6 +374,7 @@ def _watch(c: Course, tick: seen.Sampled) -> None:
     c.looked_ns = now_ns
     c.budget = c.budget.at(now_ns)
     c.store.shown(tick.witness)
+    c.repair.beats = tick.components or c.repair.beats
     if tick.process is not None:
         c.growth.look(now_ns, tick.process.rss_bytes)
     verdict = c.bench.judge(tick)
@@ -417,16 +383,21 @@ def _watch(c: Course, tick: seen.Sampled) -> None:
         order(c, SampleStacks(c.life) if wish is Wish.STACKS else LookAtStore(c.life))
     why = "; ".join(t.why for t in verdict.testimonies if t.colour is not Colour.GREEN)
     if verdict.colour is Colour.RED and verdict.diagnosis is not None:
-        if c.policy.asks(verdict.diagnosis, Word.REBOOT_PROCESS):
+        if plan.ends(c.policy, verdict.diagnosis) and not mandate.watches_only(c):
             death = Death(verdict.diagnosis, verdict.grade, verdict.testimonies)
             c.verdict = verdict
             c.pending = Trouble(death, verdict.fault_ns, blamed=verdict.blamed)
             fire(c, Trigger.LOST, now_ns, f"{verdict.diagnosis}: {why}")
             return
-        relief.judged(c, verdict, now_ns, why)
+        if verdict.diagnosis is Diagnosis.COMPONENT_STALLED:
+            parts.judged(c, verdict, now_ns, why)
+        else:
+            relief.judged(c, verdict, now_ns, why)
     c.verdict = verdict
     relief.settle(c, now_ns)
     _last(c, now_ns)
+    pressure.watch(c, tick)
+    foretelling.sampled(c, tick)
     succession.tend(c, now_ns)
     if verdict.colour is Colour.GREEN:
         fire(c, Trigger.ON_TIME, now_ns, "the beats are back")

@@ -9,7 +9,7 @@ from typing import assert_never
 from hardcore.model import phases
 from hardcore.model.actions import (
     Adopt,
-    Alert,
+    AlertStage,
     Drain,
     Halt,
     Kill,
@@ -24,12 +24,13 @@ from hardcore.model.actions import (
 from hardcore.model.phases import Phase, Wanted
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import GREEN, Diagnosis
-from hardcore.recovery import hearing, plan, telling
+from hardcore.recovery import hearing, mandate, plan, telling
 from hardcore.recovery.budget import NS_PER_MS, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.curiosity import Curiosity
 from hardcore.recovery.policy import Word
 from hardcore.recovery.reading import Transition
+from hardcore.recovery.repair import Repair
 from hardcore.recovery.safety import Deed
 from hardcore.recovery.spare import Behind, SpareState
 from hardcore.recovery.suspicion import Growth
@@ -49,6 +50,9 @@ def fire(c: Course, trigger: Trigger, now_ns: int, reason: str) -> None:
     if row is None:
         return
     before, (after, steps) = c.phase, row
+    c.why = c.why or reason
+    if trigger is Trigger.WITHHELD and c.story is not None:
+        c.story.withheld = True
     for name in steps:
         _do(c, name, after, now_ns)
     if after is not before:
@@ -68,8 +72,8 @@ def fire(c: Course, trigger: Trigger, now_ns: int, reason: str) -> None:
             return
 
 
-def heed(c: Course, deed: Deed, now_ns: int) -> None:
-    """Do what the switch between reading only and writing asks for."""
+def heed(c: Course, deed: Deed, now_ns: int, *, asked: bool = False) -> None:
+    """Do what the switch between reading only and writing asks for. `asked`: a person wants it."""
     reason = c.safety.goal or c.safety.asked
     match deed:
         case Deed.NOTHING:
@@ -79,8 +83,10 @@ def heed(c: Course, deed: Deed, now_ns: int) -> None:
             order(c, SetSafe(c.life, deed is Deed.ORDER_ON, reason))
         case Deed.LOOK:
             order(c, LookAtStore(c.life))
+        case Deed.RENEW if mandate.watches_only(c) and not asked:
+            c.safety.postpone(now_ns)  # it would end a core
         case Deed.RENEW:
-            c.trying = reason
+            c.trying, c.consent = reason, True
             fire(c, Trigger.RENEW, now_ns, f"{reason}: whether a core may write again is tried")
         case _:
             assert_never(deed)
@@ -98,14 +104,16 @@ def _holds(c: Course, question: Trigger, now_ns: int) -> bool:
             return c.wanted is Wanted.DOWN
         case Trigger.STUCK:
             return c.behind is not None and c.behind.stuck and not c.behind.fenced
+        case Trigger.WITHHELD:
+            return mandate.withheld(c)
         case Trigger.READS_ONLY:
-            return plan.may_read(c.policy, _reads_for(c), tried=c.reader_tried)
+            return not c.shut and plan.may_read(c.policy, _reads_for(c), tried=c.reader_tried)
         case Trigger.HOPELESS:
-            return c.hopeless is not None and not plan.passes(c.policy, c.hopeless)
+            return c.hopeless is not None and (c.shut or not plan.passes(c.policy, c.hopeless))
         case Trigger.SPARE_READY:
             unhurried = c.phase is Phase.BACKOFF and c.delay_ns > 0
             # One that is still being made has no kill waiting for it: it would begin beside the spare.
-            killed = c.phase is not Phase.UNKILLABLE or c.there
+            killed = (c.phase is not Phase.UNKILLABLE or c.there) and not mandate.withheld(c)
             return killed and not unhurried and c.behind is None and c.life != 0 and c.spare.fit(now_ns)
         case Trigger.NO_DELAY:
             return c.delay_ns == 0
@@ -118,6 +126,8 @@ def _why(c: Course, question: Trigger) -> str:
         return f"{_reads_for(c)}: a core may still serve reads"
     if question is Trigger.HOPELESS:
         return f"{c.hopeless}: another try would not help"
+    if question is Trigger.WITHHELD:
+        return f"mode {c.policy.mode}: what comes next is left to a person"
     if question is Trigger.SPARE_READY:
         return "a spare is ready"
     if question is Trigger.STUCK:
@@ -134,6 +144,11 @@ def _enter(c: Course, phase: Phase, now_ns: int) -> None:
     c.phase, c.since_ns = phase, now_ns
     if phase is Phase.BACKOFF:
         c.delay_ns = hearing.pause_ns(c, plan.pause_ns(c.policy, c.tries, c.given.jitter()), now_ns)
+    if phase is Phase.FATAL:
+        c.left = mandate.withheld(c)
+        c.hopeless = c.hopeless or c.blame
+    elif phase is not Phase.STOPPED:
+        c.left = False
     _set_deadline(c, phase, now_ns)
     c.stage_max = max(c.stage_max, phases.stage(phase) or 0) if c.story else 0
     if phase in phases.SERVING:
@@ -149,7 +164,8 @@ def _enter(c: Course, phase: Phase, now_ns: int) -> None:
 
 def _set_deadline(c: Course, phase: Phase, now_ns: int) -> None:
     imaged = c.image_asked or c.policy.memory_image == "always"
-    wait_ns = plan.limit_ns(c.policy, phase, c.delay_ns, c.hopeless, imaged=imaged)
+    never = c.shut or c.left  # only a person starts it again
+    wait_ns = plan.limit_ns(c.policy, phase, c.delay_ns, None if never else c.hopeless, imaged=imaged)
     c.deadline.set(now_ns, wait_ns, forgiving=phase in _ITS_TIME)
 
 
@@ -209,6 +225,7 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             _alert_about(c, after)
         case Step.FORGET:
             c.tries, c.hopeless, c.safety.locked = 0, None, False
+            c.consent, c.shut = True, False
             telling.keep(c, Budget(c.budget.limit, c.budget.window_ns))
         case Step.HALT:
             dismiss(c, now_ns)
@@ -269,7 +286,8 @@ def _born(c: Course, life: int, reader: Diagnosis | None) -> None:
         c.trying = c.hopeless
     c.hopeless = None
     c.term_sent = c.image_asked = False
-    c.growth, c.curiosity = Growth(), Curiosity()
+    c.growth, c.curiosity, c.repair = Growth(), Curiosity(), Repair()
+    c.pressed_ns = c.awaits = c.ask_again_ns = None
     c.reader, c.reader_tried = reader, reader is not None
 
 
@@ -286,11 +304,12 @@ def _release(c: Course, now_ns: int) -> None:
     c.trying = c.outlasted_ns = None
     c.switch_fault = ""  # it was about a core that is gone
     c.audit.begin(c.story.id if c.story else None)
-    c.safety.begin(c.reader, now_ns)
+    heed(c, c.safety.begin(c.reader, now_ns), now_ns)
+    c.consent = False  # what a person asked for is done
     c.holder = c.holder if c.reader else None
     if c.story and c.reader:
         c.story.safe = True
-    c.troubles.look(now_ns, quiet=not c.safety.on)
+    c.troubles.look(now_ns, quiet=not c.safety.troubled)
     _release_again(c, now_ns)
 
 
@@ -314,7 +333,7 @@ def _release_again(c: Course, now_ns: int) -> None:
 
 def _read_only(c: Course, now_ns: int) -> None:
     assert c.troubled is not None, "reading only is a remedy for a trouble that was named"
-    if c.policy.asks(c.troubled, Word.SAFE_MODE_ENTER):
+    if c.policy.asks(c.troubled, Word.SAFE_MODE_ENTER) and not mandate.watches_only(c):
         heed(c, c.safety.enter(c.troubled, now_ns), now_ns)
 
 
@@ -322,7 +341,12 @@ def _alert_about(c: Course, after: Phase) -> None:
     if after is Phase.UNKILLABLE:
         about = c.story.diagnosis if c.story else Diagnosis.OPERATOR
         text = "The core was killed and is still there. Only a fence may let another one write; the kill is repeated."
-        order(c, Alert(about, text))
+        telling.say(c, about, text, AlertStage.WAITS)
         return
-    assert c.hopeless is not None, "FATAL is entered for a reason"
-    telling.alert(c, c.hopeless, "Automatic recovery has stopped. `hardcore resume` tries again.")
+    about = c.hopeless or c.blame
+    if mandate.withheld(c):
+        text = f"The core is gone, and mode {c.policy.mode} leaves it so. `hardcore resume` starts another."
+        telling.say(c, about, text, AlertStage.WAITS)
+        return
+    text = "Automatic recovery has stopped. `hardcore resume` tries again."
+    telling.alert(c, about, text, AlertStage.WAITS)

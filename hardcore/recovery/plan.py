@@ -19,6 +19,9 @@ TRIAL_PATIENCE = 3
 #: A core that did not die is killed again this often: what kept the kill from it may be over.
 KILL_AGAIN_MS = 5_000
 
+#: What stops no answer.
+_BESIDE = frozenset({Diagnosis.COMPONENT_STALLED})
+
 
 def patience(policy: Policy) -> Patience:
     """Return how long the witnesses bear each kind of silence."""
@@ -83,13 +86,18 @@ def passes(policy: Policy, reason: Diagnosis | None) -> bool:
     return reason is Diagnosis.DB_LOCKED and not policy.asks(reason, Word.AWAIT_OPERATOR)
 
 
+def ends(policy: Policy, diagnosis: Diagnosis) -> bool:
+    """Return whether a living core that is judged so is ended. A part that stands still ends nobody."""
+    return diagnosis not in _BESIDE and policy.asks(diagnosis, Word.REBOOT_PROCESS)
+
+
 def left_alone(policy: Policy, diagnosis: Diagnosis) -> bool:
     """Return whether a living core with this diagnosis stays as it is until a person does something about it."""
     if any(
         policy.asks(diagnosis, word) for word in (Word.REBOOT_PROCESS, Word.SAFE_MODE_ENTER, Word.DEGRADE)
     ):
         return False
-    return diagnosis not in PASSING or policy.asks(diagnosis, Word.AWAIT_OPERATOR)
+    return diagnosis not in _BESIDE | PASSING or policy.asks(diagnosis, Word.AWAIT_OPERATOR)
 
 
 def waits_for(

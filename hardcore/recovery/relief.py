@@ -13,7 +13,7 @@ from hardcore.recovery import telling
 from hardcore.recovery.course import Course
 from hardcore.recovery.moves import fire, heed
 from hardcore.recovery.policy import Word
-from hardcore.recovery.safety import TOLD
+from hardcore.recovery.safety import BY_OPERATOR, TOLD
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.transitions import Trigger
 from hardcore.sentinel.deaths import Death
@@ -83,6 +83,11 @@ def probed(c: Course, fact: seen.Probed) -> None:
         return  # asked before the switch that we know of: the answer is older than what we know
     if fact.writes:
         heed(c, c.safety.writes(fact.at_ns), fact.at_ns)
+    elif fact.safe is BY_OPERATOR:
+        if c.safety.found(fact.safe, fact.at_ns) and not c.safety.held:
+            heed(
+                c, c.safety.try_to_write(fact.at_ns), fact.at_ns
+            )  # an earlier guard's word: it is wanted no more
     elif fact.safe is not None and c.safety.found(fact.safe, fact.at_ns):
         said = Testimony("core", Colour.RED, f"the core was found to serve reads only: {fact.safe}")
         _meet(c, Death(fact.safe, Grade.CERTAIN, (said,)), fact.at_ns, (), fact.at_ns, said.why)
@@ -112,7 +117,7 @@ def lacking(c: Course, fact: seen.GatewayWitnessed) -> None:
 def resumed(c: Course, now_ns: int) -> None:
     """The operator says of a serving core: try again, whatever was wrong."""
     c.troubles.lasting = False
-    heed(c, c.safety.try_to_write(now_ns), now_ns)
+    heed(c, c.safety.try_to_write(now_ns), now_ns, asked=True)
     settle(c, now_ns)
 
 
@@ -136,13 +141,13 @@ def next_ns(c: Course) -> int | None:
 
 def settle(c: Course, now_ns: int) -> None:
     """Note whether anything is still wrong at this moment."""
-    if c.safety.reason is not None and c.story is not None:
+    if c.safety.trouble is not None and c.story is not None:
         c.story.safe = True
     person = telling.left_to_a_person(c)
     if person is not None and c.troubles.on:
         fire(c, Trigger.EASED, now_ns, f"{person}: a person has to say what now")
     if c.phase in SERVING:
-        quiet = c.verdict.colour is not Colour.RED and not c.safety.on
+        quiet = c.verdict.colour is not Colour.RED and not c.safety.troubled
         c.troubles.look(now_ns, quiet=quiet)
 
 

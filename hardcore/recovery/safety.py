@@ -6,10 +6,14 @@ disk's reasons a try to write is made by itself, at doubling pauses and only whi
 against it; for a lock of somebody else's, when a look at the lock finds it free: a try ends the reading for some
 seconds. For any other reason a person has to say so. A mode that is left when the disk looks well again was not
 chosen: only a write that was taken proves that writes are taken.
+
+A person may want reads only as well (`held`). That outlives every core, is left by that person alone, and while it
+holds nothing is tried: a try is a moment in which a write is taken.
 """
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import assert_never
 
 from hardcore.model.observations import DiskFacts, SafeSwitched, StoreFault
 from hardcore.model.verdicts import Diagnosis
@@ -26,6 +30,8 @@ LOOK_AGAIN_NS = NS_PER_S
 DISK = frozenset({Diagnosis.DISK_FULL, Diagnosis.DISK_READ_ONLY, Diagnosis.DISK_STALLED})
 #: Reasons that end without a word to the guard: it finds out by itself.
 PASSING = DISK | {Diagnosis.DB_LOCKED}
+#: What a person's own wish is called.
+BY_OPERATOR = Diagnosis.OPERATOR
 #: What a core's own word about its store means.
 TOLD = {
     StoreFault.FULL: Diagnosis.DISK_FULL,
@@ -58,7 +64,8 @@ class Safety:
 
     `since_ns` is when the core last said which it is.
     `reason` is why it serves reads only, `goal` why it was told to and `asked` why it last was. `locked` outlives a core: a ledger that is known
-    to be damaged is read only until the operator says `resume`, whichever core serves it.
+    to be damaged is read only until the operator says `resume`, whichever core serves it. So does `held`: the operator
+    wants reads only.
     """
 
     retry_ns: int
@@ -68,6 +75,7 @@ class Safety:
     reason: Diagnosis | None = None
     goal: Diagnosis | None = None
     locked: bool = False
+    held: bool = False
     due_ns: int | None = None
     asked: Diagnosis | None = None
     since_ns: int = 0
@@ -82,17 +90,59 @@ class Safety:
         return self.mode is not Mode.OFF
 
     @property
+    def trouble(self) -> Diagnosis | None:
+        """Why the core serves reads only, if nobody wanted that."""
+        return self.reason if self.reason is not BY_OPERATOR else None
+
+    @property
+    def troubled(self) -> bool:
+        """Whether it serves reads only, or was told to, though nobody wanted that."""
+        return self.on and self.goal is not BY_OPERATOR
+
+    @property
     def disk(self) -> DiskFacts | None:
         """The newest look at the disk while this core serves; None: there was none."""
         return self._disk
 
-    def begin(self, reason: Diagnosis | None, now_ns: int) -> None:
-        """Another core serves; `reason`: it was started to read only, because of this."""
+    def begin(self, reason: Diagnosis | None, now_ns: int) -> Deed:
+        """Another core serves; `reason`: it was started to read only, because of this. Return what has to be done."""
         self.leave()
         self.asked, self.since_ns = None, now_ns
         if reason is not None:
             self._started = True
             self._enter(reason, now_ns)
+        return self.hold(now_ns) if self.held else Deed.NOTHING
+
+    def hold(self, now_ns: int) -> Deed:
+        """The operator wants reads only until `release`."""
+        self.held = True
+        match self.mode:
+            case Mode.OFF:
+                self.goal = self.asked = BY_OPERATOR
+            case Mode.LEAVING:
+                self.asked = self.goal
+            case Mode.ON:
+                self._plan(now_ns)
+                return Deed.NOTHING
+            case Mode.ENTERING:
+                return Deed.NOTHING
+            case _:
+                assert_never(self.mode)
+        self.mode, self.due_ns = Mode.ENTERING, now_ns + ANSWER_NS
+        return Deed.ORDER_ON
+
+    def release(self, now_ns: int) -> Deed:
+        """The operator wants everything served again. What else speaks against that goes on to do so."""
+        self.held = False
+        if self.mode is Mode.OFF or self.goal is not BY_OPERATOR:
+            if self.mode is Mode.ON:
+                self._plan(now_ns)
+            return Deed.NOTHING
+        if self.mode is Mode.ENTERING and self.reason is None:
+            self._left(now_ns)
+            self.asked = BY_OPERATOR
+            return Deed.ORDER_OFF
+        return self.try_to_write(now_ns)
 
     def enter(self, reason: Diagnosis, now_ns: int) -> Deed:
         """Have the core serve reads only. A damaged ledger overrules the other reasons, and stays."""
@@ -112,7 +162,7 @@ class Safety:
         if fault is StoreFault.OK:
             if self.goal in DISK:
                 self._left(now_ns)
-        elif self.mode in {Mode.OFF, Mode.ENTERING} and not self.locked:
+        elif self.mode in {Mode.OFF, Mode.ENTERING} and not (self.locked or self.held):
             self._enter(TOLD[fault], now_ns)
 
     def switched(self, fact: SafeSwitched) -> None:
@@ -143,7 +193,7 @@ class Safety:
         """Take in that the core was found to serve everything; return what has to be done if it is not to."""
         if self.mode is not Mode.ON or self._started:
             return Deed.NOTHING
-        if self.locked:
+        if self.locked or self.held:
             self.mode, self.due_ns = Mode.ENTERING, now_ns + ANSWER_NS
             return Deed.ORDER_ON
         self._left(now_ns)
@@ -187,6 +237,8 @@ class Safety:
         """Try to leave at once, whatever the disk looks like: its time has come, or the operator says so."""
         if self.mode is Mode.OFF or self.mode is Mode.LEAVING:
             return Deed.NOTHING
+        if self.held and not self._started:
+            return self._keep_to_the_operator(now_ns)
         self._looking = False
         self._wait_ns = min(2 * (self._wait_ns or self.retry_ns), RETRY_NS_MAX)
         if self._started:
@@ -194,6 +246,10 @@ class Safety:
             return Deed.RENEW
         self.mode, self.due_ns = Mode.LEAVING, now_ns + ANSWER_NS
         return Deed.ORDER_OFF
+
+    def postpone(self, now_ns: int) -> None:
+        """Nobody may try now: it is asked for again later."""
+        self.due_ns = now_ns + RETRY_NS_MAX
 
     def leave(self) -> None:
         """The core serves everything again, or is gone."""
@@ -217,11 +273,23 @@ class Safety:
         self.mode = Mode.ON
         self._plan(now_ns)
 
+    def _keep_to_the_operator(self, now_ns: int) -> Deed:
+        """What else spoke against writing is to be tried, and a person wants reads only: nothing is tried."""
+        if self.goal is BY_OPERATOR or self.locked:
+            return Deed.NOTHING
+        self.goal = self.asked = BY_OPERATOR
+        self.mode, self.due_ns = Mode.ENTERING, now_ns + ANSWER_NS
+        return Deed.ORDER_ON
+
     def _plan(self, now_ns: int) -> None:
-        self.due_ns = now_ns + self._wait_ns if self.goal in PASSING and not self.locked else None
+        held = (
+            self.held and not self._started
+        )  # whoever was started to read only makes room for one that is told to
+        again = self.goal in PASSING or self.goal is BY_OPERATOR
+        self.due_ns = now_ns + self._wait_ns if again and not (self.locked or held) else None
 
     def _ask_again(self, now_ns: int, *, quiet: bool) -> Deed:
-        if quiet and not self.locked and self.reason is None:
+        if quiet and not (self.locked or self.held) and self.reason is None:
             self._left(now_ns)
             return Deed.ORDER_OFF
         self.due_ns = now_ns + ANSWER_NS

@@ -31,13 +31,14 @@ _OF_AN_OUTAGE = frozenset(
 
 @dataclass(slots=True)
 class Trouble:
-    """What is about to be told as an incident."""
+    """What is about to be told as an incident. `asked`: a person wants done what comes of it."""
 
     death: Death
     fault_ns: int
     exit: Exit | None = None
     page: Page | None = None
     blamed: tuple[str, ...] = ()
+    asked: bool = False
 
 
 @dataclass(slots=True)
@@ -71,6 +72,13 @@ class Story:
     blamed: tuple[str, ...] = ()
     down: bool = True
     safe: bool = False
+    alerted: bool = False  # somebody was told
+    withheld: bool = False  # what would have been done about it was left to a person
+
+    def outage_ms(self) -> int | None:
+        """Return for how long nobody was served; None: as far as is known, for no time."""
+        over_ns = self.steps.get("serving")
+        return (over_ns - self.steps["fault"]) // 1_000_000 if over_ns is not None else None
 
     def mark(self, name: str, at_ns: int) -> None:
         """Note a step of the timeline."""

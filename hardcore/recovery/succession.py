@@ -11,6 +11,10 @@ asked again a few times.
 After a death the spare takes over whatever lies on the disk by then: all that it needs is loaded, it has been seen to
 start, and what lies there has not.
 
+A switch that no person asked for (what grows reaches its limit, a part stands still again and again) waits for a calm
+moment (`calm.py`), and when none comes for as long as there is room. So many a day are done, because a core
+that is worth changing every hour is a person's matter.
+
 Not chosen: a spare that takes over by itself when the core is silent. Two judges are one too many, and the fence
 would be all that stood between them.
 """
@@ -21,7 +25,7 @@ from hardcore.model import observations as seen
 from hardcore.model.actions import Kill, SpawnSpare
 from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery import hearing, plan, relief, telling
+from hardcore.recovery import hearing, mandate, plan, relief, telling
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 from hardcore.recovery.course import Course, Switching
 from hardcore.recovery.moves import dismiss, fire, next_life
@@ -36,6 +40,12 @@ DRAINS_MAX = 3
 DRAIN_AGAIN_NS = NS_PER_S
 #: A switch that was asked for waits for a spare as long as so many starts may take.
 WAITED_STARTS_MAX = 2
+#: How long a calm moment is waited for; then until the limit is so near.
+PATIENCE_NS = 60 * NS_PER_S
+NEAR_NS = 120 * NS_PER_S
+#: How often it is looked for.
+CALM_AGAIN_NS = NS_PER_S
+DAY_NS = 86_400 * NS_PER_S
 #: The spare is kept while the core is proven; a core on probation may yet need this machine for itself.
 _KEEPING = frozenset({Phase.RUNNING, Phase.SUSPECT})
 
@@ -108,12 +118,38 @@ def asked(c: Course, fact: seen.OperatorAsked, trouble: Trouble) -> bool:
     if c.phase not in SERVING:
         return False
     updates = fact.build not in {"", fact.serves} or c.spare.fault != ""
-    if not updates and (c.reader is not None or c.safety.on or _hopeless(c)):
+    if not updates and (c.reader is not None or c.safety.troubled or _hopeless(c)):
         return False
     why = fact.reason or "the operator asked for it"
     c.switching = Switching(trouble, why, fact.build, c.born, updates=updates)
     tend(c, fact.at_ns)
     return True
+
+
+def relieve(c: Course, trouble: Trouble, now_ns: int, *, limit_ns: int | None = None) -> bool:
+    """Have the core changed for another in a calm moment, because of `trouble`; return whether that will be done.
+
+    `limit_ns`: when whatever grows reaches its limit, so that no calm is waited for any more; None: nobody knows. It is
+    not done by a guard that only watches, beside another switch, or more often in a day than the policy says.
+    """
+    lately = tuple(at_ns for at_ns in c.relieved_ns if now_ns - at_ns < DAY_NS)
+    busy = c.switching is not None or c.phase not in _KEEPING or c.wanted is Wanted.DOWN
+    if busy or mandate.watches_only(c) or c.reader is not None or c.safety.troubled:
+        return False
+    if len(lately) >= c.policy.forecast_switches_max:
+        return False
+    c.relieved_ns = (*lately, now_ns)
+    why = telling.worst(trouble.death)
+    c.switching = Switching(
+        trouble, why, "", c.born, ours=True, patience_ns=now_ns + PATIENCE_NS, limit_ns=limit_ns
+    )
+    tend(c, now_ns)
+    return True
+
+
+def counted(c: Course, fact: seen.GatewayCounted) -> None:
+    """Take in how much the gateway has to do."""
+    c.calm.counted(fact)
 
 
 def drained(c: Course, fact: seen.Drained) -> None:
@@ -159,16 +195,19 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
     if wish is None or c.phase not in _KEEPING or (wish.again_ns is not None and now_ns < wish.again_ns):
         return
     wish.again_ns = None
+    if wish.ours and not _is_time(c, wish, now_ns):
+        wish.again_ns = now_ns + CALM_AGAIN_NS
+        return
     if wish.give_up_ns is None and _keeps(c):
         wish.give_up_ns = now_ns + WAITED_STARTS_MAX * c.spare.startup_ns
     due = wish.give_up_ns is not None and now_ns >= wish.give_up_ns
-    if c.safety.on and not (due or c.reader or c.safety.locked):
+    if c.safety.troubled and not (due or c.reader or c.safety.locked):
         return  # a core that reads only for a while is not the one to change; its successor could not write either
     if c.spare.state is SpareState.READY and _is_of_other_code(c.spare, wish):
         dismiss(c, now_ns)
     if c.spare.fit(now_ns):
         c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
-        if c.safety.on:
+        if c.safety.troubled:
             c.switching = None
             fire(c, Trigger.RESTART, now_ns, wish.reason)
         else:
@@ -176,6 +215,14 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
             fire(c, Trigger.SWITCH, now_ns, wish.reason)
     elif due or (_is_stuck(c) if wish.updates else _hopeless(c)):
         _give_up(c, wish, now_ns)
+
+
+def _is_time(c: Course, wish: Switching, now_ns: int) -> bool:
+    """Whether a switch that nobody asked for may be done now; one that was begun is gone on with."""
+    if wish.drains or c.calm.is_now(now_ns):
+        return True
+    near = wish.limit_ns is not None and wish.limit_ns - now_ns <= NEAR_NS
+    return near and now_ns >= wish.patience_ns
 
 
 def _is_of_other_code(spare: Spare, wish: Switching) -> bool:
@@ -204,7 +251,7 @@ def _keeps(c: Course) -> bool:
     """
     tries = c.switching is not None and c.switching.updates
     proven = c.phase in _KEEPING and (tries or (c.reader is None and not c.safety.locked))
-    return proven and c.wanted is Wanted.UP and c.behind is None
+    return proven and c.wanted is not Wanted.DOWN and c.behind is None
 
 
 def _give_up(c: Course, wish: Switching, now_ns: int) -> None:

@@ -5,10 +5,10 @@ question here is always whether something belongs to the open story: a death doe
 and as long as reads only are served by a core that was started for it. An end in the middle of a trouble does not.
 """
 
-from hardcore.model.actions import Action, Alert, CloseIncident, KeepBudget, TakeEvidence
+from hardcore.model.actions import Action, Alert, AlertStage, CloseIncident, KeepBudget, TakeEvidence
 from hardcore.model.phases import SERVING, Phase, StartCause, Wanted
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
-from hardcore.recovery import plan
+from hardcore.recovery import mandate, plan
 from hardcore.recovery.budget import NS_PER_S, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.policy import Word
@@ -18,6 +18,13 @@ from hardcore.sentinel.deaths import Death
 
 #: A gateway that began to hold this shortly before the death was known held because of it.
 HELD_EARLY_NS = NS_PER_S
+#: What can become of an incident, in words.
+OUTCOMES = {
+    "recovered": "all is served again",
+    "safe_mode": "reads only are served",
+    "manual": "a person is needed",
+    "assist": "nothing was done about it, as the mode says",
+}
 BOOTING = frozenset({Phase.STARTING, Phase.SWITCHING, Phase.PROVING})
 
 
@@ -32,13 +39,30 @@ def mark(c: Course, name: str, at_ns: int) -> None:
         c.story.mark(name, at_ns)
 
 
-def alert(c: Course, diagnosis: Diagnosis, text: str) -> None:
+def alert(c: Course, diagnosis: Diagnosis, text: str, stage: AlertStage = AlertStage.OPENED) -> None:
     """Say something to whoever runs the server, if the policy wants that said."""
     if c.policy.asks(diagnosis, Word.SEND_ALERT):
-        order(c, Alert(diagnosis, text))
+        say(c, diagnosis, text, stage)
 
 
-def _why(death: Death) -> str:
+def say(c: Course, diagnosis: Diagnosis, text: str, stage: AlertStage = AlertStage.OPENED) -> None:
+    """Say it whatever the policy wants said on that diagnosis; but a guard that only records tells nobody."""
+    if mandate.is_mute(c):
+        return
+    incident = c.story.id if c.story is not None else None
+    if c.story is not None and stage is AlertStage.OPENED:
+        c.story.alerted = True
+    order(c, Alert(diagnosis, text, incident, stage))
+
+
+def _say_closed(c: Course, story: Story, outcome: str) -> None:
+    outage_ms = story.outage_ms()
+    took = "" if outage_ms is None else f" Nobody was served for {outage_ms} ms."
+    text = f"{story.diagnosis} is over: {OUTCOMES[outcome]}.{took}"
+    order(c, Alert(story.diagnosis, text, story.id, AlertStage.CLOSED, outcome, outage_ms))
+
+
+def worst(death: Death) -> str:
     """Return the worst that was said: the first witness may have had nothing to complain of."""
     worst = max(death.evidence, key=lambda fact: (fact.colour is Colour.RED, fact.colour is Colour.YELLOW))
     return worst.why
@@ -49,11 +73,15 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     trouble = _take(c)
     death = trouble.death
     c.blame, c.unseen = death.diagnosis, death.grade is Grade.UNKNOWN and trouble.exit is not None
+    c.consent = planned or trouble.asked or (c.consent and c.phase is Phase.DRAINING)
     c.reader_tried = c.reader_tried and not planned  # a person's word is worth a try of its own
     drill = c.drill.take(now_ns)
     if c.phase is Phase.PROBATION and not _goes_on(c):
         close(c, now_ns, recovered=True)  # a proven core had served: what comes now is another story
-    if c.phase in SERVING and c.story is not None and not c.story.planned and not c.story.deaths:
+    joins = trouble.asked and c.story is not None and c.story.diagnosis is death.diagnosis
+    if joins and c.story is not None:
+        c.story.withheld = False  # a person has come, and wants it done
+    if c.phase in SERVING and c.story is not None and not (c.story.planned or c.story.deaths or joins):
         close(c, now_ns, recovered=True)  # a trouble that stopped nobody: an end is never told under its name
     if c.phase in SERVING and c.story is not None and not c.story.down and c.story.planned and not planned:
         close(c, now_ns, recovered=True)  # a core that could not be drained was serving again
@@ -73,7 +101,7 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
         story.add_evidence((c.holder,))
     c.worth_a_look = not again
     if drill is None and not again:
-        alert(c, death.diagnosis, f"{_why(death)}. Recovery has begun.")
+        alert(c, death.diagnosis, f"{worst(death)}. Recovery has begun.")
     story.add_death(death.diagnosis, trouble.exit, trouble.fault_ns)
     if c.cause is not StartCause.FIRST or c.phase in SERVING:
         c.cause = StartCause.UNPLANNED
@@ -89,16 +117,19 @@ def open_trouble(c: Course, now_ns: int) -> None:
     death = trouble.death
     c.troubled = death.diagnosis
     ours = c.troubles.on or c.reader is not None
+    left = mandate.watches_only(c)
     joins = c.story is not None and (ours or c.story.diagnosis is death.diagnosis)
     if not joins:
         close(c, now_ns, recovered=True)
         _begin(c, trouble, now_ns, down=False).drill = c.drill.take(now_ns)
     story = _story(c)
+    story.withheld = story.withheld or left
     story.blame(death.evidence, trouble.blamed)
     known = joins and story.diagnosis is death.diagnosis
     c.worth_a_look = c.troubles.meets(death.diagnosis) and not known
     if c.worth_a_look and story.drill is None:
-        alert(c, death.diagnosis, f"{_why(death)}. A restart would not help; the core goes on.")
+        goes_on = f"Mode {c.policy.mode} leaves it to you." if left else "The core goes on."
+        alert(c, death.diagnosis, f"{worst(death)}. {goes_on}")
 
 
 def open_unwatched(c: Course, now_ns: int) -> None:
@@ -106,7 +137,25 @@ def open_unwatched(c: Course, now_ns: int) -> None:
     trouble = _take(c)
     _begin(c, trouble, now_ns, down=False)
     _story(c).blame(trouble.death.evidence, ())
-    alert(c, trouble.death.diagnosis, f"{_why(trouble.death)}.")
+    alert(c, trouble.death.diagnosis, f"{worst(trouble.death)}.")
+
+
+def open_aside(c: Course, trouble: Trouble, now_ns: int) -> None:
+    """Open an incident that a person asked for and that stops nobody, unless one is open."""
+    if c.story is None:
+        _begin(c, trouble, now_ns, planned=True, down=False)
+        _story(c).blame(trouble.death.evidence, ())
+
+
+def close_aside(c: Course, now_ns: int) -> None:
+    """Close such an incident: what was asked for is done, or was refused."""
+    if (
+        c.story is not None
+        and c.story.planned
+        and not (c.story.deaths or c.story.down)
+        and c.phase in SERVING
+    ):
+        close(c, now_ns, recovered=True)
 
 
 def close(c: Course, now_ns: int, *, recovered: bool) -> None:
@@ -121,8 +170,11 @@ def close(c: Course, now_ns: int, *, recovered: bool) -> None:
     else:
         well = recovered or (unwanted and c.story.proof is not None)
         outcome = "recovered" if well and handed_over is None else "manual"
+    outcome = "assist" if c.story.withheld else outcome
     waits_for = handed_over if recovered else c.hopeless
     order(c, CloseIncident(c.story.told(outcome, now_ns, waits_for, c.court.register.notes(c.story.id))))
+    if c.story.alerted and not mandate.is_mute(c):
+        _say_closed(c, c.story, outcome)
     c.story = None
     c.stage_max = 0
     c.troubles.clear()
@@ -147,8 +199,8 @@ def close_if_over(c: Course, now_ns: int, after: Phase) -> None:
 
 def left_to_a_person(c: Course) -> Diagnosis | None:
     """Return why nothing more is done by itself about a core that serves, or None."""
-    if c.safety.reason is not None:
-        return c.safety.reason if c.safety.reason not in PASSING else None
+    if c.safety.trouble is not None:
+        return c.safety.trouble if c.safety.trouble not in PASSING else None
     damaged = Diagnosis.STORE_CORRUPT
     told = damaged in c.troubles.known and not c.policy.asks(damaged, Word.SAFE_MODE_ENTER)
     return damaged if told else None
@@ -202,7 +254,7 @@ def _story(c: Course) -> Story:
 
 def _goes_on(c: Course) -> bool:
     """Whether the open incident's trouble is still there, so that no core has made an end of it."""
-    return c.troubles.on or c.safety.on or c.reader is not None
+    return c.troubles.on or c.safety.troubled or c.reader is not None
 
 
 def _begin(c: Course, trouble: Trouble, now_ns: int, *, planned: bool = False, down: bool = True) -> Story:
@@ -225,3 +277,4 @@ def _count(c: Course, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
     c.hopeless = c.reader or locked or plan.hopeless(c.policy, diagnosis, spent=spent)
     if spent and plan.passes(c.policy, c.hopeless):
         c.hopeless = Diagnosis.CRASH_LOOP  # readers that die count as any other
+    c.shut = c.hopeless is not None and c.policy.asks(c.hopeless, Word.SHUTDOWN)

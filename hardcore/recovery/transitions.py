@@ -6,8 +6,8 @@ in the manual are drawn from it.
 
 How to read a death. A core that ends, however, leads to BACKOFF: the one phase without a process in which
 the next step is decided. On entering it these questions are asked, in this order, and the first that holds
-is taken at once (*state-triggered*, `ON_ENTRY`): does the operator want no core (UNWANTED)? is there no sense
-in another try, but a core may still serve reads (READS_ONLY)? is there no sense in it at all (HOPELESS)? is there
+is taken at once (*state-triggered*, `ON_ENTRY`): does the operator want no core (UNWANTED)? does the mode leave what
+comes next to a person (WITHHELD)? is there no sense in another try, but a core may still serve reads (READS_ONLY)? is there no sense in it at all (HOPELESS)? is there
 nothing to wait for (NO_DELAY)? Only if none holds does BACKOFF last, until its deadline. UNKILLABLE asks the first
 of them. So a STOP given at any moment before is never forgotten: it is kept as `wanted` and asked for here. Between
 them stand two questions about a switch (below).
@@ -17,6 +17,10 @@ is opened without a death, the evidence is taken beside the running core, and it
 policy says so. Whether it does is no phase of its own but a value beside the phase (`safety.py`): a core that reads
 only may be late, lost, stopped or killed like any other, and a second set of phases would have doubled the table.
 A core that was *started* to read only leaves that by being changed for another (RENEW).
+
+How to read a mode. A guard that may only watch judges as any other, but its verdicts are told as troubles (TROUBLED) and
+a core that is gone is replaced only if a person asked for what comes (WITHHELD). What was begun goes to its end in any
+mode: a start, a switch, a kill after which nobody could be let go on. So a mode is no phase either (`mandate.py`).
 
 How to read a switch. A spare that is ready takes over wherever a core would be started without a pause: after a death
 (SPARE_READY is asked in BACKOFF before NO_DELAY), after a kill that has not been seen to work (asked in UNKILLABLE, with
@@ -85,7 +89,9 @@ class Trigger(StrEnum):
     EASED = "EASED"  # nothing has been heard of that for long enough, or only a person can end it
     EVIDENCE_TAKEN = "EVIDENCE_TAKEN"
     DEADLINE = "DEADLINE"
+    SHUTDOWN = "SHUTDOWN"  # the policy shuts the service down: nobody has come
     UNWANTED = "UNWANTED"  # state-triggered, see above
+    WITHHELD = "WITHHELD"  # the mode leaves what comes next to a person
     STUCK = "STUCK"  # who was left behind was killed, is still there, and nothing has fenced it off
     READS_ONLY = "READS_ONLY"
     HOPELESS = "HOPELESS"
@@ -133,7 +139,7 @@ P, T, S = Phase, Trigger, Step
 #: Asked on entering a phase and when its deadline leads back to it, in this order; the first that holds is taken at
 #: once.
 ON_ENTRY: Mapping[Phase, tuple[Trigger, ...]] = {
-    P.BACKOFF: (T.UNWANTED, T.STUCK, T.READS_ONLY, T.HOPELESS, T.SPARE_READY, T.NO_DELAY),
+    P.BACKOFF: (T.UNWANTED, T.STUCK, T.WITHHELD, T.READS_ONLY, T.HOPELESS, T.SPARE_READY, T.NO_DELAY),
     P.UNKILLABLE: (T.UNWANTED, T.SPARE_READY),
 }
 
@@ -146,6 +152,8 @@ _RENEWED = (P.STOPPING, (S.OPEN_PLANNED, S.TERMINATE))
 _RENEWED_HARD = (P.KILLING, (S.OPEN_PLANNED, S.KILL))
 _RENEWED_IMAGED = (P.SNAPSHOT_LIVE, (S.OPEN_PLANNED, S.EVIDENCE_LIVE))
 _TROUBLE = (S.OPEN_TROUBLE, S.EVIDENCE_BESIDE, S.READ_ONLY)
+_SHUT = (P.STOPPING, (S.OPEN_PLANNED, S.TERMINATE))
+_LEFT_TO_A_PERSON = (P.FATAL, (S.RETIRE, S.DISMISS, S.ALERT, S.CLOSE))
 _AGAIN = (P.STARTING, (S.FORGET, S.RETIRE, S.SPAWN))
 
 TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
@@ -201,6 +209,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.RESTART_IMAGED: _RENEWED_IMAGED,
         T.RENEW: _LEAVE,
         T.TROUBLED: (P.PROBATION, _TROUBLE),
+        T.SHUTDOWN: _SHUT,
     },
     P.RUNNING: {
         T.LATE: (P.SUSPECT, ()),
@@ -213,6 +222,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.RESTART_IMAGED: _RENEWED_IMAGED,
         T.RENEW: _LEAVE,
         T.TROUBLED: (P.RUNNING, _TROUBLE),
+        T.SHUTDOWN: _SHUT,
         T.EASED: (P.RUNNING, (S.CLOSE,)),
     },
     P.SUSPECT: {
@@ -226,6 +236,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.RESTART_IMAGED: _RENEWED_IMAGED,
         T.RENEW: _LEAVE,
         T.TROUBLED: (P.SUSPECT, _TROUBLE),
+        T.SHUTDOWN: _SHUT,
         T.EASED: (P.SUSPECT, (S.CLOSE,)),
     },
     P.DRAINING: {
@@ -271,7 +282,8 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
         T.UNWANTED: (P.STOPPED, (S.CLOSE, S.HALT)),
         T.STUCK: (P.UNKILLABLE, (S.REJOIN, S.KILL)),
         T.READS_ONLY: (P.STARTING, (S.RETIRE, S.DISMISS, S.SPAWN_READER)),
-        T.HOPELESS: (P.FATAL, (S.RETIRE, S.DISMISS, S.ALERT, S.CLOSE)),
+        T.WITHHELD: _LEFT_TO_A_PERSON,
+        T.HOPELESS: _LEFT_TO_A_PERSON,
         T.SPARE_READY: (P.SWITCHING, (S.PROMOTE,)),
         T.NO_DELAY: (P.STARTING, (S.RETIRE, S.SPAWN)),
         T.DEADLINE: (P.STARTING, (S.RETIRE, S.SPAWN)),
@@ -282,6 +294,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
     },
     P.FATAL: {
         T.DEADLINE: (P.STARTING, (S.SPAWN,)),
+        T.READS_ONLY: (P.STARTING, (S.SPAWN_READER,)),
         T.STOP: (P.STOPPED, (S.HALT,)),
         T.RESTART: (P.STARTING, (S.FORGET, S.OPEN_PLANNED, S.SPAWN)),
         T.RESTART_HARD: (P.STARTING, (S.FORGET, S.OPEN_PLANNED, S.SPAWN)),

@@ -15,6 +15,7 @@ from hardcore.sentinel.witnesses.answers import Unkept
 from hardcore.sentinel.witnesses.beats import BeatAges
 from hardcore.sentinel.witnesses.clocks import ClockFacts
 from hardcore.sentinel.witnesses.collection import CollectionFacts
+from hardcore.sentinel.witnesses.components import Stalled
 from hardcore.sentinel.witnesses.disk import DiskFindings
 from hardcore.sentinel.witnesses.probe import Unanswered
 from hardcore.sentinel.witnesses.process_state import ProcessFacts
@@ -51,6 +52,7 @@ class Look:
     stacks: StackFacts
     in_store_ns: int
     late_often: bool
+    stalled: Stalled | None = None
 
 
 def red(

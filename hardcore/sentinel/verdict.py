@@ -28,6 +28,7 @@ from hardcore.model.observations import (
 from hardcore.model.recorder import Beats, SlotStage
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Testimony, Verdict
 from hardcore.sentinel.diagnoses import (
+    component_stalled,
     db_locked,
     deadlock,
     disk_full,
@@ -52,6 +53,7 @@ from hardcore.sentinel.witnesses import (
     answers,
     clocks,
     collection,
+    components,
     conduct,
     disk,
     memory,
@@ -84,6 +86,7 @@ TABLE: tuple[tuple[Diagnosis, Callable[[Look, Patience], Verdict | None]], ...] 
     (Diagnosis.NO_PROGRESS, no_progress.judge),
     (Diagnosis.DISK_READ_ONLY, disk_read_only.judge),
     (Diagnosis.DISK_FULL, disk_full.judge),
+    (Diagnosis.COMPONENT_STALLED, component_stalled.judge),
     (Diagnosis.SLEPT, slept.judge),
     (Diagnosis.STARVED, starved.judge),
 )
@@ -114,6 +117,7 @@ class Bench:
     _conduct: conduct.ConductWatch = field(default_factory=conduct.ConductWatch)
     _store: store.Store = field(default_factory=store.Store)
     _stacks: stacks.Stacks = field(default_factory=stacks.Stacks)
+    _components: components.Components = field(default_factory=components.Components)
     _wishes: Wishes = field(default_factory=Wishes)
     _said: Verdict = GREEN
     _blind: bool = False
@@ -123,6 +127,12 @@ class Bench:
         self._own_stall = own_stall.OwnStall(patience.interval_ms * NS_PER_MS)
         self._seen = SeenTime(patience.interval_ms * NS_PER_MS)
         self._disk = disk.Disk(patience.disk_floor_bytes, patience.disk_slow_ms, patience.survey_ms)
+
+    def adopt(self, patience: Patience) -> None:
+        """Go by other numbers from now on; what was seen stays seen."""
+        self.patience = patience
+        self._own_stall.interval_ns = self._seen.interval_ns = patience.interval_ms * NS_PER_MS
+        self._disk.adopt(patience.disk_floor_bytes, patience.disk_slow_ms, patience.survey_ms)
 
     @property
     def late_ticks(self) -> int:
@@ -242,6 +252,7 @@ class Bench:
             stacks=self._stacks.find(tick.threads.loop, beats.loop_ns, seen.at_ns),
             in_store_ns=_in_store(tick, beats, seen),
             late_often=self._own_stall.often(seen.at_ns),
+            stalled=self._components.look(tick.components, seen),
         )
 
     def _testimonies(self, look: Look) -> tuple[Testimony, ...]:
@@ -257,6 +268,7 @@ class Bench:
             disk.testify(look.disk),
             store.testify(look.store),
             stacks.testify(look.stacks),
+            components.testify(look.stalled),
             resources.testify(look.sample, self.patience.memory_bytes),
             self._memory.testify(look.at_ns),
             *self._conduct.testify(),

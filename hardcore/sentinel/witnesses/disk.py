@@ -51,6 +51,10 @@ class Disk:
     _full_twice: bool = False
     _read_only_twice: bool = False
 
+    def adopt(self, floor_bytes: int, slow_ms: int, survey_ms: int) -> None:
+        """Go by other limits from now on."""
+        self.floor_bytes, self.slow_ms, self.survey_ms = floor_bytes, slow_ms, survey_ms
+
     def hear(self, fact: Surveyed) -> None:
         """Take in a survey, if it looked at the disk."""
         if fact.disk is None:
