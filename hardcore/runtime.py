@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from hardcore import rehearsal, standing
+from hardcore.agents_file import write_agents
 from hardcore.arrival import Setup, set_up
 from hardcore.calendar import Calendar
 from hardcore.chronicle import Chronicle
@@ -273,6 +274,8 @@ class Runtime:
         self.executor.go_by(standing.bounds(policy), digest(CODEC.encode(policy)))
         self.gatekeeper.policy = self.calendar.policy = policy
         self.senses.pace(policy.survey_interval_ms / 1000)
+        with suppress(OSError):  # the agents go by what they were told before
+            write_agents(self.folders, self.setup.guard, policy)
         self.feed(seen.PolicyRead(clock.now_ns(), json.dumps(in_full(policy))))
 
     def alert(self, alert: orders.Alert) -> None:
@@ -294,6 +297,14 @@ class Runtime:
     def gateway(self) -> Handle | None:
         """Return the present gateway's process."""
         return self.gatekeeper.handle
+
+    def gateway_told(self) -> Mapping[str, object]:
+        """Return what a status says of the gateway beside its process."""
+        return self.gatekeeper.told()
+
+    def drill_gateway(self) -> str | None:
+        """Kill the gateway, as a drill; return why that can't be done now."""
+        return self.gatekeeper.drill()
 
     async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
         """Run blocking work on a hand's thread."""
