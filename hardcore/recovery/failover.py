@@ -240,7 +240,7 @@ class FailoverManager:
             needs_ns=c.needs_ns,
             history=c.history,
             components=c.repair.beats if serving else (),
-            forecasts=c.foresight.soonest(),
+            forecasts=c.foresight.soonest(c.life),
         )
 
 

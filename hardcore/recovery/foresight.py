@@ -148,9 +148,10 @@ class Foresight:
         """Return whether a switch of the last day was seen not to have helped."""
         return self.vain_ns is not None and now_ns - self.vain_ns < DAY_NS
 
-    def soonest(self) -> tuple[Forecast, ...]:
-        """Return the forecasts that stand, the soonest first."""
-        return tuple(sorted(self.forecasts.values(), key=lambda one: one.due_ns))
+    def soonest(self, life: int) -> tuple[Forecast, ...]:
+        """Return the forecasts that stand for this life, the soonest first: those of another end with it."""
+        stand = [one for one in self.forecasts.values() if life == self.life or one.resource is Resource.DISK]
+        return tuple(sorted(stand, key=lambda one: one.due_ns))
 
 
 def of_sample(fact: Sampled, *, private: bool) -> Iterator[tuple[Resource, int]]:

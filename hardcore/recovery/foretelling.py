@@ -98,7 +98,7 @@ def _switch(c: Course, now_ns: int) -> None:
     """Ask for another core if one would help, the policy wants it, and it was not in vain."""
     if c.foresight.judgement is not None and c.foresight.judgement.life == c.life and c.switching is None:
         c.foresight.judgement = None  # what was asked for was given up
-    found = next((one for one in c.foresight.soonest() if one.resource in _HELPED), None)
+    found = next((one for one in c.foresight.soonest(c.life) if one.resource in _HELPED), None)
     if found is None or not _may(c, found, now_ns):
         return
     f = c.foresight
