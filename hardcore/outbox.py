@@ -80,11 +80,14 @@ class Outbox:
 
     async def put(self, alert: Alert) -> None:
         """Have it told. Returns as soon as it lies in the outbox, or can't."""
-        incident = alert.incident
+        incident, name, told = (
+            alert.incident,
+            new_id(),
+            self._told(alert),
+        )  # named here: in the order of the orders
         if not await self._hands.in_hand(self._has_channels):
             self._tell(incident, None)
             return
-        name, told = new_id(), self._told(alert)
         try:
             await self._hands.in_hand(self._write, name, told)
         except OSError as error:
