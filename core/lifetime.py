@@ -23,10 +23,11 @@ from sqlalchemy import Engine
 
 from core import departure
 from core.audit import audit_behind
+from core.auditor import AUDITOR
 from core.build import own_build
+from core.checkpointing import CHECKPOINT_S, Checkpointer
 from core.departure import Departure, ExitCode
 from core.draining import Drain
-from core.frames import tell_committed
 from core.guarded import oom
 from core.guarded.control import VERSION as CONTROL_VERSION
 from core.guarded.control import ControlUnboundError
@@ -34,12 +35,16 @@ from core.guarded.environment import GuardedEnvironment, LastSeen
 from core.guarded.life import Instruments, guarded_life
 from core.guarded.recorder import LifeState
 from core.imports.desk import Desk
+from core.imports.importer import COMPONENT as IMPORTER
 from core.imports.suspected import Suspected
 from core.journal import ballast
+from core.journal.checkpoints import Checkpoints
+from core.journal.ground import Ground
 from core.journal.proof import Witness
 from core.journal.store import LEDGER_FILE, StoreError, open_reading
 from core.journal.writer import Writer
 from core.listening import PAGE_SOCKET, LedgerServer, bind_loopback, bind_unix
+from core.notifier import NOTIFIER, Notifier
 from core.obedience import Obedience
 from core.opening import OpenBook, Telling, Terms, open_book
 from core.opening_to_read import ReadableBook, open_to_read
@@ -79,7 +84,11 @@ class Life:
         self._beacon = instruments.beacon
         self._ended: asyncio.Future[Departure | None] | None = None
         self._rulings = Rulings.beside(environment.quarantine)
-        self._obedience = Obedience(self._rulings)
+        self._obedience = Obedience(self._rulings, environment.memory_bytes)
+        self._checkpoints = Checkpoints.of(
+            data, self._note_checkpoint, environment.checkpoints_kept, environment.checkpoint_age_h
+        )
+        self._ground = Ground(self._checkpoints, whole=not environment.recovers_state)
         self._safety: Safety | None = None
         self._trying: asyncio.Task[NoReturn] | None = None
         self._spare: Spare | None = None
@@ -157,14 +166,14 @@ class Life:
         opening = functools.partial(open_book, self._data, terms, self._settings, telling)
         spare = self._spare
         ahead, engine = (None, None) if spare is None else (spare.ahead, spare.engine)
-        return functools.partial(opening, ahead, engine, self._rulings)
+        return functools.partial(opening, ahead, engine, self._rulings, self._ground)
 
     async def _wait(self, loop: asyncio.AbstractEventLoop) -> Terms | Departure | None:
         """Load and read everything and wait for the order; None if the end was asked for before it came."""
         self._recorder.set_state(LifeState.SPARE)
         self._obedience.build = own_build()
         await self._read_rulings()  # it reads the book ahead of its promotion
-        spare = self._spare = Spare(self._data, self._settings, self._recorder, self._rulings)
+        spare = self._spare = Spare(self._data, self._settings, self._recorder, self._rulings, self._ground)
         self._obedience.wait(spare)
         waiting = loop.create_task(self._until_told(spare))
         assert self._ended is not None
@@ -217,7 +226,9 @@ class Life:
         server = LedgerServer(make_app(service, desk, self._spare.app if self._spare is not None else None))
         await server.start(bound)
         self._ready(book, bound)
+        self._obedience.parts.add(AUDITOR, service.auditor)
         if isinstance(book, OpenBook):
+            self._obedience.parts.add(IMPORTER, desk.importer)
             self._taking_up = loop.create_task(desk.start())  # never called off: the desk's end waits for it
         self._begin_behind(loop, service, book)
         assert self._ended is not None
@@ -236,9 +247,30 @@ class Life:
         if isinstance(book, OpenBook):
             rests = self._settings.verify_after_ms, self._settings.ballast_ms
             works.append(ballast.keep_laid(self._data, *rests))
+            works += self._checkpointing(service)
         self._behind = [loop.create_task(work) for work in works]
         for task in self._behind:
             task.add_done_callback(_say_failure)
+
+    def _checkpointing(self, service: Service) -> list[Coroutine[Any, Any, object]]:
+        checkpointer = Checkpointer(
+            self._checkpoints,
+            service.readers,
+            self._settings,
+            self._rulings.rebuilding,
+            lambda: service.head_seq,
+            self._beacon.unsound,
+            service.leaving,
+        )
+        self._obedience.checkpointer = checkpointer
+        self._obedience.gone_by = self._ground.gone_by
+        told_s = self._environment.checkpoint_s
+        every_s = CHECKPOINT_S if told_s is None else told_s
+        return [checkpointer.keep_making(every_s)] if every_s else []
+
+    def _note_checkpoint(self, name: str, what: str) -> None:
+        self._recorder.event("CHECKPOINT", f"{name} {what}")
+        logger.info("Checkpoint %s: %s.", name, what)
 
     def _end_behind(self) -> None:
         for task in self._behind:
@@ -282,7 +314,10 @@ class Life:
             on_fenced=fenced,
             rulings=self._rulings,
         )
-        writer.listen(functools.partial(tell_committed, service.hub))
+        notifier = Notifier(service.hub, self._recorder)
+        notifier.start()
+        writer.listen(notifier.committed)
+        self._obedience.parts.add(NOTIFIER, notifier)
         self._safety = Safety(service, writer, self._recorder, self._beacon)
         self._obedience.serve(service, self._safety, writer)
         if not self._environment.guarded:
@@ -383,6 +418,8 @@ class Life:
         if isinstance(book, OpenBook):
             await desk.stop()
         await server.stop()
+        if self._obedience.checkpointer is not None:
+            await self._obedience.checkpointer.end()
         await service.close()
         self._let_go(book)
 

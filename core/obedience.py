@@ -12,12 +12,14 @@ from functools import partial
 from time import monotonic_ns
 from typing import Final
 
+from core.checkpointing import Checkpointer
 from core.draining import LEAVING, Drain
-from core.guarded.control import RulesRead, Standing
-from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
-from core.guarded.orders import DrainOrder, DrillOrder, PromoteOrder, SafeOrder
+from core.guarded.control import CheckpointMade, RulesRead, Standing
+from core.guarded.drills import AT_ONCE, BY_COMMAND, LEAK_BYTES_MAX, Drill, Leak
+from core.guarded.orders import ComponentOrder, DrainOrder, DrillOrder, PromoteOrder, SafeOrder
 from core.journal.answers import Done, Exercise, StoreBusy
 from core.journal.writer import Writer
+from core.parts import Parts
 from core.rulings import Rulings
 from core.safety import Safety
 from core.service import Service
@@ -37,9 +39,17 @@ NOT_OPEN: Final = "The core has not opened its book yet."
 class Obedience:
     """Takes the orders of the control socket. All methods on the loop's thread."""
 
-    def __init__(self, rulings: Rulings | None = None) -> None:
-        """Take orders from now on; most are refused until there is a book. `rulings`: what is read anew when told to."""
+    def __init__(self, rulings: Rulings | None = None, memory_bytes: int | None = None) -> None:
+        """Take orders from now on; most are refused until there is a book.
+
+        `rulings`: what is read anew when told to. `memory_bytes`: the guard's limit, beyond which nothing is leaked.
+        """
         self._rulings = rulings or Rulings()
+        self._leak = Leak()
+        self._leak_bytes_max = memory_bytes or LEAK_BYTES_MAX
+        self.parts = Parts()  # the components, once there is a book
+        self.checkpointer: Checkpointer | None = None  # of a book that is written to
+        self.gone_by = ""  # the checkpoint that the start went by
         self._service: Service | None = None
         self._safety: Safety | None = None
         self._writer: Writer | None = None
@@ -69,7 +79,14 @@ class Obedience:
         """Return where the core stands."""
         if self._service is not None:
             now = self._service
-            return Standing(now.epoch, now.head_seq, now.safe, build=self.build, drained=now.is_laid_down)
+            return Standing(
+                now.epoch,
+                now.head_seq,
+                now.safe,
+                build=self.build,
+                drained=now.is_laid_down,
+                checkpoint=self.gone_by,
+            )
         if self._spare is not None:
             return Standing(0, self._spare.seq, spare=not self._spare.is_told, build=self.build)
         return Standing(0, 0, build=self.build)
@@ -93,6 +110,19 @@ class Obedience:
         rules = self._rulings.quarantine.rules
         return RulesRead(rules.serial, rules.count)
 
+    async def restart_component(self, order: ComponentOrder) -> str | None:
+        """End one component and begin it anew; return why that can't be done."""
+        if self._leaving:
+            return LEAVING
+        refused = self.parts.begin_anew(order.name)
+        if refused is None:
+            logger.warning("The component %s was begun anew, as its guard has ordered.", order.name)
+        return refused
+
+    async def checkpoint(self) -> CheckpointMade | str:
+        """Make a checkpoint; return the one that stands for the ledger now, or why there is none."""
+        return NOT_OPEN if self.checkpointer is None else await self.checkpointer.make()
+
     async def switch_safe(self, order: SafeOrder) -> str | None:
         """Serve reads only, or everything again."""
         if self._safety is None:
@@ -103,6 +133,10 @@ class Obedience:
         """Return what breaks the core once it is called, or why it can't be broken in this way now."""
         if order.drill in AT_ONCE:
             return AT_ONCE[order.drill]
+        if order.drill is Drill.LEAK:
+            return partial(self._leak.begin, order.mb_per_s, order.seconds, self._leak_bytes_max)
+        if order.drill is Drill.STALL:
+            return self.parts.stall(order.component)
         if self._service is None:
             return NOT_OPEN
         if self._writer is None:

@@ -24,6 +24,7 @@ from core.journal.append import Journal
 from core.journal.backup import BACKUPS, back_up
 from core.journal.chain import Broken, EventRow
 from core.journal.fence import BringUp, Fenced, NotKept, NotOurs, Raised, StoreWentBack, fence
+from core.journal.ground import Ground
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.proof import Proven, Witness, prove
 from core.journal.rebuilding import Rebuilding
@@ -86,11 +87,13 @@ def open_book(
     ahead: Ahead | None = None,
     engine: WritingEngine | None = None,
     rulings: Rulings | None = None,
+    ground: Ground | None = None,
 ) -> OpenBook | Departure:
     """Take the book of a data folder over, raising its epoch, and prove its tail. Blocks.
 
     `ahead`: what this very process has seen of the chain already. It is at its end with this. `engine`: the one to
-    write with, where it was tried before. `rulings`: absent, there are none.
+    write with, where it was tried before. `rulings`: absent, there are none. `ground`: from where the tail is proven,
+    where nothing was seen ahead.
     """
     rulings = rulings or Rulings()
     guard = take_start_guard(data, shared=terms.shared)
@@ -106,7 +109,8 @@ def open_book(
         return taken
     connection = taken.connection
     rebuilding = rulings.rebuilding
-    proof = _prove(connection, terms, ahead or Ahead(settings.tail_events, rebuilding), telling, rebuilding)
+    ahead = ahead or Ahead(settings.tail_events, rebuilding, ground)
+    proof = _prove(connection, terms, ahead, telling, rebuilding)
     if isinstance(proof, StoreError):
         return _unproven(proof, data)
     if isinstance(proof, Departure):

@@ -2,9 +2,8 @@
 
 It gives each piece of work its slot on the recorder before it may run, its ids, its place in the writer's line
 or a reader's thread, and it knows when the core is leaving. No slot, no execution: the number of slots is the
-bound of every queue behind this room. It lives on the event loop's thread. A proof of the whole book takes no
-slot, because it may honestly take minutes and a guard would read a slot without progress as a hang; it has a
-bound of its own.
+bound of every queue behind this room. It lives on the event loop's thread. What takes no slot is a component with a
+beat and a bound of its own (`auditor.py`).
 """
 
 import asyncio
@@ -20,6 +19,7 @@ from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from core.admission import Admission, Wish
+from core.auditor import Auditor
 from core.guarded.naming import ids_shown
 from core.guarded.poison import name_of
 from core.guarded.recorder import FlightRecorder, Stage
@@ -42,7 +42,7 @@ from core.journal.answers import (
 )
 from core.journal.shelf import read_key
 from core.journal.store import StoreError, is_interrupted, snapshot, store_error
-from core.journal.verify import GivenUp, Verdict, verify
+from core.journal.verify import GivenUp, Verdict
 from core.journal.writer import Writer
 from core.ledger.commands import Command, accounts_of, fingerprint_of, transaction_of
 from core.rulings import Rulings
@@ -52,9 +52,6 @@ from core.tenure import Tenure
 
 T = TypeVar("T")
 
-VERIFICATIONS_WAITING_MAX: Final = 16
-AUDITOR: Final = "auditor"  # its name on the recorder page
-AUDIT_SILENT_MS_MAX: Final = 30_000  # for a slice, or for the readings of the whole book behind the last one
 DRILL: Final = "drill"  # the kind of a drill's command
 
 
@@ -102,13 +99,9 @@ class Service(Slots):
         self.safe = safe
         self.hub = Hub()
         self._writer = writer
-        self._readers = readers
+        self.readers = readers
         self._threads = ThreadPoolExecutor(settings.readers, thread_name_prefix="reader")
-        self._auditor = ThreadPoolExecutor(1, thread_name_prefix="auditor")
-        self._audits = recorder.component(AUDITOR, AUDIT_SILENT_MS_MAX)
-        self._verifying = asyncio.Lock()
-        self._next_verdict: asyncio.Task[Verdict | StoreError | GivenUp] | None = None
-        self._verdicts_waiting = 0
+        self.auditor = Auditor(readers, recorder, settings, self.rulings.rebuilding, self.leaving)
         self._tenure = Tenure(epoch, self._stored_epoch, on_fenced) if on_fenced is not None else None
         self._in_line: dict[str, asyncio.Future[Answer]] = {}  # by key: the newest command under it
         self._laid_down = False
@@ -143,13 +136,13 @@ class Service(Slots):
     async def _stored_epoch(self) -> int | None:
         def look() -> int | None:
             try:
-                with snapshot(self._readers, self.settings.read_ms_max) as connection:
+                with snapshot(self.readers, self.settings.read_ms_max) as connection:
                     epoch: int = queries.head(connection).epoch
                     return epoch
             except DBAPIError:
                 return None
 
-        if self._leaving.is_set():
+        if self.leaving.is_set():
             return None  # its threads are about to end, and so is it
         return await asyncio.get_running_loop().run_in_executor(self._threads, look)
 
@@ -309,71 +302,35 @@ class Service(Slots):
     ) -> T | ReadTooLong | StoreError:
         self._recorder.stage(slot, Stage.DECIDING)
         try:
-            with snapshot(self._readers, self.settings.read_ms_max) as connection:
+            with snapshot(self.readers, self.settings.read_ms_max) as connection:
                 return question(connection)
         except DBAPIError as error:
             return ReadTooLong() if is_interrupted(error) else store_error(error)
 
     async def verify(self) -> Verdict | StoreError | NoSlot | Draining:
-        """Prove the whole book as it stands after this call.
-
-        One proof runs at a time. Whoever asks meanwhile waits for the next one, all for the same: the one
-        that runs has passed events that they may be asking about.
-        """
-        if self._draining:
-            return Draining()
-        if self._verdicts_waiting >= VERIFICATIONS_WAITING_MAX:
-            return NoSlot()
-        if self._next_verdict is None:
-            self._next_verdict = asyncio.create_task(self._prove())
-        self._verdicts_waiting += 1
-        try:
-            verdict = await asyncio.shield(self._next_verdict)
-        finally:
-            self._verdicts_waiting -= 1
-        return Draining() if isinstance(verdict, GivenUp) else verdict
+        """Prove the whole book as it stands after this call."""
+        return Draining() if self._draining else await self.auditor.verify()
 
     async def verify_behind(self) -> Verdict | StoreError | GivenUp:
-        """Prove the whole book for nobody who waits: it rests between slices, and gives way to whoever asks."""
-        rest_s = self.settings.verify_rest_ms / 1000
-        async with self._verifying:
-            return await self._replay(lambda: self._leaving.wait(0.0 if self._verdicts_waiting else rest_s))
-
-    async def _prove(self) -> Verdict | StoreError | GivenUp:
-        async with self._verifying:
-            self._next_verdict = None  # who asks from now on needs another one
-            return await self._replay(self._leaving.is_set)
-
-    async def _replay(self, is_leaving: Callable[[], bool]) -> Verdict | StoreError | GivenUp:
-        def between_slices() -> bool:
-            self._audits.beat()
-            return is_leaving()
-
-        gate = self.rulings.rebuilding
-        prove = partial(verify, self._readers, self.settings.read_ms_max, between_slices, gate)
-        self._audits.works(True)
-        try:
-            return await asyncio.get_running_loop().run_in_executor(self._auditor, prove)
-        finally:
-            self._audits.done()
-            self._audits.works(False)
+        """Prove the whole book for nobody who waits."""
+        return await self.auditor.verify_behind()
 
     def drain(self) -> None:
         """Take nothing new from now on, and give up what is only proven behind."""
         self._draining = True
-        self._leaving.set()
+        self.leaving.set()
 
     async def end_threads(self) -> None:
         """End the threads that read, each after what it is asking."""
         # On a thread, because a read may take its time and a loop that waits for it would look blocked.
-        for threads in (self._threads, self._auditor):
-            await asyncio.to_thread(threads.shutdown)
+        await asyncio.to_thread(self._threads.shutdown)
+        await self.auditor.end()
 
     async def close(self) -> None:
         """Write what waits and close the store. Only after `drain`."""
         await self.end_threads()
         # The writer's connection is the last to close: it empties the log, so that a ledger at rest is one file.
-        self._readers.dispose()
+        self.readers.dispose()
         if isinstance(self._writer, Writer):
             await self._writer.stop()
 

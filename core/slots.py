@@ -54,7 +54,7 @@ class Slots:
         self._in_flight = 0
         self._all_answered = asyncio.Event()
         self._all_answered.set()
-        self._leaving = threading.Event()
+        self.leaving = threading.Event()
 
     @property
     def in_flight(self) -> int:
@@ -114,7 +114,7 @@ class Slots:
 
     def resume(self) -> None:
         """Take requests again, unless this core is leaving."""
-        self._draining = self._leaving.is_set()
+        self._draining = self.leaving.is_set()
 
     async def until_answered(self) -> None:
         """Wait until every request that holds a slot is answered."""

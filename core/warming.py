@@ -30,6 +30,7 @@ from core.guarded.recorder import FlightRecorder, NoRecorder
 from core.imports.desk import Desk
 from core.journal import queries, schema
 from core.journal.ahead import Ahead
+from core.journal.ground import Ground
 from core.journal.rehearsal import rehearse_writing
 from core.journal.store import (
     LEDGER_FILE,
@@ -76,9 +77,14 @@ class Spare:
     """
 
     def __init__(
-        self, data: Path, settings: Settings, recorder: FlightRecorder, rulings: Rulings | None = None
+        self,
+        data: Path,
+        settings: Settings,
+        recorder: FlightRecorder,
+        rulings: Rulings | None = None,
+        ground: Ground | None = None,
     ) -> None:
-        """Prepare; nothing is opened yet. `rulings`: absent, there are none."""
+        """Prepare; nothing is opened yet. `rulings`: absent, there are none. `ground`: from where the book is read."""
         self._data = data
         self._settings = settings
         self._recorder = recorder
@@ -88,7 +94,7 @@ class Spare:
         self._seen: Seen | None = None
         self._aside = False
         self._at_work_on = "looking at the store"
-        self.ahead = Ahead(settings.tail_events, (rulings or Rulings()).rebuilding)
+        self.ahead = Ahead(settings.tail_events, (rulings or Rulings()).rebuilding, ground)
         self.app: Starlette = lay_out()
         self.engine = WritingEngine(data / LEDGER_FILE)
         # One more connection than reading threads: the proof of the whole book has its own.

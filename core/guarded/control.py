@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Protocol, assert_never
 
 from core.guarded.orders import (
+    CheckpointOrder,
+    ComponentOrder,
     DrainOrder,
     DrillOrder,
     Order,
@@ -46,7 +48,7 @@ class Standing:
     """Where the core stands: its epoch (0: none raised yet), the last committed sequence, why it only reads.
 
     `spare`: it waits to be promoted. `build`: the name of its code, empty while it is not known. `drained`: it has
-    let go of its store and only waits for TERM.
+    let go of its store and only waits for TERM. `checkpoint`: by which one its start went, empty: by none.
     """
 
     epoch: int
@@ -55,6 +57,7 @@ class Standing:
     spare: bool = False
     build: str = ""
     drained: bool = False
+    checkpoint: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +66,14 @@ class RulesRead:
 
     serial: int
     rules: int
+
+
+@dataclass(frozen=True, slots=True)
+class CheckpointMade:
+    """The checkpoint that stands for the ledger as it is now: its name, and the last event in it."""
+
+    name: str
+    seq: int
 
 
 class Guarded(Protocol):
@@ -90,6 +101,14 @@ class Guarded(Protocol):
 
     async def read_rules(self) -> RulesRead | str:
         """Read the rules anew; return what is in force now, or why those before them stay in force."""
+        ...
+
+    async def restart_component(self, order: ComponentOrder) -> str | None:
+        """End one component and begin it anew; return why that could not be done, None if it is done."""
+        ...
+
+    async def checkpoint(self) -> CheckpointMade | str:
+        """Make a checkpoint; return the one that stands for the ledger now, or why there is none."""
         ...
 
 
@@ -198,6 +217,12 @@ class ControlServer:
                 )
             case QuarantineOrder():
                 await self._read_rules(writer)
+            case ComponentOrder(name):
+                self._note("COMPONENT", name)
+                await _say(writer, _outcome(await self._guarded.restart_component(order)))
+            case CheckpointOrder():
+                made = await self._guarded.checkpoint()
+                await _say(writer, _outcome(made) if isinstance(made, str) else {"ok": True, **asdict(made)})
             case Refused(error):
                 await _say(writer, _outcome(error))
             case _:

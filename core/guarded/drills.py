@@ -35,6 +35,9 @@ _GC_STRIDE: Final = 1_048_573  # a prime: memory that is read in leaps is what m
 #: The thread that takes part in a deadlock has begun long before, on any machine.
 _HANDSHAKE_S_MAX: Final = 10.0
 _MUTEX_BYTES: Final = 128  # more than a mutex has on any machine
+#: What a leak takes at most where the guard has set no limit.
+LEAK_BYTES_MAX: Final = 1 << 30
+_LEAK_STEPS_PER_S: Final = 10
 
 
 class Drill(StrEnum):
@@ -53,6 +56,8 @@ class Drill(StrEnum):
     DISKFULL = "diskfull"  # the store takes no write for a while
     DBLOCK = "dblock"  # somebody else holds the store's lock; the core only asks for it, and goes on asking
     GC = "gc"  # a long collection, which is no fault
+    LEAK = "leak"  # takes memory slowly and keeps it
+    STALL = "stall"  # one component no longer gets on, everything else does
 
 
 def _freeze() -> None:
@@ -117,6 +122,32 @@ def _in_background(run: Callable[[], None]) -> None:
     threading.Thread(target=run, name="drill", daemon=True).start()
 
 
+class Leak:
+    """Memory that is taken a little at a time, written to and kept, until somebody stops it or the process ends."""
+
+    def __init__(self) -> None:
+        """Prepare; nothing is taken yet."""
+        self._stop = threading.Event()
+
+    def begin(self, mb_per_s: int, seconds: int, bytes_max: int) -> None:
+        """Take so much a second for so long, `bytes_max` at most, beside everything else; 0 gives all of it back."""
+        self._stop.set()
+        self._stop = threading.Event()
+        if mb_per_s:
+            _in_background(
+                partial(self._take, self._stop, (mb_per_s << 20) // _LEAK_STEPS_PER_S, seconds, bytes_max)
+            )
+
+    @staticmethod
+    def _take(stop: threading.Event, step_bytes: int, seconds: int, bytes_max: int) -> None:
+        taken: list[bytes] = []
+        for _ in range(min(seconds * _LEAK_STEPS_PER_S, bytes_max // step_bytes)):
+            taken.append(b"\x01" * step_bytes)  # not zeros, as above
+            if stop.wait(1 / _LEAK_STEPS_PER_S):
+                return
+        stop.wait()  # what has leaked stays
+
+
 #: What happens at once, on the thread of the event loop. It returns where the fault is elsewhere or was healed.
 AT_ONCE: Final[Mapping[Drill, Callable[[], object]]] = {
     Drill.CRASH: os.abort,
@@ -138,3 +169,6 @@ BY_COMMAND: Final[Mapping[Drill, Callable[[], object] | None]] = {
     Drill.DISKFULL: None,
     Drill.DBLOCK: None,
 }
+
+#: Faults that go on beside everything else: they come with numbers or a name of their own.
+BESIDE: Final = frozenset({Drill.LEAK, Drill.STALL})

@@ -19,6 +19,10 @@ LIMIT_MS_MAX = 86_400_000
 WITNESSES_MAX = 4
 #: No process has a descriptor beyond this: the kernel's largest `fs.nr_open`.
 FDS_MAX = 1 << 31
+#: What is asked of checkpoints beyond these is no wish any more.
+DAY_S = 86_400
+YEAR_H = 8_784
+CHECKPOINTS_KEPT_MAX = 1_000
 _NUMBER_MAX = 2**63 - 1
 _WITNESS = re.compile(r"([0-9]{1,19}):([0-9]{1,19}):([0-9a-f]{64})")
 _NUMBER = re.compile(r"[0-9]{1,19}")
@@ -64,6 +68,12 @@ class GuardedEnvironment:
     #: What the sentinel has left word of for its agents, and the gateway's listener, which is only kept for it.
     agents: Path | None = None
     listen_fd: int | None = None
+    #: Checkpoints of the ledger: one in how many seconds (0: only when told to), how many are kept, for how long.
+    checkpoint_s: int | None = None
+    checkpoints_kept: int | None = None
+    checkpoint_age_h: int | None = None
+    #: Whether a start goes by one; else it proves the whole chain.
+    recovers_state: bool = True
     notify_socket: str | None = None
     watchdog_usec: int | None = None
 
@@ -93,6 +103,10 @@ class GuardedEnvironment:
             quarantine=reading.path("HARDCORE_QUARANTINE"),
             agents=reading.path("HARDCORE_AGENTS"),
             listen_fd=reading.number("HARDCORE_LISTEN_FD", 3, FDS_MAX),
+            checkpoint_s=reading.number("HARDCORE_CHECKPOINT_S", 0, DAY_S),
+            checkpoints_kept=reading.number("HARDCORE_CHECKPOINTS_KEPT", 1, CHECKPOINTS_KEPT_MAX),
+            checkpoint_age_h=reading.number("HARDCORE_CHECKPOINT_AGE_H", 1, YEAR_H),
+            recovers_state=reading.number("HARDCORE_STATE_RECOVERY", 0, 1) != 0,
             notify_socket=reading.notify("NOTIFY_SOCKET"),
             watchdog_usec=reading.watchdog(own_pid),
         )

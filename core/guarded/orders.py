@@ -17,8 +17,13 @@ from core.guarded.environment import WITNESSES_MAX, LastSeen
 DISK_FULL_S: Final = 3
 DISK_FULL_S_MAX: Final = 60
 WAIT_MS_MAX: Final = 600_000
+LEAK_MB_PER_S: Final = 8
+LEAK_MB_PER_S_MAX: Final = 1_024
+LEAK_S: Final = 600
+LEAK_S_MAX: Final = 86_400
 _NUMBER_MAX: Final = 2**63 - 1
 _REASON: Final = re.compile(r"[A-Z_]{1,40}")
+_COMPONENT: Final = re.compile(r"[a-z][a-z-]{0,23}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +49,16 @@ class SafeOrder:
 class DrillOrder:
     """Has the core break itself.
 
-    `armed`: the guard has bounded this process's memory, so it may be used up. `seconds`: how long `diskfull` lasts.
+    `armed`: the guard has bounded this process's memory, so it may be used up. `seconds`: how long `diskfull` and
+    `leak` last. `mb_per_s`: what `leak` takes; 0 gives back what it has taken. `component`: what `stall` stalls.
     """
 
     drill: Drill
     generation: int
     armed: bool = False
     seconds: int = DISK_FULL_S
+    mb_per_s: int = LEAK_MB_PER_S
+    component: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +91,21 @@ class QuarantineOrder:
 
 
 @dataclass(frozen=True, slots=True)
+class ComponentOrder:
+    """Has the core end one of its components and begin it anew; everything else goes on."""
+
+    name: str
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
+class CheckpointOrder:
+    """Has the core make a checkpoint of the ledger now."""
+
+    generation: int
+
+
+@dataclass(frozen=True, slots=True)
 class Refused:
     """An order that is not carried out, and why."""
 
@@ -90,7 +113,16 @@ class Refused:
 
 
 Order = (
-    StatusOrder | TasksOrder | SafeOrder | DrillOrder | PromoteOrder | DrainOrder | QuarantineOrder | Refused
+    StatusOrder
+    | TasksOrder
+    | SafeOrder
+    | DrillOrder
+    | PromoteOrder
+    | DrainOrder
+    | QuarantineOrder
+    | ComponentOrder
+    | CheckpointOrder
+    | Refused
 )
 
 
@@ -118,14 +150,23 @@ def read_order(line: bytes, lowest_generation: int) -> Order:
         case "quarantine":
             generation = _generation(said, lowest_generation)
             return generation if isinstance(generation, Refused) else QuarantineOrder(generation)
+        case "component":
+            return _read_component(said, lowest_generation)
+        case "checkpoint":
+            generation = _generation(said, lowest_generation)
+            return generation if isinstance(generation, Refused) else CheckpointOrder(generation)
         case _:
-            return Refused("The verb must be status, tasks, safe, drill, promote, drain or quarantine.")
+            return Refused(
+                "The verb must be status, tasks, safe, drill, promote, drain, quarantine, component or checkpoint."
+            )
 
 
 def generation_of(order: Order) -> int:
     """Return the generation that gave this order, 0 for what needs none."""
     match order:
         case SafeOrder() | DrillOrder() | PromoteOrder() | DrainOrder() | QuarantineOrder():
+            return order.generation
+        case ComponentOrder() | CheckpointOrder():
             return order.generation
         case StatusOrder() | TasksOrder() | Refused():
             return 0
@@ -143,20 +184,55 @@ def _read_safe(said: Mapping[str, Any], lowest: int) -> SafeOrder | Refused:
     return generation if isinstance(generation, Refused) else SafeOrder(on, reason, generation)
 
 
+def _read_component(said: Mapping[str, Any], lowest: int) -> ComponentOrder | Refused:
+    name = said.get("name")
+    if not isinstance(name, str) or _COMPONENT.fullmatch(name) is None:
+        return Refused("The name must be that of a component.")
+    generation = _generation(said, lowest)
+    return generation if isinstance(generation, Refused) else ComponentOrder(name, generation)
+
+
 def _read_drill(said: Mapping[str, Any], lowest: int) -> DrillOrder | Refused:
-    fault, armed, seconds = said.get("fault"), said.get("armed", False), said.get("seconds", DISK_FULL_S)
+    fault = said.get("fault")
     if not isinstance(fault, str) or fault not in set(Drill):
         return Refused(f"The fault must be one of {', '.join(Drill)}.")
+    generation = _generation(said, lowest)
+    if isinstance(generation, Refused):
+        return generation
+    match Drill(fault):
+        case Drill.LEAK:
+            return _read_leak(said, generation)
+        case Drill.STALL:
+            return _read_stall(said, generation)
+        case drill:
+            return _read_plain_drill(said, drill, generation)
+
+
+def _read_plain_drill(said: Mapping[str, Any], drill: Drill, generation: int) -> DrillOrder | Refused:
+    armed, seconds = said.get("armed", False), said.get("seconds", DISK_FULL_S)
     if not isinstance(armed, bool):
         return Refused("Armed must be true or false.")
     if not _is_within(seconds, 1, DISK_FULL_S_MAX):
         return Refused(f"The seconds must be a whole number from 1 to {DISK_FULL_S_MAX}.")
-    generation = _generation(said, lowest)
-    if isinstance(generation, Refused):
-        return generation
-    if fault == Drill.OOM and not armed:
+    if drill is Drill.OOM and not armed:
         return Refused("Memory is used up only where the guard has bounded it: the order must be armed.")
-    return DrillOrder(Drill(fault), generation, armed, seconds)
+    return DrillOrder(drill, generation, armed, seconds)
+
+
+def _read_leak(said: Mapping[str, Any], generation: int) -> DrillOrder | Refused:
+    mb_per_s, seconds = said.get("mb_per_s", LEAK_MB_PER_S), said.get("seconds", LEAK_S)
+    if not _is_within(mb_per_s, 0, LEAK_MB_PER_S_MAX):
+        return Refused(f"The megabytes a second must be a whole number from 0 to {LEAK_MB_PER_S_MAX}.")
+    if not _is_within(seconds, 1, LEAK_S_MAX):
+        return Refused(f"The seconds must be a whole number from 1 to {LEAK_S_MAX}.")
+    return DrillOrder(Drill.LEAK, generation, seconds=seconds, mb_per_s=mb_per_s)
+
+
+def _read_stall(said: Mapping[str, Any], generation: int) -> DrillOrder | Refused:
+    component = said.get("component")
+    if not isinstance(component, str) or _COMPONENT.fullmatch(component) is None:
+        return Refused("What is to be stalled must be the name of a component.")
+    return DrillOrder(Drill.STALL, generation, component=component)
 
 
 def _read_promote(said: Mapping[str, Any], lowest: int) -> PromoteOrder | Refused:

@@ -11,6 +11,7 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Final
 from uuid import UUID
@@ -19,8 +20,9 @@ import msgspec
 
 from core.guarded.recorder import FlightRecorder
 from core.imports.folder import ImportFolder, Imports, is_import_id
-from core.imports.importer import FAILED_INSIDE, KEPT_FILE_LOST, Importer, Job, broken
+from core.imports.importer import KEPT_FILE_LOST, Importer, Job, broken
 from core.imports.looking import Choices, Looked, Looker, results
+from core.imports.outcomes import FAILED_INSIDE
 from core.imports.reading.kept import ReadTable, open_table
 from core.imports.reading.mapping import faults_of
 from core.imports.reading.table import Unreadable
@@ -103,6 +105,11 @@ class Desk:
         self._resting = True
         await self._importer.stop()
         await self._idle.wait()
+
+    @property
+    def importer(self) -> Importer:
+        """The component that books rows."""
+        return self._importer
 
     def go_on(self) -> None:
         """Work again after `rest`, also where that has not come to its end."""
@@ -337,4 +344,5 @@ class Desk:
 
 def _job(folder: ImportFolder, manifest: Manifest, table: ReadTable, progress: Progress) -> Job:
     """Return the work that is left after `progress`."""
-    return Job(folder, manifest, table.head.row_count, results(manifest, table), progress)
+    rows_anew = partial(results, manifest, table)
+    return Job(folder, manifest, table.head.row_count, rows_anew(), progress, rows_anew=rows_anew)

@@ -5,50 +5,41 @@ ledger by the same door as everybody's commands, each with a slot, a key and the
 at a time, so a person's request never waits behind a file. A row's key is the import's id and its place in the
 file; where a death leaves it unclear whether a row was booked, it is simply asked again. So the progress on the
 disk may lag, and no second bookkeeping of rows is needed. Several imports take turns, wave by wave.
+It can be begun anew beside one that hangs: each shift has jobs of its own, and one whose shift is over does nothing
+any more, whatever it wakes up from. What it had at the writer comes true once, because a row's key is the same in
+every shift. Not chosen: to cancel what hangs; a thread can't be, and a row's slot would be given away under the writer.
 """
 
 import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import islice
 from typing import Final, TypeVar, assert_never
 
 import msgspec
 
 from core import frames
+from core.alone import alone
 from core.guarded.naming import ids_shown
 from core.guarded.poison import name_of
 from core.guarded.recorder import FlightRecorder
 from core.hub import Frame
 from core.imports import judging
 from core.imports.folder import ImportFolder
+from core.imports.outcomes import FAILED_INSIDE, Outcome, Stopped, meaning_of, refused, settle
 from core.imports.reading.candidates import Candidate, Result, SkippedRow
-from core.imports.records import PROBLEMS_MAX, Manifest, Problem, Progress, shown
+from core.imports.records import Manifest, Progress
 from core.imports.states import State, Trigger, Waiting, after
 from core.imports.suspected import HeldRow, Suspected
-from core.journal.answers import (
-    Answer,
-    DecisionFailed,
-    Done,
-    KeyTaken,
-    KeyUnknown,
-    Leaving,
-    Limited,
-    OutcomeUnknown,
-    ReadOnly,
-    Refused,
-    SetAside,
-    StoreBusy,
-    status_of,
-)
 from core.ledger.commands import accounts_of
 from core.ledger.entries import RecordEntry
-from core.ledger.reasons import Rejection, Slug
+from core.ledger.reasons import Rejection
 from core.service import Service
-from core.slots import UNANSWERED, Draining, NoSlot, holding_slot
+from core.slots import Draining, NoSlot, holding_slot
 
 T = TypeVar("T")
 
@@ -62,32 +53,15 @@ BEAT_S: Final = 0.25  # while a wave is at the writer, which may wait a second f
 
 COMPONENT: Final = "importer"  # its name on the recorder page
 SILENT_MS_MAX: Final = 10_000  # between two beats of work: keeping how far it is takes a slow disk some time
+_STALL_S: Final = 86_400.0  # of a drill: longer than anybody's patience
 KIND: Final = "import.row"
-BUSY: Final = 503
-REFUSED: Final = 422
-SET_ASIDE: Final = "set-aside"
-ACCOUNT_SET_ASIDE: Final = "account-set-aside"
-LIMITED: Final = "limited"
-
-FAILED_INSIDE: Final = "internal"
 KEPT_FILE_LOST: Final = "kept-file-lost"
 
 logger = logging.getLogger("core.imports")
 
 
-class Booked:
-    """The row is in the ledger."""
-
-
-class Duplicate:
-    """The ledger knows the row already."""
-
-
-class Stopped:
-    """The core leaves, or serves reads only: what became of the row is found out by asking again, later."""
-
-
-Outcome = Booked | Duplicate | Problem | Stopped
+def _no_rows() -> Iterator[Result]:
+    return iter(())
 
 
 @dataclass(slots=True)
@@ -97,7 +71,8 @@ class Job:
     Those before `progress.done` are settled and only parsed: which of several identical rows one is depends on
     the rows before it. `end` is the state it has come to, while that is not on the disk yet. `waits_for`: the name
     of its next row, while that one waits for its trial; `filed`: whose cases are; `file_again_ns`: when they are filed,
-    or said, once more. `waiting`: why it does not go on, as its pages were told last.
+    or said, once more. `waiting`: why it does not go on, as its pages were told last. `rows_anew` gives all rows once
+    more. `shift`: whose work it is.
     """
 
     folder: ImportFolder
@@ -114,6 +89,8 @@ class Job:
     filed: set[str] = field(default_factory=set)
     file_again_ns: int = 0
     waiting: Waiting | None = None
+    rows_anew: Callable[[], Iterator[Result]] = _no_rows
+    shift: int = 0
 
 
 class RowsLostError(Exception):
@@ -136,16 +113,35 @@ class Importer:
         self._jobs: deque[Job] = deque()
         self._wake = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
+        self._left: set[asyncio.Task[None]] = set()  # of shifts that were left behind
+        self._shift = 0
+        self._stalls = False
         self._resting = False
 
     def start(self) -> None:
         """Work from now on; also again after `stop`, which may not have come to its end yet."""
         self._resting = False
         if self._task is None or self._task.done():
-            self._task = asyncio.create_task(self._run())
+            self._task = asyncio.create_task(self._run(self._shift), name=COMPONENT)
+
+    def begin_anew(self) -> None:
+        """Leave the shift that hangs behind, and go on with all imports where it was."""
+        self._shift += 1
+        self._stalls = False
+        self._jobs = deque(_anew(job, self._shift) for job in self._jobs)
+        if self._task is not None:
+            self._left.add(self._task)
+            self._task.add_done_callback(self._left.discard)
+        self._task = asyncio.create_task(self._run(self._shift), name=COMPONENT)
+
+    def stall(self) -> None:
+        """Hang in the next read of rows, or in one for nobody: a drill."""
+        self._stalls = True
+        self._wake.set()
 
     def add(self, job: Job) -> None:
         """Take an import on."""
+        job.shift = self._shift
         self._jobs.append(job)
         self._wake.set()
 
@@ -163,24 +159,31 @@ class Importer:
             )  # and no more: who is tired of waiting must not end the work itself
             self._task.result()
 
-    @property
-    def _is_to_end(self) -> bool:
-        return self._resting or self._service.draining
+    def _is_over(self, shift: int) -> bool:
+        """Whether whoever is at work in this shift is to do nothing more."""
+        return shift != self._shift or self._resting or self._service.draining
 
-    async def _run(self) -> None:
+    async def _run(self, shift: int) -> None:
         # Whoever knew of a death may have said whom he suspects after this core has opened its book.
-        await asyncio.to_thread(self._suspected.look_again)
-        while not self._is_to_end:
+        await self._apart(self._suspected.look_again)
+        while not self._is_over(shift):
             self._wake.clear()
-            if self._jobs:
+            if self._jobs or self._stalls:
                 self._component.works(True)
-                await self._until_idle()
-                self._component.works(False)
+                await self._until_idle(shift)
+                if shift == self._shift:
+                    self._component.works(False)
             else:
                 await self._wake.wait()
 
-    async def _until_idle(self) -> None:
-        while self._jobs and not self._is_to_end:
+    async def _apart(self, work: Callable[[], T]) -> T:
+        """Do what blocks on a thread that can be left behind. No beat meanwhile: it may be what hangs."""
+        return await alone(work, COMPONENT)
+
+    async def _until_idle(self, shift: int) -> None:
+        if self._stalls:
+            await self._apart(partial(time.sleep, _STALL_S))
+        while self._jobs and not self._is_over(shift):
             waits = all(self._waits(job) for job in self._jobs)
             if waits or self._service.safe is not None:
                 self._component.beat()
@@ -189,7 +192,8 @@ class Importer:
                 )  # a disk that has room again tells nobody, nor does a court
                 continue
             await self._turn(self._jobs[0])
-            self._jobs.rotate(-1)
+            if not self._is_over(shift):
+                self._jobs.rotate(-1)
 
     def _waits(self, job: Job) -> bool:
         """Whether there is nothing to be done for an import at this moment; its pages hear when why changes."""
@@ -222,7 +226,7 @@ class Importer:
             except Exception:
                 logger.exception("Import %s stopped at a mistake of our own", job.manifest.id)
                 _break(job, FAILED_INSIDE)
-        if job.end is not None and job.end_again_ns <= time.monotonic_ns():
+        if job.end is not None and job.end_again_ns <= time.monotonic_ns() and job.shift == self._shift:
             await self._end(job, job.end)
 
     async def _wave(self, job: Job) -> State | None:
@@ -233,14 +237,18 @@ class Importer:
                 raise RowsLostError
             return after(State.COMMITTING, Trigger.LAST_ROW)
         first = job.progress.done + 1
+        if job.shift != self._shift:
+            return None  # left behind while it was reading: the rows are another's
         free = self._free(job, first)
         if free == 0:
             await self._file(job, first)
             return None
         wave = [job.ahead.popleft() for _ in range(free)]
-        rows = (self._row(job.manifest, n, row) for n, row in enumerate(wave, first))
+        rows = (self._row(job, n, row) for n, row in enumerate(wave, first))
         # Exceptions come as outcomes, so that no row is still at work when a neighbour's bug ends the import.
-        outcomes = await self._beating(asyncio.gather(*rows, return_exceptions=True))
+        outcomes = await self._beating(asyncio.gather(*rows, return_exceptions=True), job.shift)
+        if job.shift != self._shift:
+            return None
         for settled, outcome in enumerate(outcomes):
             if isinstance(outcome, BaseException):
                 raise outcome
@@ -269,9 +277,7 @@ class Importer:
         next_name = name_of(judging.key_of(job.manifest, ordinal))
         if job.waits_for != next_name:  # else it has waited for long: whoever was told may be gone
             rows = [row for row in rows if row.name not in job.filed]
-        filed = not rows or await self._beating(
-            asyncio.create_task(asyncio.to_thread(self._suspected.file, rows))
-        )
+        filed = not rows or await self._apart(partial(self._suspected.file, rows))
         if filed:
             job.filed.update(row.name for row in rows)
         job.waits_for = next_name
@@ -280,7 +286,7 @@ class Importer:
     async def _read_ahead(self, job: Job) -> bool:
         """Parse the next rows, some at a time so that a core may leave in between; False where none are left."""
         try:
-            some = await self._beating(asyncio.create_task(asyncio.to_thread(_some, job.rows)))
+            some = await self._apart(partial(_some, job.rows))
         except (OSError, msgspec.MsgspecError) as error:
             raise RowsLostError from error
         settled = max(0, job.progress.done - job.parsed)
@@ -288,7 +294,8 @@ class Importer:
         job.ahead.extend(some[settled:])
         return bool(some)
 
-    async def _row(self, manifest: Manifest, ordinal: int, result: Result) -> Outcome | SkippedRow:
+    async def _row(self, job: Job, ordinal: int, result: Result) -> Outcome | SkippedRow:
+        manifest = job.manifest
         judged = judging.judge(result, manifest.currency)
         if not isinstance(judged, Candidate):
             return judged
@@ -299,7 +306,7 @@ class Importer:
         key = judging.key_of(manifest, ordinal)
         # A stranger's lock on the store and a free slot come without an event to wait for.
         while (outcome := await self._book(judged, command, key)) is None:
-            if self._is_to_end:
+            if self._is_over(job.shift):
                 return Stopped()
             await asyncio.sleep(AGAIN_AFTER_S)
         return outcome
@@ -340,13 +347,17 @@ class Importer:
         ended = msgspec.structs.replace(job.manifest, state=state)
         try:
             # Durable and in this order: no end without its numbers.
-            await asyncio.to_thread(job.folder.keep_progress, job.progress, durable=True)
-            await asyncio.to_thread(job.folder.keep_manifest, ended)
+            await self._apart(partial(job.folder.keep_progress, job.progress, durable=True))
+            if job.shift != self._shift:
+                return
+            await self._apart(partial(job.folder.keep_manifest, ended))
         except OSError as error:
             if not job.end_again_ns:
                 logger.warning("The end of import %s could not be kept: %s", ended.id, error.strerror)
             job.end_again_ns = time.monotonic_ns() + END_AGAIN_AFTER_NS
             return
+        if job.shift != self._shift:
+            return  # whoever has its jobs now ends it alike
         job.manifest = ended
         self._jobs.remove(job)
         self._service.hub.tell([frame_of(job)])
@@ -354,16 +365,24 @@ class Importer:
     async def _keep(self, job: Job) -> None:
         """Write down how far it is. A full disk costs a later life some asking again, and this one nothing."""
         try:
-            await asyncio.to_thread(job.folder.keep_progress, job.progress, durable=False)
+            await self._apart(partial(job.folder.keep_progress, job.progress, durable=False))
         except OSError as error:
             logger.warning("How far import %s is could not be kept: %s", job.manifest.id, error.strerror)
 
-    async def _beating(self, work: asyncio.Future[T]) -> T:
-        """Wait for work that others do, and beat meanwhile: to wait is not to be stuck."""
+    async def _beating(self, work: asyncio.Future[T], shift: int) -> T:
+        """Wait for the writer, and beat meanwhile: it has a watch of its own."""
         while not work.done():
             await asyncio.wait({work}, timeout=BEAT_S)
-            self._component.beat()
+            if shift == self._shift:
+                self._component.beat()
         return work.result()
+
+
+def _anew(job: Job, shift: int) -> Job:
+    """Return a job of its own for another shift, at the last row that was settled."""
+    made = Job(job.folder, job.manifest, job.total, job.rows_anew(), job.progress)
+    made.end, made.waiting, made.rows_anew, made.shift = job.end, job.waiting, job.rows_anew, shift
+    return made
 
 
 def broken(folder: ImportFolder, manifest: Manifest, progress: Progress, fault: str) -> Job:
@@ -378,63 +397,12 @@ def _break(job: Job, fault: str) -> None:
     job.end = after(State.COMMITTING, Trigger.BROKE)
 
 
-def meaning_of(answer: Answer, candidate: Candidate) -> tuple[int, Outcome | None]:
-    """Return the status an answer has, and what it means for a row; None: ask again."""
-    match answer:
-        case Done(status=status):
-            return status, Booked()
-        case Refused(rejection):
-            return status_of(rejection.slug), refused(candidate, rejection)
-        case KeyTaken() | DecisionFailed():
-            logger.error("Line %d of an import can't be decided: %s", candidate.line, answer)
-            return UNANSWERED, Problem(candidate.line, FAILED_INSIDE, shown(candidate.cells))
-        case SetAside(letter, account):
-            values = {"letter": letter} if account is None else {"letter": letter, "account": account}
-            reason = SET_ASIDE if account is None else ACCOUNT_SET_ASIDE
-            return REFUSED, Problem(candidate.line, reason, shown(candidate.cells), values)
-        case Limited(rule, None):
-            return REFUSED, Problem(candidate.line, LIMITED, shown(candidate.cells), {"rule": rule})
-        case StoreBusy() | Limited():
-            return BUSY, None
-        case OutcomeUnknown() | Leaving() | ReadOnly():
-            return BUSY, Stopped()
-        case KeyUnknown():
-            raise AssertionError("only a look-up is told this")
-        case _:
-            assert_never(answer)
-
-
-def refused(candidate: Candidate, rejection: Rejection) -> Duplicate | Problem:
-    """Return what a refusal of the ledger means for a row."""
-    if rejection.slug is Slug.ALREADY_IMPORTED:
-        return Duplicate()
-    return Problem(candidate.line, rejection.slug.value, shown(candidate.cells), dict(rejection.values))
-
-
 def frame_of(job: Job) -> Frame:
     """Return what an open page is told of an import."""
     wish, now = job.manifest, job.progress
     return frames.progress(
         wish.id, wish.state.value, now.done, job.total, now.duplicates, now.refused, job.waiting
     )
-
-
-def settle(progress: Progress, outcome: Booked | Duplicate | Problem | SkippedRow) -> Progress:
-    """Return the progress with one more row settled."""
-    change = msgspec.structs.replace
-    more = change(progress, done=progress.done + 1)
-    match outcome:
-        case Booked():
-            return change(more, booked=more.booked + 1)
-        case Duplicate():
-            return change(more, duplicates=more.duplicates + 1)
-        case SkippedRow():
-            return change(more, skipped=more.skipped + 1)
-        case Problem():
-            kept = (*more.problems, outcome)[:PROBLEMS_MAX]
-            return change(more, refused=more.refused + 1, problems=kept)
-        case _:
-            assert_never(outcome)
 
 
 def _held(job: Job, ordinal: int) -> HeldRow:

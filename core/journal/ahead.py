@@ -14,8 +14,8 @@ from typing import Final
 from sqlalchemy import Connection
 
 from core.journal import queries
-from core.journal.attestation import attested_before
 from core.journal.chain import Broken
+from core.journal.ground import Ground
 from core.journal.proof import Tail, Walk, Witness
 from core.journal.rebuilding import Rebuilding
 
@@ -29,10 +29,16 @@ class Ahead:
     lies before it.
     """
 
-    def __init__(self, tail_events: int, rebuilding: Rebuilding | None = None) -> None:
-        """Begin; nothing is read yet. `tail_events`: how far back a book is seen that was never attested."""
+    def __init__(
+        self, tail_events: int, rebuilding: Rebuilding | None = None, ground: Ground | None = None
+    ) -> None:
+        """Begin; nothing is read yet. `tail_events`: how far back a book is seen that was never attested.
+
+        `ground`: from where it is seen; absent: from the last attestation.
+        """
         self._tail_events = tail_events
         self._rebuilding = rebuilding or Rebuilding()
+        self._ground = ground or Ground()
         self._walk: Walk | None = None
         self.fault: Broken | None = None
 
@@ -72,7 +78,7 @@ class Ahead:
         if self.fault is not None:
             return self.fault
         head = queries.head(connection)
-        walk = self._walk or _begun(connection, head.head_seq, self._tail_events)
+        walk = self._walk or self._begun(connection, head.head_seq)
         if isinstance(walk, Broken):
             return walk
         return queries.read_tail(connection, walk, [witness.seq for witness in witnesses])
@@ -81,25 +87,24 @@ class Ahead:
         """Return the walk, begun anew where a later attestation is nearer than its own way to the head."""
         walk = self._walk
         if walk is None:
-            return _begun(connection, head_seq, self._tail_events)
+            return self._begun(connection, head_seq)
         newest = queries.newest_attestation(connection)
-        if newest is None or (walk.base is not None and newest.seq <= walk.base.seq):
+        if newest is None or self._ground.whole or (walk.base is not None and newest.seq <= walk.base.seq):
             return walk
         if 0 < newest.seq - walk.seq <= SLICE_EVENTS:
             return walk  # on its way: it goes through the attested event
-        begun = _begun(connection, head_seq, self._tail_events)
+        begun = self._begun(connection, head_seq)
         if isinstance(begun, Walk):
             begun.checked = walk.checked
         return begun
 
-
-def _begun(connection: Connection, head_seq: int, tail_events: int) -> Walk | Broken:
-    """Begin a walk at the last attestation; in a book without one at its first event, or not too far back."""
-    base = attested_before(queries.newest_attestation(connection), head_seq)
-    start = base.seq if base is not None else max(0, head_seq - tail_events)
-    last = queries.event_row(connection, start) if start else None
-    if start and last is None:
-        return Broken(start, f"event {start} is missing")
-    if base is not None and last is not None and last.hash != base.hash:
-        return Broken(start, f"event {start} is not the one that was attested under this number")
-    return Walk(base, last)
+    def _begun(self, connection: Connection, head_seq: int) -> Walk | Broken:
+        """Begin a walk at its ground; in a book without one at its first event, or not too far back."""
+        base = self._ground.base(connection, head_seq)
+        start = base.seq if base is not None else max(0, head_seq - self._tail_events)
+        last = queries.event_row(connection, start) if start else None
+        if start and last is None:
+            return Broken(start, f"event {start} is missing")
+        if base is not None and last is not None and last.hash != base.hash:
+            return Broken(start, f"event {start} is not the one that was attested under this number")
+        return Walk(base, last)

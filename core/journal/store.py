@@ -24,6 +24,8 @@ LEDGER_FILE: Final = "ledger.db"
 CHECKPOINT_PAGES: Final = 1_000  # of 4 KiB, SQLite's default
 LOG_KEPT_BYTES: Final = 8 * 1024 * 1024  # more than a checkpoint's worth, so a wrapped log keeps its room
 _PROGRESS_STEPS: Final = 10_000  # virtual machine steps between two looks at the clock, well under 1 ms
+#: Beyond those it is told of, for a moment: a component that hangs keeps the connection it has.
+_READERS_BEYOND: Final = 6
 _COPIED_PAGES: Final = 1_024  # between two signs of life while a ledger is copied
 _COPIED_ANEW_MAX: Final = 2  # as often as somebody's writing may have a copy begin again
 _IOERR_SHMSIZE: Final = 4874  # the shared index could not grow: what a full disk looks like at the first open
@@ -166,7 +168,7 @@ def open_reading(path: Path, connections_max: int, busy_timeout_ms: int, *, alon
         creator=connect,
         poolclass=QueuePool,
         pool_size=connections_max,
-        max_overflow=0,
+        max_overflow=_READERS_BEYOND,
         isolation_level="AUTOCOMMIT",
     )
 

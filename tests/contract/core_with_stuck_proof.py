@@ -6,7 +6,7 @@ It stands before the command line of a core and becomes it: what follows `python
 import os
 import sys
 
-from core import service
+from core import auditor
 from core.main import cli
 
 
@@ -18,5 +18,5 @@ def verify(*_: object) -> None:
 
 
 if __name__ == "__main__":
-    vars(service)["verify"] = verify
+    vars(auditor)["verify"] = verify
     cli(sys.argv[4:])

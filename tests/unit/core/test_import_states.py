@@ -1,6 +1,6 @@
 import pytest
 
-from core.imports.importer import Booked, Duplicate, settle
+from core.imports.outcomes import Booked, Duplicate, settle
 from core.imports.reading.candidates import Skip, SkippedRow
 from core.imports.records import PROBLEMS_MAX, Problem, Progress
 from core.imports.states import TABLE, State, Trigger, after

@@ -5,8 +5,9 @@ import msgspec
 import pytest
 
 from core.imports.desk import Kept
-from core.imports.importer import FAILED_INSIDE, KEPT_FILE_LOST
+from core.imports.importer import KEPT_FILE_LOST
 from core.imports.judging import OTHER_CURRENCY, judge, sample_of
+from core.imports.outcomes import FAILED_INSIDE
 from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Skip, SkippedRow
 from core.imports.reading.mapping import FaultKind
 from core.imports.reading.table import Note, Why

@@ -15,7 +15,8 @@ import pytest
 from core.guarded.recorder import NoRecorder
 from core.imports.desk import Desk
 from core.imports.folder import Imports
-from core.imports.importer import FAILED_INSIDE, Booked, Importer, Job, Outcome, Stopped
+from core.imports.importer import Importer, Job
+from core.imports.outcomes import FAILED_INSIDE, Booked, Outcome, Stopped
 from core.imports.reading.candidates import Candidate, Result, SkippedRow
 from core.imports.records import Manifest, Progress
 from core.imports.states import State
@@ -35,7 +36,7 @@ class Scripted(Importer):
         self.leaving: set[int] = set()
         self.booked: list[tuple[int, int]] = []
 
-    async def _row(self, _manifest: Manifest, ordinal: int, result: Result) -> Outcome | SkippedRow:
+    async def _row(self, _job: Job, ordinal: int, result: Result) -> Outcome | SkippedRow:
         if ordinal in self.bad:
             raise ValueError(ordinal)
         if ordinal in self.leaving:

@@ -15,7 +15,8 @@ from core.guarded.poison import name_of
 from core.guarded.recorder import NoRecorder
 from core.imports import importer as importing
 from core.imports.folder import Imports
-from core.imports.importer import IN_FLIGHT_MAX, Booked, Importer, Job, Outcome, meaning_of
+from core.imports.importer import IN_FLIGHT_MAX, Importer, Job
+from core.imports.outcomes import Booked, Outcome, meaning_of
 from core.imports.reading.candidates import Result, SkippedRow
 from core.imports.records import Manifest, Problem, Progress
 from core.imports.states import State, Waiting
@@ -43,8 +44,8 @@ class Booking(Importer):
         said = [one["waiting"] for one in self.frames if one["id"] == import_id]
         return [one for one, before in zip(said, [None, *said], strict=False) if one != before]
 
-    async def _row(self, manifest: Manifest, ordinal: int, _result: Result) -> Outcome | SkippedRow:
-        self.booked.append((manifest.id, ordinal))
+    async def _row(self, job: Job, ordinal: int, _result: Result) -> Outcome | SkippedRow:
+        self.booked.append((job.manifest.id, ordinal))
         return Booked()
 
 

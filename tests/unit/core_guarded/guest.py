@@ -13,11 +13,11 @@ from collections.abc import Callable
 
 import uvloop
 
-from core.guarded.control import RulesRead, Standing
+from core.guarded.control import CheckpointMade, RulesRead, Standing
 from core.guarded.drills import AT_ONCE
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import Instruments, guarded_life, take_instruments
-from core.guarded.orders import DrainOrder, DrillOrder, PromoteOrder, SafeOrder
+from core.guarded.orders import ComponentOrder, DrainOrder, DrillOrder, PromoteOrder, SafeOrder
 
 
 def say(text: str) -> None:
@@ -53,6 +53,12 @@ class Bare:
 
     async def read_rules(self) -> RulesRead | str:
         return RulesRead(serial=3, rules=2)
+
+    async def restart_component(self, _: ComponentOrder) -> str | None:
+        return None
+
+    async def checkpoint(self) -> CheckpointMade | str:
+        return CheckpointMade("12-7.json", 12)
 
 
 async def serve(environment: GuardedEnvironment, instruments: Instruments, mode: str) -> None:

@@ -69,7 +69,15 @@ async def say(path: Path, *lines: bytes) -> list[bytes]:
 def test_each_line_gets_one_answer(tmp_path: Path) -> None:
     async def talk(path: Path) -> None:
         status, refused, again = await say(path, b'{"verb": "status"}', b"nonsense", b'{"verb": "status"}')
-        standing = {"epoch": 7, "seq": 12, "safe": None, "spare": False, "build": "", "drained": False}
+        standing = {
+            "epoch": 7,
+            "seq": 12,
+            "safe": None,
+            "spare": False,
+            "build": "",
+            "drained": False,
+            "checkpoint": "",
+        }
         assert json.loads(status) == {"ok": True, "pid": os.getpid(), **standing}
         assert json.loads(refused) == {"ok": False, "error": "The line is not JSON."}
         assert status == again

@@ -6,11 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.guarded.drills import AT_ONCE, BY_COMMAND, Drill
+from core.guarded.drills import AT_ONCE, BESIDE, BY_COMMAND, Drill
 from core.guarded.environment import WITNESSES_MAX, LastSeen
 from core.guarded.orders import (
     DISK_FULL_S_MAX,
+    LEAK_MB_PER_S_MAX,
+    LEAK_S,
     WAIT_MS_MAX,
+    CheckpointOrder,
+    ComponentOrder,
     DrainOrder,
     DrillOrder,
     Order,
@@ -31,6 +35,10 @@ def drill(fault: object = "crash", generation: object = 4, **more: object) -> by
 
 def safe(on: object = True, reason: object = "DISK_FULL", generation: object = 4) -> bytes:
     return json.dumps({"verb": "safe", "on": on, "reason": reason, "generation": generation}).encode()
+
+
+def component(name: object, generation: object = 4) -> bytes:
+    return json.dumps({"verb": "component", "name": name, "generation": generation}).encode()
 
 
 SEEN = f"12:7:{'0f' * 32}"
@@ -88,14 +96,20 @@ def test_orders_are_read() -> None:
     assert read_order(b'{"verb": "tasks"}', 9) == TasksOrder()
     assert read_order(safe(), 4) == SafeOrder(on=True, reason="DISK_FULL", generation=4)
     assert read_order(safe(on=False), 4) == SafeOrder(on=False, reason="DISK_FULL", generation=4)
-    for fault in Drill:
+    for fault in set(Drill) - BESIDE:
         assert read_order(drill(fault.value, armed=True), 4) == DrillOrder(fault, 4, armed=True)
     assert read_order(drill("diskfull", seconds=7), 4) == DrillOrder(Drill.DISKFULL, 4, seconds=7)
+    assert read_order(drill("leak", mb_per_s=0), 4) == DrillOrder(Drill.LEAK, 4, seconds=LEAK_S, mb_per_s=0)
+    assert read_order(drill("stall", component="exporter"), 4) == DrillOrder(
+        Drill.STALL, 4, component="exporter"
+    )
+    assert read_order(component("importer"), 4) == ComponentOrder("importer", 4)
+    assert read_order(b'{"verb": "checkpoint", "generation": 4}', 4) == CheckpointOrder(4)
 
 
 def test_every_drill_has_one_place_where_it_happens() -> None:
-    assert AT_ONCE.keys() | BY_COMMAND.keys() == set(Drill)
-    assert not AT_ONCE.keys() & BY_COMMAND.keys()
+    places = [*AT_ONCE, *BY_COMMAND, *BESIDE]
+    assert sorted(places) == sorted(Drill)
 
 
 def test_memory_is_used_up_only_where_the_guard_has_bounded_it() -> None:
@@ -104,8 +118,18 @@ def test_memory_is_used_up_only_where_the_guard_has_bounded_it() -> None:
     assert "armed" in refused.error
 
 
+_CHANGING = (
+    drill(),
+    safe(),
+    promote(),
+    drain(),
+    component("notifier"),
+    b'{"verb": "checkpoint", "generation": 4}',
+)
+
+
 def test_only_what_changes_something_has_a_generation() -> None:
-    assert [generation_of(read_order(line, 0)) for line in (drill(), safe(), promote(), drain())] == [4] * 4
+    assert [generation_of(read_order(line, 0)) for line in _CHANGING] == [4] * 6
     questions: list[Order] = [StatusOrder(), TasksOrder(), Refused("")]
     assert {generation_of(order) for order in questions} == {0}
 
@@ -135,6 +159,15 @@ def test_only_what_changes_something_has_a_generation() -> None:
         drill("diskfull", seconds=0),
         drill("diskfull", seconds=DISK_FULL_S_MAX + 1),
         drill("diskfull", seconds=2.5),
+        drill("leak", mb_per_s=LEAK_MB_PER_S_MAX + 1),
+        drill("leak", seconds=0),
+        drill("leak", mb_per_s=True),
+        drill("stall"),
+        drill("stall", component="Importer!"),
+        component(None),
+        component("a" * 25),
+        component("importer", generation=3),
+        b'{"verb": "checkpoint"}',
         safe(on="yes"),
         safe(reason=None),
         safe(reason="disk full"),
