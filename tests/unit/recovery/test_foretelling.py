@@ -74,10 +74,8 @@ def _forecasts(given: list[orders.Action]) -> list[orders.Alert]:
 
 def _changed(play: Play, epoch: int) -> None:
     """The core is drained, the spare takes over and outlasts its probation; the old one leaves."""
-    assert play.phase is Phase.DRAINING
     left = play.life
-    drained(play)
-    assert play.phase is Phase.SWITCHING
+    assert "Promote" in kinds(drained(play))
     raised(play, epoch)
     proven(play, epoch)
     play.ring()
