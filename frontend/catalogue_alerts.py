@@ -100,6 +100,61 @@ HELD: Final[Mapping[str, tuple[str, str]]] = {
 }
 
 
+#: What `hardcore alerts` says -> (ko, en)
+WORDS: Final[Mapping[str, tuple[str, str]]] = {
+    "none": _text(
+        "알림 채널이 없어요. 일이 생겨도 알려 줄 수 없어요. 정책 파일의 alerts에 적어 주세요 (docs/alerts.md).",
+        "No channel: you would not be told. Name one under alerts in the policy file (docs/alerts.md).",
+    ),
+    "channel": _text("{number}. {name} ({kind}, {place})", "{number}. {name} ({kind}, {place})"),
+    "manners": _text(
+        "같은 소식은 {n}초에 한 번까지. 조용한 시간: {quiet}",
+        "The same once in {n} s at most. Quiet hours: {quiet}",
+    ),
+    "no_quiet": _text("없음", "none"),
+    "arrived": _text("마지막: 도착함, {at}", "Last: arrived, {at}"),
+    "failed": _text("마지막: 도착하지 않음, {at} ({why})", "Last: did not arrive, {at} ({why})"),
+    "never": _text("아직 보낸 적이 없어요.", "Nothing was sent yet."),
+    "muted": _text("알림을 꺼 두었어요. 다시 켜지는 때: {until}", "Alerts are muted until {until}."),
+    "unmuted": _text("알림을 다시 보내요.", "Alerts are sent again."),
+    "not_stored": _text(
+        "적어 둘 수 없어요 ({why}). 데이터 폴더에 쓸 수 있는지 확인해 주세요.",
+        "It can't be written down ({why}). Check that the data folder can be written to.",
+    ),
+    "bad_time": _text(
+        "--for에는 30m, 2h, 1d처럼 적어 주세요 (길어도 30d).",
+        "--for takes a time like 30m, 2h or 1d (30d at most).",
+    ),
+    "no_channel": _text(
+        "{n}번 채널은 없어요. hardcore alerts 명령으로 볼 수 있어요.",
+        "There is no channel {n}. See `hardcore alerts`.",
+    ),
+    "tried": _text("{number}. {name}: 도착했어요.", "{number}. {name}: it has arrived."),
+    "tried_in_vain": _text(
+        "{number}. {name}: 도착하지 않았어요 ({why}).", "{number}. {name}: did not arrive ({why})."
+    ),
+    "last": _text("최근 알림", "Lately"),
+    "line_delivered": _text("{at} {title}: 보냄", "{at} {title}: sent"),
+    "line_held": _text("{at} {title}: 보내지 않음 ({why})", "{at} {title}: not sent ({why})"),
+    "line_failed": _text("{at} {title}: 도착하지 않음", "{at} {title}: did not arrive"),
+}
+
+
+def word(code: str, lang: str, /, **values: object) -> str:
+    """Return a text of the command line."""
+    return WORDS[code][LANGUAGES.index(lang)].format(**values)
+
+
+def title_text(stage: str, diagnosis: str, lang: str) -> str:
+    """Return the title of an alert as a list shows it; an end is only named as one."""
+    code = "recovered_unmeasured" if stage == "closed" else stage
+    return (
+        alert_text(code, lang, cause=cause_text(diagnosis, lang))
+        if code in ALERTS
+        else f"{stage} {diagnosis}"
+    )
+
+
 def alert_text(code: str, lang: str, /, **values: object) -> str:
     """Return a text of an alert; where `n` is one, the form for one is taken if there is one."""
     single = f"{code}_one"

@@ -9,17 +9,14 @@ import json
 import os
 import stat
 import time
-from pathlib import Path
 from typing import Final
 
-from hardcore.alerting.book import at_ms, at_text
-from hardcore.host import files
 from hardcore.host.folders import Folders
+from hardcore.host.muting import muted_until_ms
 from hardcore.recovery.channels import Channel, Moment, read_channels
 from hardcore.recovery.policy import POLICY_BYTES_MAX
 
 SECRET_BYTES_MAX: Final = 4096
-MUTED_S_MAX: Final = 30 * 86_400
 
 
 class SecretMissingError(OSError):
@@ -63,25 +60,3 @@ def now(folders: Folders) -> Moment:
     """Return the present moment as the manners see it."""
     today = dt.datetime.now().astimezone()
     return Moment(time.time_ns() // 1_000_000, today.hour * 60 + today.minute, muted_until_ms(folders))
-
-
-def muted_until_ms(folders: Folders) -> int:
-    """Return until when alerts are muted; 0: they are not."""
-    return at_ms(files.read_json(_mute_file(folders)).get("until")) or 0
-
-
-def mute(folders: Folders, seconds: int) -> str:
-    """Mute alerts for so long; return until when. Raises OSError where that can't be written down."""
-    assert 0 < seconds <= MUTED_S_MAX, "whoever asks has judged it"
-    until = at_text(time.time_ns() // 1_000_000 + seconds * 1000)
-    files.write_json(_mute_file(folders), {"until": until})
-    return until
-
-
-def unmute(folders: Folders) -> None:
-    """Let alerts be sent again."""
-    _mute_file(folders).unlink(missing_ok=True)
-
-
-def _mute_file(folders: Folders) -> Path:
-    return folders.state / "alerts_muted.json"

@@ -20,10 +20,11 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
-from hardcore.alerting import addresses, over_http, over_mail, sender
+from hardcore.alerting import over_http, over_mail, sender
 from hardcore.alerting.over_apprise import is_installed
 from hardcore.alerting.sender import Sender
 from hardcore.alerting.trying import try_channels
+from hardcore.host import muting
 from hardcore.host.files import take_lock
 from tests.contract.alert_targets import HANGS, OK, Outgoing, comes, outgoing, post, status, web
 
@@ -362,11 +363,11 @@ def test_without_a_channel_nothing_waits_for_ever(out: Outgoing) -> None:
 def test_alerts_that_are_muted_are_counted_and_not_sent(out: Outgoing) -> None:
     with web() as target:
         out.channels(hook(target.url, lang="en"))
-        addresses.mute(out.folders, 3600)
+        muting.mute(out.folders, 3600)
         name = out.put()
         send(out)
         assert entry(out, name)["held"] == "muted"
-        addresses.unmute(out.folders)
+        muting.unmute(out.folders)
         out.put()
         send(out)
     (text,) = target.texts
@@ -445,7 +446,7 @@ def test_a_book_that_can_not_be_written_to_the_disk_goes_on_in_the_run_folder(ou
 def test_a_try_says_of_each_channel_what_came_of_it(out: Outgoing) -> None:
     with web() as good, web(status(500)) as bad:
         out.channels(hook(good.url, name="집"), hook(bad.url))
-        addresses.mute(out.folders, 60)
+        muting.mute(out.folders, 60)
         results = try_channels(out.folders)
         assert [(one["channel"], one["ok"], one["why"]) for one in results] == [
             (1, True, ""),

@@ -1,0 +1,42 @@
+"""Whether somebody has asked not to be alerted for a while: one small file, written by whoever a person asks.
+
+A file of its own, because the sender writes the book of alerts at the same time, and because it has to work with
+everything stopped.
+"""
+
+import datetime as dt
+import time
+from pathlib import Path
+from typing import Final
+
+from hardcore.host import files
+from hardcore.host.folders import Folders
+
+MUTED_S_MAX: Final = 30 * 86_400
+
+
+def muted_until_ms(folders: Folders) -> int:
+    """Return until when alerts are muted, in milliseconds of the wall clock; 0: they are not."""
+    told = files.read_json(_file(folders)).get("until")
+    try:
+        return int(dt.datetime.fromisoformat(str(told)).timestamp() * 1000)
+    except (ValueError, OverflowError):
+        return 0
+
+
+def mute(folders: Folders, seconds: int) -> str:
+    """Mute alerts for so long; return until when (RFC 3339). Raises OSError where that can't be written down."""
+    assert 0 < seconds <= MUTED_S_MAX, "whoever asks has judged it"
+    moment = dt.datetime.fromtimestamp(time.time() + seconds, tz=dt.UTC)
+    until = moment.isoformat(timespec="seconds").replace("+00:00", "Z")
+    files.write_json(_file(folders), {"until": until})
+    return until
+
+
+def unmute(folders: Folders) -> None:
+    """Let alerts be sent again. Raises OSError where the disk takes no change."""
+    _file(folders).unlink(missing_ok=True)
+
+
+def _file(folders: Folders) -> Path:
+    return folders.state / "alerts_muted.json"
