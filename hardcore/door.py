@@ -35,6 +35,8 @@ REQUESTS_MAX = 2048
 #: What code lies on the disk is looked at again for a status after so long: it takes some milliseconds.
 ON_DISK_HOLDS_NS = 5 * NS_PER_S
 LOOKED_FOR_S = 0.2
+#: A part of the core is ended and begun anew within this, or nobody knows yet.
+PART_S = 8.0
 #: Who is connected and has asked nothing for so long would not notice a drill.
 QUIET_NS = 60 * NS_PER_S
 #: What an operator does, as opposed to what one asks.
@@ -70,6 +72,7 @@ class Door:
         self._breaking = Breaking(house, lambda: self._stats.get("connections", 0))
         self._rules = RuleDesk(house)
         self._looking: asyncio.Future[str] | None = None
+        self._part: asyncio.Future[seen.ComponentRestarted] | None = None
         self._on_disk = ""
         self._on_disk_ns = -ON_DISK_HOLDS_NS
         self._own_cpu = _CpuMeter()
@@ -108,7 +111,7 @@ class Door:
             case Ask.DOWN:
                 return await self._down(request)
             case Ask.RESTART:
-                return await self._restart(request)
+                return await (self._restart_part if request.component else self._restart)(request)
             case Ask.RESUME:
                 return await self._resume(request)
             case Ask.QUARANTINE:
@@ -138,7 +141,12 @@ class Door:
         )
         self._house.feed(asked)
         after = self._house.reading()
-        told = {"ok": True, "incident": after.incident or before.incident, "phase": str(after.phase)}
+        told = {
+            "ok": True,
+            "incident": after.incident or before.incident,
+            "phase": str(after.phase),
+            "mode": self._house.policy.mode,
+        }
         waits = after.switch_waits and verb is seen.Verb.RESTART
         updates = waits and after.switch_updates
         return {**told, "waits": waits, "updates": updates, "changed": after.phase is not before.phase}, []
@@ -196,8 +204,6 @@ class Door:
                 "The policy in force keeps no memory (`memory_image` is never). Set it to on_request; a changed "
                 "policy is taken within seconds.",
             )
-        if request.component:
-            return self._restart_component(request)
         if reading.phase is Phase.UNKILLABLE:
             return refuse("unkillable", "The old core does not die; a second one beside it could lose money.")
         if request.hard:
@@ -205,8 +211,8 @@ class Door:
         serves, on_disk = await asyncio.gather(self._code_that_serves(), self._code_on_disk())
         return self._order(seen.Verb.RESTART, request, on_disk=on_disk, serves=serves)
 
-    def _restart_component(self, request: Request) -> Answer:
-        """Have one part of the serving core started anew; the others go on."""
+    async def _restart_part(self, request: Request) -> Answer:
+        """Have one part of the serving core started anew; the others go on. What came of it is waited for."""
         reading = self._house.reading()
         if reading.phase not in SERVING:
             return refuse("no-component", "No core serves now: there is no part to start anew.")
@@ -215,7 +221,21 @@ class Door:
             names = ", ".join(known)
             words = f"{request.component!r} is no part of this core; it has: {names}."
             return refuse("component-unknown", words, component=request.component, names=names)
-        return self._order(seen.Verb.RESTART_COMPONENT, request)
+        self._part = part = asyncio.get_running_loop().create_future()
+        answer, fds = self._order(seen.Verb.RESTART_COMPONENT, request)
+        try:
+            came = await asyncio.wait_for(part, PART_S)
+        except TimeoutError:
+            return {**answer, "done": False}, fds
+        if not came.done:
+            words = f"{came.name} was not started anew: {came.reason}."
+            return refuse("component-not-restarted", words, component=came.name, why=came.reason)
+        return {**answer, "done": True}, fds
+
+    def part_restarted(self, fact: seen.ComponentRestarted) -> None:
+        """Take in what came of an order to start a part anew; whoever asked for it hears of it."""
+        if self._part is not None and not self._part.done():
+            self._part.set_result(fact)
 
     async def _code_that_serves(self) -> str:
         """Return the name of the code that the serving core runs, as it says itself; empty if it does not say."""
@@ -274,6 +294,8 @@ class Door:
         if stats.get("forwarded") != self._stats.get("forwarded") or stats.get("held"):
             self._busy_ns = at_ns
         self._stats = stats
+        counts = (max(0, stats.get(name, 0)) for name in ("connections", "held", "forwarded"))
+        self._house.feed(seen.GatewayCounted(at_ns, *counts))
 
     @property
     def is_quiet(self) -> bool:
@@ -350,6 +372,7 @@ class Door:
             "adopted": house.adopted,
         }
         told["gateway"] = {
+            **house.gateway_told(),
             "pid": gateway.pid if gateway else None,
             "websockets": self._stats.get("websockets", 0),
             "held_requests": self._stats.get("held", 0),

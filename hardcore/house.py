@@ -50,6 +50,12 @@ class House(Protocol):
     def gateway(self) -> Handle | None:
         """Return the present gateway's process."""
 
+    def gateway_told(self) -> Mapping[str, object]:
+        """Return what a status says of the gateway beside its process."""
+
+    def drill_gateway(self) -> str | None:
+        """Kill the gateway, as a drill; return why that can't be done now."""
+
     def go_by(self, policy: Policy) -> None:
         """Go by another policy from now on."""
 

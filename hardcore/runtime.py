@@ -52,6 +52,8 @@ FEED_EVERY_S = 1.0
 SPARE_EVERY_TICKS = 3
 SWITCH_INTERVAL_S = 0.0005
 EXIT_UNREACHABLE = 4
+#: What an operator says to have everything go on that waits for a person.
+GOES_ON = frozenset({seen.Verb.RESUME, seen.Verb.RESTART, seen.Verb.RESTART_HARD})
 
 
 class Runtime:
@@ -166,6 +168,8 @@ class Runtime:
 
     def feed(self, fact: seen.Observation) -> None:
         """Give the manager a fact and do what it orders."""
+        if isinstance(fact, seen.OperatorAsked) and fact.verb in GOES_ON:
+            self.gatekeeper.resume()
         if isinstance(fact, seen.RequestsSettled) and fact.incident != self.manager.reading().incident:
             self.executor.begin(self.executor.filing.add_late(fact))  # its story has been told
         try:
@@ -173,6 +177,8 @@ class Runtime:
             self.manager.receive(fact)
             if isinstance(fact, seen.CoreReady | seen.LedgerAudited):
                 self.door.proved(fact)
+            if isinstance(fact, seen.ComponentRestarted):
+                self.door.part_restarted(fact)
             self._obey()
             self.standing.hear(fact)
             if isinstance(fact, seen.EvidenceTaken) and (incident := self.manager.reading().incident):

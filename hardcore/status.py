@@ -46,7 +46,17 @@ def _shape() -> dict[str, Any]:
             "rss_bytes": None,
             "adopted": False,
         },
-        "gateway": {"pid": None, "websockets": 0, "held_requests": 0},
+        "gateway": {
+            "pid": None,
+            "websockets": 0,
+            "held_requests": 0,
+            "heartbeat_age_ms": None,
+            "overdue": 0,  # answered 504 by the present gateway
+            "refused_paths": [],  # that have killed two of them
+            "refused_requests": 0,
+            "incident": None,  # its own, while one is open
+            "awaits_operator": False,
+        },
         "core": {
             "pid": None,
             "old_pid": None,
@@ -73,6 +83,11 @@ def _shape() -> dict[str, Any]:
         "dead_letters": 0,  # in force: whose commands and events are set aside now
         "ledger_verified_at": None,
     }
+
+
+def whole(told: dict[str, Any]) -> dict[str, Any]:
+    """Return what a guard told, with the shape's own values for what one of an older version does not know."""
+    return {**_shape(), **told}
 
 
 def running(reading: Reading, policy: Policy, safe_reason: str = "") -> dict[str, Any]:

@@ -213,7 +213,10 @@ def record_on(path: Path | None, refused: Path | None) -> Recording:
         mapped = mmap.mmap(fd, page.FILE_BYTES)
     finally:
         os.close(fd)
-    return Recording(memoryview(mapped).cast("Q"), _read_refused(refused) if refused else {})
+    words = memoryview(mapped).cast("Q")
+    if words[page.PID]:
+        raise OSError("it belongs to another process")
+    return Recording(words, _read_refused(refused) if refused else {})
 
 
 def _read_refused(path: Path) -> dict[int, int]:

@@ -152,11 +152,14 @@ def _jump(before: deque[int], now: int | None, over: int, what: str) -> str:
 
 
 def listening(pid: int) -> tuple[str, ...]:
-    """Return the TCP ports that the process listens on; a core has none, it listens on a socket of ours."""
+    """Return the TCP ports that the process listens on; a core has none, it listens on a socket of ours.
+
+    What we hold as well is not its own: the gateway's listener, which a core keeps for the guard that it may start.
+    """
     open_ports = {**_listeners(pid, "tcp"), **_listeners(pid, "tcp6")}
     if not open_ports:
         return ()
-    held = _held_sockets(pid)
+    held = _held_sockets(pid) - _held_sockets(os.getpid())
     return tuple(sorted({f"port {port}" for inode, port in open_ports.items() if inode in held})[:TOLD_MAX])
 
 

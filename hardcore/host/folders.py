@@ -149,6 +149,11 @@ class Folders:
         return self.run / "gateway.page"
 
     @property
+    def refused_paths(self) -> Path:
+        """Paths that have killed a gateway twice."""
+        return self.state / "refused_paths.json"
+
+    @property
     def agents(self) -> Path:
         """What the agents in gateway and core go by when the sentinel is lost."""
         return self.run / "agents.json"
