@@ -106,6 +106,8 @@ class Door:
                 return await self._safe_mode(request)
             case Ask.HISTORY:
                 return {"ok": True, "changes": self._house.history()}, []
+            case Ask.CURVE:
+                return {"ok": True, "resources": self._house.curve()}, []
             case Ask.ALERTS_TEST:
                 return await self._house.test_alerts(request.channel)
             case Ask.DOWN:

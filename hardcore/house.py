@@ -68,6 +68,9 @@ class House(Protocol):
     def history(self) -> list[Mapping[str, object]]:
         """Return the last changes of the state, the newest last."""
 
+    def curve(self) -> list[dict[str, Any]]:
+        """Return what is known of each resource over time."""
+
     async def test_alerts(self, channel: int | None) -> Answer:
         """Send a trial through one channel, or all of them; say what came of it."""
 

@@ -26,6 +26,7 @@ from hardcore.arrival import Setup, set_up
 from hardcore.calendar import Calendar
 from hardcore.chronicle import Chronicle
 from hardcore.control.server import ControlServer
+from hardcore.curves import Curves
 from hardcore.door import Door
 from hardcore.executor import Executor
 from hardcore.gatekeeper import Gatekeeper
@@ -42,6 +43,7 @@ from hardcore.policy_desk import PolicyDesk
 from hardcore.recovery.budget import NS_PER_S
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import CODEC, Tape, digest
+from hardcore.recovery.foresight import Foresight
 from hardcore.recovery.policy import Policy, in_full
 from hardcore.recovery.reading import Reading
 from hardcore.snapshot.facts import stops
@@ -88,6 +90,7 @@ class Runtime:
         self.begin = self.executor.begin
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
         self.policy_desk = PolicyDesk(self, setup.in_force.fault)
+        self.curves = Curves()
         self.chronicle = Chronicle(folders, self.executor, self.court.spool)
         self.door = Door(self, self.policy_desk)
         self.standing = StandingLine(self, self.door, self.manager.open_incident, self.publish)
@@ -295,6 +298,12 @@ class Runtime:
     def history(self) -> list[Mapping[str, object]]:
         """Return the last changes of the state, the newest last."""
         return self.chronicle.told()
+
+    def curve(self) -> list[dict[str, Any]]:
+        """Return what is known of each resource over time."""
+        known = self.manager.state()["foresight"]
+        assert isinstance(known, Foresight), "it is part of what a manager remembers"
+        return self.curves.told(known, clock.now_ns())
 
     async def test_alerts(self, channel: int | None) -> Answer:
         """Send a trial through one channel, or all of them; say what came of it."""

@@ -29,6 +29,7 @@ class Ask(StrEnum):
     POLICY_RELOAD = "policy-reload"
     SAFE_MODE = "safe-mode"
     HISTORY = "history"
+    CURVE = "curve"
     ALERTS_TEST = "alerts-test"
     ATTACH = "attach"
     QUARANTINE = "quarantine"
