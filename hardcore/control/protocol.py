@@ -31,6 +31,7 @@ class Ask(StrEnum):
     HISTORY = "history"
     CURVE = "curve"
     ALERTS_TEST = "alerts-test"
+    ALERTS_MUTE = "alerts-mute"
     ATTACH = "attach"
     QUARANTINE = "quarantine"
     RULE_ADD = "rule-add"
@@ -55,7 +56,8 @@ PEACE_S = 12.0
 class Request:
     """One line from a client. `rule`: as it came, and `id` a rule's; `audited`: whoever asks keeps a record of it itself.
 
-    `component`: of a restart, the part that is meant alone; `on`: of the safe mode; `channel`: a number, or None for all.
+    `component`: of a restart, the part that is meant alone; `on`: of the safe mode; `channel`: a number, or None for all;
+    `seconds`: how long alerts are muted, 0 for no longer.
     """
 
     ask: Ask
@@ -72,6 +74,7 @@ class Request:
     component: str = ""
     on: bool = False
     channel: int | None = None
+    seconds: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +111,9 @@ def read_request(line: bytes) -> Request | BadRequest:
         )
     if verb == Ask.SAFE_MODE and not isinstance(value.get("on"), bool):
         return BadRequest("bad-field", "on says whether the safe mode is to be on: true or false")
+    seconds = value.get("seconds", 0)
+    if isinstance(seconds, bool) or not isinstance(seconds, int) or seconds < 0:
+        return BadRequest("bad-field", "seconds is a number, 0 or more")
     if verb == Ask.DRILL and fault not in DRILLS:
         return BadRequest("unknown-drill", f"the drills are: {', '.join(DRILLS)}")
     return Request(
@@ -125,6 +131,7 @@ def read_request(line: bytes) -> Request | BadRequest:
         component=str(component)[:COMPONENT_CHARACTERS_MAX],
         on=value.get("on") is True,
         channel=channel,
+        seconds=seconds,
     )
 
 
