@@ -59,16 +59,20 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "The policy file is faulty, so the last good one stays in force. See `hardcore policy check {path}`.",
     ),
     "policy_later": (
-        "돌고 있는 감시자는 다음에 시작할 때부터 이 정책을 써요: {path}. 바로 쓰려면 `hardcore down` 뒤에 다시 켜세요.",
-        "The running sentinel uses this policy from its next start: {path}. To use it now: `hardcore down`, then `up`.",
+        "돌고 있는 감시자가 몇 초 안에 이 정책을 써요: {path}. 바뀐 것은 `hardcore policy reload`로 볼 수 있어요.",
+        "The running sentinel takes this policy within seconds: {path}. `hardcore policy reload` says what changed.",
+    ),
+    "mode_later": (
+        "이 가계부는 이미 돌고 있어요. 정책의 mode를 바꾸거나, `hardcore down` 뒤에 --mode로 다시 시작하세요.",
+        "This ledger is already running. Change `mode` in the policy, or `hardcore down` and start it with --mode.",
     ),
     "policy_next": (
         "고친 뒤 다시 시작하거나, 파일을 지우면 기본값으로 시작해요.",
         "Mend it and start again, or remove it to start with the defaults.",
     ),
     "policy_changed": (
-        "정책 파일이 그 뒤에 바뀌었어요. 다음에 시작할 때부터 써요 (`hardcore policy show --file`로 볼 수 있어요).",
-        "The file has changed since; it is read at the next start. See `hardcore policy show --file`.",
+        "정책 파일과 달라요. 방금 바뀌었거나, 이번 실행에만 쓰는 값이 있어요 (`hardcore policy show --file`로 볼 수 있어요).",
+        "The file says otherwise: it has just changed, or `up` was given a value for this run. See `hardcore policy show --file`.",
     ),
     "policy_of_next_start": (
         "감시자가 돌고 있지 않아요. 다음에 시작할 때 쓸 정책이에요.",
@@ -284,12 +288,40 @@ REFUSALS: Final[dict[str, tuple[str, str]]] = {
         "Others are connected ({count}). Add --yes to break the core under them.",
     ),
     "no-image": (
-        "지금 쓰는 정책의 `memory_image`가 never예요. on_request로 고치고 `hardcore down` 뒤에 다시 켜세요.",
-        "`memory_image` is never in the policy in force. Set it to on_request, then `hardcore down` and `up`.",
+        "지금 쓰는 정책의 `memory_image`가 never예요. on_request로 고치면 몇 초 안에 적용돼요.",
+        "`memory_image` is never in the policy in force. Set it to on_request; that is taken within seconds.",
     ),
     "unkillable": (
         "앞의 서버가 아직 끝나지 않았어요. 둘이 함께 돌면 돈을 잃을 수 있어서 기다려요.",
         "The old core does not die; a second one beside it could lose money.",
+    ),
+    "stopping": (
+        "끄는 중이에요. `hardcore up`으로 켜면 전에 바라던 대로 켜져요.",
+        "It is being stopped; `hardcore up` starts it as it was wanted before.",
+    ),
+    "safe-by-policy": (
+        "사람이 켠 안전 모드가 아니에요. 이유: {safe}. 풀리면 저절로 끝나고, `hardcore resume`으로 다시 해 볼 수 있어요.",
+        "Nobody asked for reading only: {safe} is why. It ends by itself, or `hardcore resume` tries again.",
+    ),
+    "wish-not-stored": (
+        "기억해 둘 수 없어서 하지 않았어요 ({why}). 데이터 폴더에 쓸 수 있게 한 뒤 다시 하세요.",
+        "Nothing was changed: what is wanted can't be written ({why}). Make the data folder writable and try again.",
+    ),
+    "no-component": (
+        "지금은 일하는 핵심 서버가 없어서 다시 시작할 부분도 없어요.",
+        "No core serves now, so there is no part of it to start anew.",
+    ),
+    "component-unknown": (
+        "이런 부분은 없어요: {component}. 있는 것: {names}",
+        "There is no part called {component}. There are: {names}",
+    ),
+    "component-not-restarted": (
+        "다시 시작하지 못했어요: {component} ({why})",
+        "{component} was not started anew: {why}",
+    ),
+    "not-read": (
+        "정책 파일을 지금 읽을 수 없어요. 디스크가 대답하지 않아요.",
+        "The policy file can't be read now: its disk does not answer.",
     ),
 }
 
@@ -341,6 +373,22 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "dead_letters_aside": ("{count}건 (`hardcore dlq`로 봐요)", "{count} (see `hardcore dlq`)"),
     "verified": ("장부 확인", "Ledger checked"),
     "safe": ("읽기만 하는 이유", "Reads only"),
+    "safe_by": ("안전 모드", "Safe mode"),
+    "safe_by_operator": (
+        "켜져 있음 (`hardcore safe-mode off`로 꺼요)",
+        "on (`hardcore safe-mode off` ends it)",
+    ),
+    "mode": ("모드", "Mode"),
+    "mode_assist": ("assist: 알리고 기다려요", "assist: it tells you and waits"),
+    "mode_observe": ("observe: 기록만 해요", "observe: it only records"),
+    "policy_fault": ("정책 파일", "Policy file"),
+    "needs_since": ("기다린 때", "Waits since"),
+    "forecast": ("예측", "Forecast"),
+    "part": ("멈춘 부분", "Silent part"),
+    "part_silent": (
+        "{name}: 신호가 {age_ms} ms째 없음 (한도 {limit_ms} ms)",
+        "{name}: no sign for {age_ms} ms (limit {limit_ms} ms)",
+    ),
     "start_fault": ("켜지 못한 까닭", "Start failed"),
     "switch_fault": ("바꾸지 못한 까닭", "Not switched"),
     "estimate": ("예상 시간", "Estimates"),
@@ -412,6 +460,10 @@ NEXT_STEPS: Final[dict[str, tuple[str, str]]] = {
     "DISK_STALLED": (
         "장부가 있는 디스크가 대답하지 않아요. 디스크를 확인하세요. 돌아오면 저절로 이어져요.",
         "The ledger's disk does not answer. Look at the disk; it goes on by itself when that is back.",
+    ),
+    "OPERATOR": (
+        "안전 모드예요. `hardcore safe-mode off`로 끝내요.",
+        "The safe mode is on. `hardcore safe-mode off` ends it.",
     ),
     "UNKILLABLE": (
         "핵심 서버가 아직 끝나지 않았어요. 계속 끝내 보고 있어요. 디스크에 문제가 없는지 확인하세요.",

@@ -152,7 +152,7 @@ def operator(command: Callable[..., None]) -> Callable[..., None]:
 def status_of(asked: Asked) -> dict[str, Any]:
     """Return the status, from the guard or from its files when it is gone."""
     try:
-        return client.ask(asked.folders.control, {"verb": "status"})
+        return status.whole(client.ask(asked.folders.control, {"verb": "status"}))
     except client.Unreachable:
         return status.from_files(asked.folders)
 

@@ -18,6 +18,7 @@ from typing import Any
 import click
 
 from frontend.catalogue import text
+from frontend.catalogue_operator import operator_text
 from hardcore import __version__, standing
 from hardcore import up as starting
 from hardcore.asked import WAIT_S as STOP_S
@@ -29,10 +30,14 @@ from hardcore.host import leftovers
 from hardcore.host.files import read_json, take_lock
 from hardcore.host.folders import Folders
 from hardcore.letter_words import dlq
+from hardcore.log_words import logs
 from hardcore.looking_back import incidents, replay
 from hardcore.model.phases import Wanted
 from hardcore.policy_words import policy
+from hardcore.reading_only import safe_mode
 from hardcore.restarting import restart
+from hardcore.service_words import service
+from hardcore.snapshot_words import snapshot
 from hardcore.status_page import PROVEN, printed_status
 from hardcore.up import held
 
@@ -54,6 +59,7 @@ def main(context: click.Context, /, **given: object) -> None:
     hardcore incidents           what has happened
     hardcore dlq                 requests that were set aside
     hardcore drill crash         break it on purpose and watch it come back
+    hardcore safe-mode on        serve reads only until you say otherwise
     hardcore doctor              what this machine lets the guard see and do
     hardcore restart             a new core with the code on the disk, without losing a request
     hardcore down                stop it and keep it stopped
@@ -73,10 +79,17 @@ def main(context: click.Context, /, **given: object) -> None:
     "--demo", is_flag=True, help="Add a page with buttons that break the core, to watch it come back."
 )
 @click.option("--no-spare", is_flag=True, help="Keep no second core ready: less memory, a slower way back.")
+@click.option(
+    "--mode",
+    type=click.Choice(standing.MODES),
+    help="What the guard may do in this run, whatever the policy says.",
+)
 @operator
-def up(asked: Asked, host: str, port: int, policy: Path | None, *, demo: bool, no_spare: bool) -> None:
+def up(
+    asked: Asked, host: str, port: int, policy: Path | None, mode: str | None, *, demo: bool, no_spare: bool
+) -> None:
     """Start the ledger and its guard, here in the foreground. Ctrl-C stops everything cleanly."""
-    wishes = starting.Wishes(demo=demo, no_spare=no_spare)
+    wishes = starting.Wishes(demo=demo, no_spare=no_spare, mode=mode or "")
     ready = starting.prepare_start(asked.data, host, port, policy, asked.lang, wishes)
     if isinstance(ready, starting.Refused):
         asked.fail(ready.words, ready.code)
@@ -181,6 +194,8 @@ def resume(asked: Asked, *, accept_ledger: bool) -> None:
         asked.tell(answer)
         return
     asked.say("resumed")
+    if answer.get("mode") == "assist" and not asked.json:
+        click.echo(operator_text("resume_assists", asked.lang))
     told = come_back(asked, lambda told: told["phase"] in PROVEN | {"FATAL"})
     if told["phase"] not in PROVEN:
         asked.fail(asked.words("not_back", next=next_words(told, asked.lang)))
@@ -188,10 +203,11 @@ def resume(asked: Asked, *, accept_ledger: bool) -> None:
 
 
 @main.command()
+@click.option("--quick", is_flag=True, help="Only what came after the newest good checkpoint.")
 @operator
-def verify(asked: Asked) -> None:
+def verify(asked: Asked, *, quick: bool) -> None:
     """Prove the whole ledger: chain, sums, balances, keys. Works with everything stopped."""
-    told = _verify_served(asked) or _verify_alone(asked)
+    told = (None if quick else _verify_served(asked)) or _verify_alone(asked, quick=quick)
     asked.tell(told)
     if told.get("ok"):
         asked.say("verify_ok", events=told["events"])
@@ -216,8 +232,9 @@ def _verify_served(asked: Asked) -> dict[str, Any] | None:
         return None
 
 
-def _verify_alone(asked: Asked) -> dict[str, Any]:
+def _verify_alone(asked: Asked, *, quick: bool) -> dict[str, Any]:
     argv = [sys.executable, "-I", "-m", "core", "verify", "--data", str(asked.folders.data), "--json"]
+    argv += ["--quick"] if quick else []
     done = subprocess.run(argv, capture_output=True, text=True, check=False)
     try:
         found: dict[str, Any] = json.loads(done.stdout)
@@ -227,7 +244,7 @@ def _verify_alone(asked: Asked) -> dict[str, Any]:
     return found
 
 
-for command in (incidents, dlq, replay, drill, doctor, policy, restart):
+for command in (incidents, dlq, replay, drill, doctor, policy, restart, safe_mode, logs, snapshot, service):
     main.add_command(command)
 
 

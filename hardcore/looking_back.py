@@ -27,7 +27,7 @@ def incidents(context: click.Context, /, **given: object) -> None:
 @operator
 def incidents_list(asked: Asked) -> None:
     """List the incidents, newest first."""
-    found = [item for place in _places(asked) for item in incidents_cli.list_incidents(place, asked.lang)]
+    found = [item for place in places(asked) for item in incidents_cli.list_incidents(place, asked.lang)]
     items = sorted({item["id"]: item for item in found}.values(), key=lambda item: item["id"], reverse=True)
     asked.tell(items)
     if not asked.json:
@@ -39,7 +39,7 @@ def incidents_list(asked: Asked) -> None:
 @operator
 def incidents_show(asked: Asked, incident: str) -> None:
     """Tell one incident: what happened, when, why, and what became of each request."""
-    story = incidents_cli.show_incident(_place_of(asked, incident), incident, asked.lang)
+    story = incidents_cli.show_incident(place_of(asked, incident), incident, asked.lang)
     if not isinstance(story, dict):
         asked.fail(story.sentence)
     asked.tell(story)
@@ -58,20 +58,21 @@ def incidents_show(asked: Asked, incident: str) -> None:
 @operator
 def incidents_export(asked: Asked, incident: str, out: Path) -> None:
     """Write one incident to a file, in the form that its ending names."""
-    refused = incidents_cli.export(_place_of(asked, incident), incident, out, asked.lang)
+    refused = incidents_cli.export(place_of(asked, incident), incident, out, asked.lang)
     if refused is not None:
         asked.fail(refused.sentence)
     asked.say("exported", path=out)
     asked.tell({"ok": True, "path": str(out)})
 
 
-def _places(asked: Asked) -> tuple[Path, Path]:
+def places(asked: Asked) -> tuple[Path, Path]:
     """Where incidents are: what their disk does not take is kept in the first, and home in the second counts more."""
     return asked.folders.shelter, asked.folders.incidents
 
 
-def _place_of(asked: Asked, incident: str) -> Path:
-    shelter, home = _places(asked)
+def place_of(asked: Asked, incident: str) -> Path:
+    """Return the folder in which an incident's own folder lies."""
+    shelter, home = places(asked)
     if isinstance(incidents_cli.find_incident(home, incident), incidents_cli.Refused):
         kept = incidents_cli.find_incident(shelter, incident)
         return home if isinstance(kept, incidents_cli.Refused) else shelter
@@ -86,7 +87,7 @@ def replay(asked: Asked, incident: str) -> None:
 
     Exit code 0: every order is the same. 1: another order, or a record that can't be read.
     """
-    folder = incidents_cli.find_incident(_place_of(asked, incident), incident, asked.lang)
+    folder = incidents_cli.find_incident(place_of(asked, incident), incident, asked.lang)
     if isinstance(folder, incidents_cli.Refused):
         asked.fail(folder.sentence)
     if not (folder.path / RECORDING).exists():

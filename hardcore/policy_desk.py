@@ -10,7 +10,6 @@ told which names those are. To watch the folder by inotify was not chosen: it is
 import asyncio
 import threading
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hardcore import standing
@@ -21,6 +20,7 @@ from hardcore.house import Answer, House, refuse
 from hardcore.model.actions import Alert, AlertStage
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.channels import as_shown
+from hardcore.recovery.differing import differences
 from hardcore.recovery.policy import Policy, PolicyFault, in_full
 
 LOOK_EVERY_S = 1.0
@@ -181,23 +181,6 @@ class PolicyDesk:
 
 
 _MENDED = "The policy file is right again and in force."
-
-
-def differences(old: Policy, new: Policy) -> list[str]:
-    """Return the names of what two policies say otherwise, as `actions.FROZEN` or `gateway.hold_ms` where it is inside."""
-    before, after = _flat(in_full(old)), _flat(in_full(new))
-    names = [name for name in after if before.get(name) != after[name]]
-    return names if old.alerts == new.alerts else [*names, "alerts"]
-
-
-def _flat(told: Mapping[str, object]) -> dict[str, object]:
-    flat: dict[str, object] = {}
-    for name, value in told.items():
-        if isinstance(value, dict):
-            flat |= {f"{name}.{inner}": one for inner, one in value.items()}
-        else:
-            flat[name] = value
-    return flat
 
 
 def _is_later(name: str) -> bool:

@@ -4,6 +4,9 @@ A recording (`observations.jsonl`, see `recovery/flight.py`) begins with what th
 on its orders follow from the facts alone. Where they differ, the code has changed since, or the recording has
 been; either is worth knowing before a decision is explained to anybody. Whatever stands in the file, the answer
 is a value: a recording is read, never run.
+
+The same facts can be given to a second manager that goes by another policy. What it orders first that the other does
+not is the answer; what would have come after that nobody knows, because other orders lead to other facts.
 """
 
 import json
@@ -13,15 +16,17 @@ from pathlib import Path
 from typing import Any
 
 from hardcore.model.codec import Json, Undecodable
-from hardcore.model.observations import Observation
+from hardcore.model.observations import Observation, PolicyRead
 from hardcore.model.phases import Wanted
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.flight import CODEC, RECORDING_BYTES_MAX, VERSION, digest, orders_told, resume
-from hardcore.recovery.policy import Policy
+from hardcore.recovery.policy import Policy, in_full
 from hardcore.snapshot.writer import RECORDING
 
 #: Of an order or a reason, so much is shown.
 SHOWN_MAX = 400
+#: Orders by which nothing changes for whoever uses the ledger.
+_NO_DEEDS = frozenset({"SampleStacks", "LookAtStore", "KeepBudget", "KeepCourt", "AddAudit", "AddTrials"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +53,15 @@ class Replayed:
     first_difference: Difference | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """The first fact after which another policy leads to other orders; each order by its name. `fact` None: none does."""
+
+    fact: str | None
+    does: tuple[str, ...] = ()
+    would: tuple[str, ...] = ()
+
+
 class _BrokenError(ValueError):
     """The argument says why a recording can't be asked."""
 
@@ -70,14 +84,29 @@ class _Chance:
 
 def replay_incident(folder: Path) -> Replayed | str:
     """Replay the recording in an incident's folder; a sentence where that can't be done."""
+    data = _recording(folder)
+    return data if isinstance(data, str) else replay(data)
+
+
+def compare_incident(folder: Path, policy: Policy) -> Compared | str:
+    """Give an incident's facts to two managers, one with its own policy and one with this; a sentence where that fails."""
+    data = _recording(folder)
+    if isinstance(data, str):
+        return data
+    try:
+        return _compare(data, policy)
+    except _BrokenError as broken:
+        return f"{broken}."
+
+
+def _recording(folder: Path) -> bytes | str:
     try:
         with (folder / RECORDING).open("rb") as file:
-            data = file.read(RECORDING_BYTES_MAX + 1)
+            return file.read(RECORDING_BYTES_MAX + 1)
     except FileNotFoundError:
         return f"This incident has no {RECORDING}: its guard ended before it was written."
     except OSError as error:
         return f"{RECORDING} can't be read: {error.strerror}."
-    return replay(data)
 
 
 def replay(data: bytes) -> Replayed | str:
@@ -106,6 +135,42 @@ def _replay(data: bytes) -> Replayed:
         if difference is None and given != line.get("orders", []):
             difference = _difference(number, line, given)
     raise _BrokenError(f"The recording has no end: it was cut off after {facts} facts")
+
+
+def _compare(data: bytes, policy: Policy) -> Compared:
+    if len(data) > RECORDING_BYTES_MAX:
+        raise _BrokenError(f"The recording is longer than {RECORDING_BYTES_MAX} bytes")
+    lines = _lines(data)
+    head = next(lines)
+    chances = (_Chance([], []), _Chance([], []))
+    own, other = (_wake(head, chance) for chance in chances)
+    began_ns = head.get("began_ns")
+    other.receive(PolicyRead(began_ns if isinstance(began_ns, int) else 0, json.dumps(in_full(policy))))
+    other.take_transitions()
+    other.take_actions()  # what it does because of the change itself is no answer to a fact
+    for number, line in enumerate(lines, start=2):
+        if "end" in line:
+            return Compared(None)
+        if _name_of(line) == PolicyRead.__name__:
+            continue  # a change of policy back then is what is left out here
+        does, would = (
+            _names(_ask(manager, chance, line, number))
+            for manager, chance in zip((own, other), chances, strict=True)
+        )
+        if does != would:
+            return Compared(_name_of(line), does, would)
+    raise _BrokenError("The recording has no end: it was cut off")
+
+
+def _names(given: list[Json]) -> tuple[str, ...]:
+    """Return the names of orders that do something: looks, and what is only written down, are none."""
+    names = (next(iter(order), "") for order in given if isinstance(order, dict))
+    return tuple(sorted({name for name in names if name not in _NO_DEEDS}))
+
+
+def _name_of(line: dict[str, Json]) -> str:
+    fact = line.get("fact")
+    return next(iter(fact), "") if isinstance(fact, dict) else "deadline"
 
 
 def _lines(data: bytes) -> Iterator[dict[str, Json]]:
@@ -180,9 +245,7 @@ def _check_end(line: dict[str, Json], facts: int, *, last: bool) -> None:
 
 
 def _difference(number: int, line: dict[str, Json], given: list[Json]) -> Difference:
-    fact = line.get("fact")
-    name = next(iter(fact)) if isinstance(fact, dict) else "deadline"
-    return Difference(number, name, _short(line.get("orders", [])), _short(given))
+    return Difference(number, _name_of(line), _short(line.get("orders", [])), _short(given))
 
 
 def _short(value: Json) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from frontend.catalogue_operator import operator_text
 from hardcore.asked import Asked, come_back, next_words, operator, status_of
 from hardcore.looking_back import told_incident
 from hardcore.model.phases import Phase
@@ -24,12 +25,18 @@ SWITCH_S = 180.0
 @click.command()
 @click.option("--reason", default="", help="Why; it stands in the report.")
 @click.option("--hard", is_flag=True, help="Kill the core instead of letting it finish.")
+@click.option("--component", default="", help="Start this part of the core anew, and nothing else.")
 @click.option(
     "--image", is_flag=True, help="Keep the old core's whole memory (policy: memory_image on_request)."
 )
 @operator
-def restart(asked: Asked, reason: str, *, hard: bool, image: bool) -> None:
+def restart(asked: Asked, reason: str, component: str, *, hard: bool, image: bool) -> None:
     """Start a new core, with the code that lies on the disk now. Requests wait meanwhile; none is lost."""
+    if component:
+        if hard or image:
+            raise click.UsageError("--component stands alone: neither --hard nor --image goes with it.")
+        _restart_part(asked, component, reason)
+        return
     first = status_of(asked)
     before, sentinel = _core_of(first), first["sentinel"]["pid"]
     answer = asked.ask(verb="restart", reason=reason, hard=hard or image, image=image)
@@ -57,6 +64,16 @@ def restart(asked: Asked, reason: str, *, hard: bool, image: bool) -> None:
     said = "restarted_to_read" if told["safe"] else "restarted"
     asked.say(said, ms=shown, incident=incident or "-", next=step)
     asked.tell({"ok": True, "incident": incident, "safe": told["safe"], "outage_ms": outage_ms})
+
+
+def _restart_part(asked: Asked, component: str, reason: str) -> None:
+    """Have one part started anew, and say whether it was."""
+    answer = asked.ask(verb="restart", component=component, reason=reason)
+    if not answer.get("done"):
+        asked.fail(operator_text("part_not_restarted", asked.lang, component=component))
+    if not asked.json:
+        click.echo(operator_text("part_restarted", asked.lang, component=component))
+    asked.tell({"ok": True, "component": component, "incident": answer.get("incident")})
 
 
 def _begun(answer: Mapping[str, Any]) -> str:

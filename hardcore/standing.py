@@ -152,6 +152,25 @@ def store_wanted(folders: Folders, what: Wanted, reason: str = "") -> None:
     files.write_json(folders.state / "wanted.json", told)
 
 
+def want_safe(folders: Folders, reason: str, *, on: bool) -> bool:
+    """Write down, with everything stopped, whether reads only are wanted from the next start on; return what changed.
+
+    Raises OSError where it can't be written. What is stopped stays stopped.
+    """
+    kept = files.read_json(folders.state / "wanted.json")
+    is_on = Wanted.SAFE in {kept.get("wanted"), kept.get("before")}
+    if is_on == on:
+        return False
+    if _wanted(kept.get("wanted")) is not Wanted.DOWN:
+        store_wanted(folders, Wanted.SAFE if on else Wanted.UP, reason)
+        return True
+    told: dict[str, object] = {"wanted": str(Wanted.DOWN), "at": clock.wall(clock.now_ns())}
+    if on:
+        told |= {"before": str(Wanted.SAFE), "reason": reason[:REASON_CHARACTERS_MAX]}
+    files.write_json(folders.state / "wanted.json", told)
+    return True
+
+
 def want_up(folders: Folders) -> None:
     """Write down that it should run; one that was to serve reads only is to do that again.
 

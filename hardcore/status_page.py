@@ -6,7 +6,8 @@ from frontend.catalogue import label, next_step, spare_lack, state_words
 from frontend.catalogue_evidence import in_korean
 from frontend.catalogue_policy import diagnosis_words
 from hardcore.lines import cells, wrapped
-from hardcore.model.phases import Phase
+from hardcore.model.phases import Phase, Wanted
+from hardcore.model.verdicts import Diagnosis
 
 #: A core serves and has proven itself; a worry is no reason to wait.
 PROVEN = frozenset({Phase.RUNNING, Phase.SUSPECT})
@@ -19,8 +20,11 @@ WORDS_MAX = 160
 def printed_status(told: dict[str, Any], lang: str) -> str:
     """Return the status as lines of a terminal."""
     rows = [("state", _state(told, lang))]
-    if told["safe"]:
-        rows.append(("safe", f"{diagnosis_words(told['safe'], lang)} ({told['safe']})"))
+    if told["mode"] != "act":
+        rows.append(("mode", label(f"mode_{told['mode']}", lang)))
+    if told["policy_fault"]:
+        rows.append(("policy_fault", _why(told["policy_fault"], lang)))
+    rows += _safe(told, lang)
     if told["state"] == "MANUAL_INTERVENTION" or told["safe"]:
         rows.append(("next", next_step(told.get("waits_for") or told["safe"], lang)))
     none = label("none", lang)
@@ -48,6 +52,8 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
     if estimate.get("samples"):
         key = "estimate_score" if estimate["scored"] else "estimate_none"
         rows.append(("estimate", label(key, lang).format(**estimate)))
+    rows += [("part", label("part_silent", lang).format(**each)) for each in _silent(told)]
+    rows += [("forecast", _why(each["why"], lang)) for each in told["forecasts"]]
     rows += [("worry", _why(worry, lang)) for worry in told.get("worries", [])]
     names = [label(key, lang) for key, _value in rows]
     width = max(cells(name) for name in names)
@@ -56,6 +62,27 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
         f"{name}{' ' * (width - cells(name))}  {wrapped(str(value), width + 2)}"
         for name, (_key, value) in lines
     )
+
+
+def _safe(told: dict[str, Any], lang: str) -> list[tuple[str, str]]:
+    """Return who has it read only, and why."""
+    if told["wanted"] == Wanted.SAFE:
+        reason = f" · {_why(told['safe_reason'], lang)}" if told["safe_reason"] else ""
+        rows = [("safe_by", label("safe_by_operator", lang) + reason)]
+    else:
+        rows = []
+    if told["safe"] and told["safe"] != Diagnosis.OPERATOR:
+        rows.append(("safe", f"{diagnosis_words(told['safe'], lang)} ({told['safe']})"))
+    return rows
+
+
+def _silent(told: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the parts of the core that have work and give no sign for longer than they may."""
+    return [
+        {"name": each["name"], "age_ms": each["beat_age_ms"], "limit_ms": each["limit_ms"]}
+        for each in told["components"]
+        if each["beat_age_ms"] is not None and each["limit_ms"] and each["beat_age_ms"] > each["limit_ms"]
+    ]
 
 
 def _state(told: dict[str, Any], lang: str) -> str:

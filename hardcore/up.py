@@ -39,6 +39,7 @@ class Wishes:
 
     demo: bool = False  # add a page with buttons that break the core
     no_spare: bool = False  # keep no spare core, whatever the policy says
+    mode: str = ""  # what the guard may do, whatever the policy says; empty: what that says
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ def prepare_start(
         if isinstance(folders, Refused):
             return folders
         # A sentinel that runs was told when it began.
-        later = "demo_later" if wishes.demo else "no_spare_later" if wishes.no_spare else None
+        later = _later(wishes)
         if later is not None and held(folders.run / "sentinel.lock"):
             return Refused(text(later, lang))
         return _settle(folders, address, port, policy, lang)
@@ -129,15 +130,25 @@ def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: s
     return Ready(folders, listener.detach(), f"http://{shown}:{port}", attached=False, warning=warning)
 
 
+def _later(wishes: Wishes) -> str | None:
+    """Return the text for a wish that only the next start can fulfil, if there is one."""
+    if wishes.demo:
+        return "demo_later"
+    if wishes.no_spare:
+        return "no_spare_later"
+    return "mode_later" if wishes.mode else None
+
+
 def become_launcher(ready: Ready, wishes: Wishes) -> None:
     """Become the launcher. Does not return."""
     for name, wished in (
-        (lives.DEMO_SWITCH, wishes.demo),
-        (standing.NO_SPARE_SWITCH, wishes.no_spare),
+        (lives.DEMO_SWITCH, "1" if wishes.demo else ""),
+        (standing.NO_SPARE_SWITCH, "1" if wishes.no_spare else ""),
+        (standing.MODE_SWITCH, wishes.mode),
     ):
         os.environ.pop(name, None)  # the command line decides, not what a shell has left over
         if wished:
-            os.environ[name] = "1"
+            os.environ[name] = wished
     os.set_inheritable(ready.listen_fd, True)
     # Kept back over the exec: a Ctrl-C that meets a starting interpreter is answered with a traceback.
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
@@ -165,7 +176,7 @@ def _settle_policy(folders: Folders, given: Path | None, lang: str, *, attached:
             return Refused(policy_faults(given, found, lang))
         if given.resolve() != folders.policy:
             files.write_whole(folders.policy, given.read_bytes())
-        # What is in force is what the sentinel read when it began, and it keeps that as the last good one.
+        # A guard that runs takes it within a second, and keeps it as the last good one.
         old = attached and found != standing.load_policy_file(folders.good_policy)
         return text("policy_later", lang, path=given) if old else ""
     if not folders.policy.exists():

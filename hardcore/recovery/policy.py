@@ -171,8 +171,13 @@ _UNDOABLE: tuple[tuple[frozenset[Word], frozenset[Diagnosis], str], ...] = (
         "nothing has happened yet: PLANNED_SWITCH replaces the core in a quiet moment, SEND_ALERT tells you",
     ),
     (
-        frozenset({Word.DEGRADE, Word.SAFE_MODE_ENTER, Word.AWAIT_OPERATOR, Word.SHUTDOWN}),
+        frozenset({Word.DEGRADE, Word.SAFE_MODE_ENTER, Word.SHUTDOWN}),
         _BESIDE,
+        "the core that serves has nothing to do with it",
+    ),
+    (
+        frozenset({Word.AWAIT_OPERATOR}),
+        _BESIDE - {Diagnosis.GATEWAY_LOST},
         "the core that serves has nothing to do with it",
     ),
 )
@@ -436,7 +441,9 @@ def read_policy(text: str) -> Policy | list[PolicyFault]:
         faults += [("", fault) for fault in plain]
     elif not faults:
         policy = dataclasses.replace(plain, **special)  # type: ignore[arg-type]  # faults are ruled out
-        faults = [("actions" if one.name in Diagnosis.__members__ else "", one) for one in _contradictions(policy)]
+        faults = [
+            ("actions" if one.name in Diagnosis.__members__ else "", one) for one in _contradictions(policy)
+        ]
         if not faults:
             return policy
     return _in_their_lines(found, faults)

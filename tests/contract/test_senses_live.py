@@ -190,7 +190,7 @@ def test_a_core_that_serves_is_in_good_health_and_one_that_is_gone_is_asked_no_m
     async def scenario(house: House) -> None:
         life = await house.serving()
         serving: list[Life | None] = [life]
-        probing = asyncio.ensure_future(house.executor.senses.probe_on(lambda: serving[0], 0.01))
+        probing = asyncio.ensure_future(house.executor.senses.probe_on(lambda: serving[0], lambda: 0.01))
         try:
             told = await house.told(seen.Probed, 2)
             assert told.answered
@@ -216,7 +216,7 @@ def test_a_core_that_is_stopped_does_not_answer_for_its_health(
         life = await house.serving()
         assert life.handle is not None
         life.handle.signal(19)
-        probing = asyncio.ensure_future(house.executor.senses.probe_on(lambda: life, 0.01))
+        probing = asyncio.ensure_future(house.executor.senses.probe_on(lambda: life, lambda: 0.01))
         try:
             assert not (await house.told(seen.Probed)).answered
         finally:

@@ -14,7 +14,8 @@ from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.model.actions import AlertStage
 from hardcore.model.verdicts import Diagnosis
-from hardcore.policy_desk import PolicyDesk, PolicyFile, differences
+from hardcore.policy_desk import PolicyDesk, PolicyFile
+from hardcore.recovery.differing import differences
 from hardcore.recovery.policy import Policy, Word
 from tests.unit.recovery.play import Play
 from tests.unit.test_door import House
