@@ -18,7 +18,7 @@ import psutil
 from hardcore import standing, status
 from hardcore.breaking import Breaking, ask_core
 from hardcore.control.protocol import Ask, Request
-from hardcore.host import build, clock, leftovers, processes
+from hardcore.host import build, clock, leftovers, muting, processes
 from hardcore.host.docket import is_name
 from hardcore.host.processes import Identity
 from hardcore.house import Answer, House, refuse
@@ -110,6 +110,8 @@ class Door:
                 return {"ok": True, "resources": self._house.curve()}, []
             case Ask.ALERTS_TEST:
                 return await self._house.test_alerts(request.channel)
+            case Ask.ALERTS_MUTE:
+                return await self._mute(request.seconds)
             case Ask.DOWN:
                 return await self._down(request)
             case Ask.RESTART:
@@ -186,6 +188,13 @@ class Door:
         self._safe_reason = request.reason if request.on else ""
         answer, fds = self._order(seen.Verb.SAFE_ON if request.on else seen.Verb.SAFE_OFF, request)
         return {**answer, "changed": reading.wanted is not wanted}, fds
+
+    async def _mute(self, seconds: int) -> Answer:
+        try:
+            until = await self._house.in_hand(muting.silence, self._house.folders, seconds)
+        except OSError as error:
+            return refuse("not-stored", f"That alerts are muted can't be written ({error.strerror}).")
+        return {"ok": True, "muted_until": until}, []
 
     async def _resume(self, request: Request) -> Answer:
         reading = self._house.reading()
