@@ -38,5 +38,13 @@ def unmute(folders: Folders) -> None:
     _file(folders).unlink(missing_ok=True)
 
 
+def silence(folders: Folders, seconds: int) -> str | None:
+    """Mute alerts for so long, at most MUTED_S_MAX, or with 0 no longer; return until when, None: they are not."""
+    if seconds:
+        return mute(folders, min(seconds, MUTED_S_MAX))
+    unmute(folders)
+    return None
+
+
 def _file(folders: Folders) -> Path:
     return folders.state / "alerts_muted.json"
