@@ -88,6 +88,9 @@ class House:
     def history(self) -> list[Mapping[str, object]]:
         return [{"after": "OPERATIONAL"}]
 
+    def curve(self) -> list[dict[str, Any]]:
+        return [{"resource": "memory"}]
+
     async def test_alerts(self, channel: int | None) -> Answer:
         return {"ok": True, "results": [], "channel": channel}, []
 
