@@ -190,6 +190,10 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "같은 주소에 새 관문을 바로 켜요. 브라우저는 저절로 다시 연결돼요.",
         "Another gateway is started on the same address at once; browsers connect again by themselves.",
     ),
+    "gateway-left": _text(
+        "새 관문은 저절로 켜지지 않아요. `hardcore resume`을 기다려요. 그동안 아무도 접속할 수 없어요.",
+        "No other gateway is started by itself: `hardcore resume` is waited for, and nobody can connect until then.",
+    ),
     "agents-start": _text(
         "실행한 프로그램까지 없으면, 남은 관문이나 핵심 서버가 새 감시자를 켜요.",
         "Where the launcher is gone too, the gateway or the core that is left starts another guard.",

@@ -58,6 +58,7 @@ class Said(StrEnum):
     PART_STARTED = "part-started"
     SWITCHED_IN_QUIET = "switched-in-quiet"
     GATEWAY_STARTED = "gateway-started"
+    GATEWAY_LEFT = "gateway-left"
     AGENTS_START = "agents-start"
     AGENTS_REST = "agents-rest"
     OVERDUE = "overdue"
@@ -164,10 +165,14 @@ def _late(policy: Policy, deeds: list[Line]) -> list[Line]:
 
 
 def _of_the_guard(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
-    """Say what becomes of the guard itself, or of its gateway: no policy leaves a household without either."""
+    """Say what becomes of the guard itself, which no policy leaves dead, or of its gateway."""
     lines = [Line(Said.ALERT)] if _tells(policy, diagnosis) else []
-    lines.append(Line(Said.ADOPTED if diagnosis is Diagnosis.SENTINEL_LOST else Said.GATEWAY_STARTED))
     started = policy.asks(diagnosis, Word.REBOOT_PROCESS)
+    if diagnosis is Diagnosis.SENTINEL_LOST:
+        lines.append(Line(Said.ADOPTED))
+    else:
+        acts = started and policy.mode == "act"
+        lines.append(Line(Said.GATEWAY_STARTED if acts else Said.GATEWAY_LEFT))
     return [*lines, Line(Said.AGENTS_START if started else Said.AGENTS_REST)]
 
 

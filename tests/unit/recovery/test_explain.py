@@ -89,13 +89,14 @@ def test_a_part_that_stands_still_is_started_alone_first() -> None:
     ]
 
 
-def test_no_policy_leaves_a_household_without_a_gateway() -> None:
+def test_a_gateway_that_no_word_restarts_waits_for_a_person() -> None:
     nothing = Policy(actions={Diagnosis.GATEWAY_LOST: frozenset({Word.NONE})})
     assert _said(Diagnosis.GATEWAY_LOST, nothing) == [
         Said.GATEWAY_GONE,
-        Said.GATEWAY_STARTED,
+        Said.GATEWAY_LEFT,
         Said.AGENTS_REST,
     ]
+    assert Said.GATEWAY_STARTED in _said(Diagnosis.GATEWAY_LOST)
 
 
 def test_a_mode_is_told_before_what_it_keeps_from_being_done() -> None:

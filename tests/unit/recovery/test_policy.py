@@ -293,7 +293,7 @@ def test_no_text_raises(text: str) -> None:
         ("FROZEN", "PLANNED_SWITCH"),
         ("LEAK", "REBOOT_PROCESS"),
         ("MEMORY_PRESSURE", "SAFE_MODE_ENTER"),
-        ("GATEWAY_LOST", "AWAIT_OPERATOR"),
+        ("GATEWAY_LOST", "SHUTDOWN"),
     ],
 )
 def test_a_word_that_can_not_be_done_on_a_diagnosis_is_refused_with_line_and_reason(
