@@ -21,6 +21,7 @@ from frontend.catalogue import text
 from frontend.catalogue_operator import operator_text
 from hardcore import __version__, standing
 from hardcore import up as starting
+from hardcore.alert_words import alerts
 from hardcore.asked import WAIT_S as STOP_S
 from hardcore.asked import Asked, come_back, is_held, next_words, operator, options, status_of, until
 from hardcore.crisis.history import estimate_score
@@ -60,6 +61,7 @@ def main(context: click.Context, /, **given: object) -> None:
     hardcore dlq                 requests that were set aside
     hardcore drill crash         break it on purpose and watch it come back
     hardcore safe-mode on        serve reads only until you say otherwise
+    hardcore alerts test         tell everybody who would be told, now
     hardcore doctor              what this machine lets the guard see and do
     hardcore restart             a new core with the code on the disk, without losing a request
     hardcore down                stop it and keep it stopped
@@ -246,6 +248,7 @@ def _verify_alone(asked: Asked, *, quick: bool) -> dict[str, Any]:
 
 for command in (incidents, dlq, replay, drill, doctor, policy, restart, safe_mode, logs, snapshot, service):
     main.add_command(command)
+main.add_command(alerts)
 
 
 if __name__ == "__main__":
