@@ -246,9 +246,21 @@ def _verify_alone(asked: Asked, *, quick: bool) -> dict[str, Any]:
     return found
 
 
-for command in (incidents, dlq, replay, drill, doctor, policy, restart, safe_mode, logs, snapshot, service):
+for command in (
+    alerts,
+    incidents,
+    dlq,
+    replay,
+    drill,
+    doctor,
+    policy,
+    restart,
+    safe_mode,
+    logs,
+    snapshot,
+    service,
+):
     main.add_command(command)
-main.add_command(alerts)
 
 
 if __name__ == "__main__":
