@@ -130,6 +130,13 @@ TOLD: Final[Mapping[str, Told]] = {
             "The server dies once and comes back; the request is tried on a copy of the ledger and set aside.",
         ),
     ),
+    "sentinel": Told(
+        ("지켜보던 감시자를 죽여요.", "The guard that watches is killed."),
+        (
+            "새 감시자가 와서 같은 장부 서버를 이어서 지켜봐요. 요청은 하나도 기다리지 않아요.",
+            "Another guard comes and goes on with the same server; no request waits for it.",
+        ),
+    ),
     "restore": Told(
         (
             "장부의 새 사본과 가장 새로운 백업을 버릴 폴더에 복원해 봐요.",
@@ -160,6 +167,14 @@ ENDS: Final[Mapping[str, tuple[str, str]]] = {
             "Not as promised. Deaths: {deaths}. Letter: {letter}. The request was answered {status}.\n"
             "Incident: {incident}\n{summary}"
         ),
+    ),
+    "sentinel_kept": (
+        "약속대로예요. 같은 장부 서버를 새 감시자가 지켜봐요. 걸린 시간: {seconds}초. 사건 번호: {incident}",
+        "As promised: after {seconds} s another guard watches the same server. Incident: {incident}",
+    ),
+    "sentinel_other": (
+        "약속과 달라요. 장부 서버나 관문이 바뀌었거나 새 감시자가 알리지 않았어요. `hardcore incidents`를 보세요.",
+        "Not as promised: the server or the gateway changed, or nobody told of it. See `hardcore incidents`.",
     ),
     "none": ("없음", "none"),
     "restore_kept": (

@@ -3,7 +3,7 @@
 Each fault is a real one, and each has one outcome that its table below promises. A drill that turns out
 otherwise is a finding: exit code 1, and the incident to look at. `gc` is the other kind of drill: it makes a
 healthy core look ill, and passes if nobody does anything about it. `spare` kills the core that waits: another one has
-to come, and the one that serves must not notice.
+to come, and the one that serves must not notice. `sentinel` kills the guard itself: another has to watch the same core.
 """
 
 import hashlib
@@ -82,6 +82,7 @@ def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
     gc                  a long garbage collection: nothing may happen
     spare               the core that waits is killed: another comes, nobody notices
     poison              a request that kills whoever carries it out: one death, then it is set aside
+    sentinel            the guard itself is killed: another goes on with the same core
     restore             a copy and the newest backup are restored and proven; works with everything stopped
     """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
     result = Result(asked, fault, scheduled=scheduled)
@@ -96,6 +97,8 @@ def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
     match fault:
         case "spare":
             _another_waits(result, first)
+        case "sentinel":
+            _another_watches(result, first)
         case "poison":
             _is_set_aside(result, first, str(begun["key"]))
         case _ if fault in PROMISES:
@@ -290,3 +293,31 @@ def _another_waits(result: Result, first: Mapping[str, Any]) -> None:
     told = come_back(asked, waits, SPARE_S)
     sentence = asked.words("drill_spared", seconds=f"{time.monotonic() - began:.1f}")
     result.end({"incident": None, "story": None, "spare": told["spare"]["pid"]}, sentence, ok=True)
+
+
+def _another_watches(result: Result, first: Mapping[str, Any]) -> None:
+    """Watch until another guard has taken over and told of it; the drill has failed if the core or the gateway changed."""
+    asked, began, promise = result.asked, time.monotonic(), Promise("SENTINEL_LOST")
+    watched_s = 0.0
+
+    def told_of(told: Mapping[str, Any]) -> bool:
+        nonlocal watched_s
+        if told["sentinel"]["pid"] in {None, first["sentinel"]["pid"]}:
+            return False
+        watched_s = watched_s or time.monotonic() - began
+        return told["last_incident"] != first["last_incident"] and told["incident"] is None
+
+    told = come_back(asked, told_of, BACK_S)
+    same = all(told[who]["pid"] == first[who]["pid"] for who in ("core", "gateway"))
+    if told["last_incident"] == first["last_incident"] or not same:
+        result.fail(end_words("sentinel_other", asked.lang))
+    story = told_incident(asked, str(told["last_incident"]))
+    kept = (story["diagnosis"], story["outcome"]) == (promise.diagnosis, promise.outcome)
+    sentence = end_words(
+        "sentinel_kept" if kept else "sentinel_other",
+        asked.lang,
+        seconds=f"{watched_s:.1f}",
+        incident=story["id"],
+    )
+    told_whole = {"incident": story["id"], "promised": asdict(promise), "story": story}
+    result.end({**told_whole, "watched_again_s": round(watched_s, 3)}, sentence, ok=kept)

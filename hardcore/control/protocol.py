@@ -43,11 +43,11 @@ class Ask(StrEnum):
 #: Faults that this version can break the core with.
 DRILLS = (
     *("crash", "segv", "exit", "freeze", "block", "spin", "gil", "deadlock", "slow-tx"),
-    *("oom", "dblock", "diskfull", "gc", "spare", "poison"),
+    *("oom", "dblock", "diskfull", "gc", "spare", "poison", "sentinel"),
 )
 
 #: Drills of which nothing may come to the core that serves: it is made to look ill, or another is hit.
-PEACEFUL = frozenset({"gc", "spare"})
+PEACEFUL = frozenset({"gc", "spare", "sentinel"})
 #: So long nothing may come of one: some collections over millions of objects, and the calm after them.
 PEACE_S = 12.0
 
