@@ -9,6 +9,7 @@ import datetime as dt
 import os
 import sys
 import threading
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ from hardcore.snapshot import writer
 
 EXIT_ANOTHER_WATCHES = 3
 EXIT_UNUSABLE = 78
+#: Longer than somebody needs who only looks, and shorter than a guard lives.
+LOOKS_MAX, LOOK_S = 3, 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +72,12 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     """Take the lock and find out where we stand. Returns an exit code when we may not watch."""
     made = prepare_data(data)
     # Kept until we end, and taken before the link is touched: one guard for one data folder.
-    guarding = None if isinstance(made, Unusable) else files.take_lock(made.guard_lock)
+    guarding = None if isinstance(made, Unusable) else _take(made.guard_lock)
     folders = prepare(data) if guarding is not None else made
     if isinstance(folders, Unusable):
         sys.stderr.write(f"{folders.reason}\n")
         return EXIT_UNUSABLE
-    lock_fd = None if guarding is None else files.take_lock(folders.run / "sentinel.lock")
+    lock_fd = None if guarding is None else _take(folders.run / "sentinel.lock")
     if lock_fd is None:
         sys.stderr.write("Another sentinel watches this data folder.\n")
         return EXIT_ANOTHER_WATCHES
@@ -112,6 +115,15 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         page,
         before,
     )
+
+
+def _take(path: Path) -> int | None:
+    """Take a lock; who only looks whether it is held (a launcher, a command) has it for a moment and is waited for."""
+    for _ in range(LOOKS_MAX):
+        if (lock := files.take_lock(path)) is not None:
+            return lock
+        time.sleep(LOOK_S)
+    return files.take_lock(path)
 
 
 def _name(folders: Folders, generation: int, url: str) -> tuple[Guard, SentinelPage]:
