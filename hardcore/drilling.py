@@ -305,7 +305,8 @@ def _another_watches(result: Result, first: Mapping[str, Any]) -> None:
         if told["sentinel"]["pid"] in {None, first["sentinel"]["pid"]}:
             return False
         watched_s = watched_s or time.monotonic() - began
-        return told["last_incident"] != first["last_incident"] and told["incident"] is None
+        over = told["last_incident"] != first["last_incident"] and told["incident"] is None
+        return over and told["gateway"]["pid"] is not None
 
     told = come_back(asked, told_of, BACK_S)
     same = all(told[who]["pid"] == first[who]["pid"] for who in ("core", "gateway"))

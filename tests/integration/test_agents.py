@@ -142,6 +142,18 @@ def test_a_third_sentinel_and_a_strange_page_change_nothing(house: House) -> Non
         assert after[who]["pid"] == before[who]["pid"]
 
 
+def test_the_drill_of_the_guards_own_death_is_kept(house: House) -> None:
+    before = house.status()
+    done = house.cli("drill", "sentinel", "--json")
+    assert done.code == 0, done
+    story = done.told["story"]
+    assert (story["diagnosis"], story["outcome"]) == ("SENTINEL_LOST", "recovered")
+    after = house.running()
+    assert after["sentinel"]["pid"] != before["sentinel"]["pid"]
+    for who in ("launcher", "core", "gateway"):
+        assert after[who]["pid"] == before[who]["pid"]
+
+
 def acts(house: House, side: str) -> list[int]:
     found = files.read_json(house.folders.run / f"agent-budget-{side}.json").get("acts_ns")
     return found if isinstance(found, list) else []
