@@ -94,7 +94,7 @@ def compare_incident(folder: Path, policy: Policy) -> Compared | str:
     if isinstance(data, str):
         return data
     try:
-        return _compare(data, policy)
+        return _compare(data, policy, folder.name)
     except _BrokenError as broken:
         return f"{broken}."
 
@@ -137,21 +137,23 @@ def _replay(data: bytes) -> Replayed:
     raise _BrokenError(f"The recording has no end: it was cut off after {facts} facts")
 
 
-def _compare(data: bytes, policy: Policy) -> Compared:
+def _compare(data: bytes, policy: Policy, incident: str) -> Compared:
     if len(data) > RECORDING_BYTES_MAX:
         raise _BrokenError(f"The recording is longer than {RECORDING_BYTES_MAX} bytes")
-    lines = _lines(data)
-    head = next(lines)
+    head, *lines = _lines(data)
+    from_ns = _began_ns(head, lines, incident)
     chances = (_Chance([], []), _Chance([], []))
     own, other = (_wake(head, chance) for chance in chances)
-    began_ns = head.get("began_ns")
-    other.receive(PolicyRead(began_ns if isinstance(began_ns, int) else 0, json.dumps(in_full(policy))))
-    other.take_transitions()
-    other.take_actions()  # what it does because of the change itself is no answer to a fact
+    told = False
     for number, line in enumerate(lines, start=2):
         if "end" in line:
             return Compared(None)
-        if _name_of(line) == PolicyRead.__name__:
+        if not told and _at_ns(line) >= from_ns:
+            told = True
+            other.receive(PolicyRead(from_ns, json.dumps(in_full(policy))))
+            other.take_transitions()
+            other.take_actions()  # what it does because of the change itself is no answer to a fact
+        if told and _name_of(line) == PolicyRead.__name__:
             continue  # a change of policy back then is what is left out here
         does, would = (
             _names(_ask(manager, chance, line, number))
@@ -160,6 +162,30 @@ def _compare(data: bytes, policy: Policy) -> Compared:
         if does != would:
             return Compared(_name_of(line), does, would)
     raise _BrokenError("The recording has no end: it was cut off")
+
+
+def _began_ns(head: dict[str, Json], lines: list[dict[str, Json]], incident: str) -> int:
+    """Return when this incident's fault began, as the recorded manager saw it; 0 if the recording never has it open."""
+    chance = _Chance([], [])
+    manager = _wake(head, chance)
+    for number, line in enumerate(lines, start=2):
+        if "end" in line:
+            break
+        _ask(manager, chance, line, number)
+        reading = manager.reading()
+        if reading.incident == incident:
+            return _at_ns(line) if reading.fault_ns is None else min(reading.fault_ns, _at_ns(line))
+    return 0
+
+
+def _at_ns(line: dict[str, Json]) -> int:
+    """Return when a line's fact was true."""
+    at_ns = line.get("deadline")
+    fact = line.get("fact")
+    if isinstance(fact, dict):
+        told = next(iter(fact.values()), None)
+        at_ns = told.get("at_ns") if isinstance(told, dict) else None
+    return at_ns if isinstance(at_ns, int) else 0
 
 
 def _names(given: list[Json]) -> tuple[str, ...]:

@@ -116,7 +116,14 @@ def ship_policy(folders: Folders) -> None:
 def bounds(policy: Policy) -> Bounds:
     """Return the numbers of a policy that the hands need."""
     return Bounds(
-        CoreLimits(policy.transaction_timeout_ms, policy.memory_limit_mb << 20),
+        CoreLimits(
+            policy.transaction_timeout_ms,
+            policy.memory_limit_mb << 20,
+            policy.checkpoint_interval_sec,
+            policy.checkpoints_kept,
+            policy.checkpoint_age_hours,
+            policy.enable_state_recovery,
+        ),
         ImageLimits(policy.memory_image_budget_ms, policy.memory_image_mb_max << 20),
     )
 

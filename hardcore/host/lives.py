@@ -18,7 +18,7 @@ from hardcore.host.recorder import PageReader, make_page
 from hardcore.host.said import LogEnd
 from hardcore.host.steps import BRAND
 from hardcore.model.observations import Exit, ProcessSample, Sampled
-from hardcore.model.recorder import Beats, CommandNote, Page, SlotStage, Threads, Witness
+from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, Page, SlotStage, Threads, Witness
 
 #: Files of so many dead lives are kept in the run folder, for whoever still reads them.
 DEAD_LIVES_KEPT = 2
@@ -31,6 +31,7 @@ STALE_NS = 80_000_000
 #: All threads are counted through only while neither beat goes on, for this long.
 BOTH_STALE_NS = 200_000_000
 FDS_EVERY_TICKS = 10
+COMPONENTS_EVERY_TICKS = 10
 #: A killed process that is not gone after this hangs in the kernel; waiting longer would not help.
 KILL_S = 2.0
 
@@ -90,8 +91,14 @@ class Life:
         at_ns, others = clock.together()
         return Sampled(
             at_ns, self.number, beats, self._threads, self.sample, in_flight, witness, others,
-            page_fault, process_fault,
+            page_fault, process_fault, self._components(),
         )  # fmt: skip
+
+    def _components(self) -> tuple[ComponentBeat, ...]:
+        """Return the beats of the core's parts, now and then: their limits are seconds."""
+        if self.reader is None or self._ticks % COMPONENTS_EVERY_TICKS != 1:
+            return ()
+        return self.reader.components()
 
     def glance(self) -> Sampled:
         """Return what tells whether a core that only waits is well: its beats, and what the kernel calls it."""
@@ -226,10 +233,28 @@ def conceive(folders: Folders, number: int, nonce: str = "") -> Life:
 
 @dataclass(frozen=True, slots=True)
 class CoreLimits:
-    """What a core is told of the policy: how long a command may be decided, and how much memory is its own."""
+    """What a core is told of the policy: how long a command may be decided, how much memory is its own, its checkpoints.
+
+    `recovers_state`: whether a start goes by a checkpoint.
+    """
 
     command_ms: int
     memory_bytes: int
+    checkpoint_s: int = 60
+    checkpoints_kept: int = 10
+    checkpoint_age_h: int = 24
+    recovers_state: bool = True
+
+    def told(self) -> dict[str, str]:
+        """Return them as a core reads them."""
+        return {
+            "HARDCORE_LIMIT_MS": str(self.command_ms),
+            "HARDCORE_MEMORY_BYTES": str(self.memory_bytes),
+            "HARDCORE_CHECKPOINT_S": str(self.checkpoint_s),
+            "HARDCORE_CHECKPOINTS_KEPT": str(self.checkpoints_kept),
+            "HARDCORE_CHECKPOINT_AGE_H": str(self.checkpoint_age_h),
+            "HARDCORE_STATE_RECOVERY": "1" if self.recovers_state else "0",
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,8 +299,7 @@ def start(
     }
     environment |= _told(terms)
     if limits is not None:
-        environment["HARDCORE_LIMIT_MS"] = str(limits.command_ms)
-        environment["HARDCORE_MEMORY_BYTES"] = str(limits.memory_bytes)
+        environment |= limits.told()
     fds = () if listen_fd is None else (listen_fd,)
     if listen_fd is not None:
         environment |= {"HARDCORE_AGENTS": str(folders.agents), "HARDCORE_LISTEN_FD": str(listen_fd)}

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from hardcore.host import page
 from hardcore.model.observations import LogCounts
-from hardcore.model.recorder import Beats, CommandNote, Page, Threads, Witness
+from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, Page, Threads, Witness
 
 #: How often a torn entry is read again before it counts as torn.
 READS_MAX = 4
@@ -119,6 +119,11 @@ class PageReader:
         if head is None or (beats := page.beats(head)) is None:
             return None
         return beats, page.newest_witness(head)
+
+    def components(self) -> tuple[ComponentBeat, ...]:
+        """Return what the core's parts say of themselves; none while the page is no evidence."""
+        head = self._head(page.COMPONENTS_AT + page.COMPONENTS * page.COMPONENT_BYTES)
+        return () if head is None else page.components(head)
 
     def why_blind(self) -> str:
         """Return why `look` finds no evidence, as a sentence; cheap, because a tick may ask again and again."""
