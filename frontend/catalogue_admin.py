@@ -112,6 +112,23 @@ TEXTS: Final[Mapping[str, Text]] = {
     "now_beat_ms": _text("{n} ms 전", "{n} ms ago"),
     "now_memory": _text("메모리", "Memory"),
     "now_memory_of": _text("{held} (한도 {limit})", "{held} (limit {limit})"),
+    "now_curve": _text("메모리가 지나온 길", "Memory over time"),
+    "now_curve_none": _text(
+        "아직 그릴 만큼 보지 못했어요. 켜고 얼마 동안은 원래 늘어서 보지 않아요.",
+        "Not enough was seen yet: what every start takes in its first minutes is not looked at.",
+    ),
+    "now_forecasts": _text("곧 모자랄 것", "What will run out"),
+    "forecast_due": _text(
+        "{resource}: 이대로 늘면 {at} 무렵 한도에 닿아요 (한 시간에 {rate}).",
+        "{resource}: at this pace it reaches its limit at about {at} ({rate} an hour).",
+    ),
+    "forecast_much": _text("{resource}: 평소보다 훨씬 많아요.", "{resource}: far more than usual."),
+    "resource_memory": _text("메모리", "Memory"),
+    "resource_fds": _text("열린 파일", "Open files"),
+    "resource_threads": _text("스레드", "Threads"),
+    "resource_queue": _text("차례를 기다리는 작업", "Commands that wait"),
+    "resource_disk": _text("디스크", "Disk"),
+    "resource_errors": _text("오류와 경고", "Errors and warnings"),
     "now_held": _text("기다리는 요청", "Requests waiting"),
     "now_tabs": _text("연결된 화면", "Pages connected"),
     "now_spare": _text("예비 서버", "Spare"),
@@ -356,6 +373,18 @@ TEXTS: Final[Mapping[str, Text]] = {
         "사건이 다섯 건보다 적어서 아직 추세를 말할 수 없어요.",
         "Fewer than five incidents: too few to speak of a trend.",
     ),
+    "trends_growth": _text("늘어나는 것", "What grows"),
+    "trends_growth_none": _text(
+        "평소의 오르내림을 넘어서 늘어나는 것이 없어요.", "Nothing grows beyond its ordinary ups and downs."
+    ),
+    "trends_growth_away": _text(
+        "감시하는 쪽이 답하지 않아서 알 수 없어요.", "The guard does not answer, so nothing is known."
+    ),
+    "trends_level": _text("지금", "Now"),
+    "trends_limit": _text("한도", "Limit"),
+    "trends_rate": _text("한 시간에 느는 양", "Growth an hour"),
+    "trends_due": _text("한도에 닿는 때", "Limit reached at about"),
+    "trends_far": _text("석 달보다 뒤", "in more than three months"),
     "trends_promises": _text("예상 시간과 실제", "What was estimated, and what it took"),
     "trends_kept": _text(
         "예상을 말한 {n}건 중 {kept}건은 그 안에 돌아왔어요.",

@@ -28,6 +28,7 @@ HEADS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "ko": ("번호", "단계", "경과", "걸린 시간", "비율"),
         "en": ("No.", "Step", "After the fault", "Took", "Share"),
     },
+    "course_head": {"ko": ("언제", "메모리"), "en": ("When", "Memory")},
     "memory_head": {"ko": ("종료 전", "메모리"), "en": ("Before the end", "Memory")},
     "ring_head": {
         "ko": ("기다리는 스레드", "잠금", "쥔 스레드"),

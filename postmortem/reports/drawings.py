@@ -7,7 +7,7 @@ says so. A charting library was not chosen: four shapes need none, and a saved r
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -118,6 +118,25 @@ def draw_memory(points: Sequence[tuple[float, int]], limit_bytes: int | None, la
 
     `limit_bytes`: drawn as a line. None: fewer than two points.
     """
+    return _draw_curve(points, limit_bytes, lang, "memory_head", lambda at_s: f"{at_s:.1f} s")
+
+
+def draw_course(points: Sequence[tuple[float, int]], limit_bytes: int | None, lang: str) -> Drawing | None:
+    """Return the curve of memory that a living process has: the same, of hours instead of seconds."""
+
+    def ago(at_s: float) -> str:
+        return _word("ago", lang).format(length=duration_text(-1000 * at_s, lang))
+
+    return _draw_curve(points, limit_bytes, lang, "course_head", ago)
+
+
+def _draw_curve(
+    points: Sequence[tuple[float, int]],
+    limit_bytes: int | None,
+    lang: str,
+    head: str,
+    when: Callable[[float], str],
+) -> Drawing | None:
     kept = _thinned(sorted(points))
     if len(kept) < 2 or kept[-1][0] <= kept[0][0]:
         return None
@@ -138,8 +157,8 @@ def draw_memory(points: Sequence[tuple[float, int]], limit_bytes: int | None, la
         ),
         Markup('<polyline class="d-curve" points="{}"/>').format(line),
         _text("d-label", 4, down(kept[-1][1]) + 4, _mib(kept[-1][1])),
-        _text("d-label", _CURVE_LEFT, _CURVE_HEIGHT - 6, f"{first_s:.0f} s"),
-        _text("d-label d-end", WIDTH - 8, _CURVE_HEIGHT - 6, f"{last_s:.0f} s"),
+        _text("d-label", _CURVE_LEFT, _CURVE_HEIGHT - 6, when(first_s)),
+        _text("d-label d-end", WIDTH - 8, _CURVE_HEIGHT - 6, when(last_s)),
     ]
     if limit_bytes:
         height = down(limit_bytes)
@@ -152,8 +171,8 @@ def draw_memory(points: Sequence[tuple[float, int]], limit_bytes: int | None, la
     title = _word("memory", lang).format(first=_mib(kept[0][1]), last=_mib(kept[-1][1]))
     if limit_bytes:
         title += " " + _word("memory_limit", lang).format(limit=_mib(limit_bytes))
-    rows = tuple((f"{at_s:.1f} s", _mib(held)) for at_s, held in _thinned(kept, 24))
-    return Drawing(title, _svg(title, _CURVE_HEIGHT, parts), _words("memory_head", lang), rows)
+    rows = tuple((when(at_s), _mib(held)) for at_s, held in _thinned(kept, 24))
+    return Drawing(title, _svg(title, _CURVE_HEIGHT, parts), _words(head, lang), rows)
 
 
 def draw_ring(waits: Sequence[Wait], lang: str) -> Drawing | None:

@@ -19,6 +19,7 @@ from postmortem.reports import evidence_words
 from postmortem.reports.drawings import DAY_S, Drawing, Span, draw_day
 from postmortem.views import Drill, Filter, IncidentLine
 from postmortem.web.lobby import Lobby, Question, field, is_sure, lead_to, reader_of, words_of
+from postmortem.web.outlook import forecasts, memory_curve
 from postmortem.web.proofs import drills
 
 STATES: Final = (
@@ -48,6 +49,7 @@ async def now(lobby: Lobby, request: Request) -> Response:
     status = mapping(await lobby.places.ask_guard({"verb": "status"}))
     answer = mapping(await lobby.places.ask_guard({"verb": "policy"})) if status else {}
     limit_mib = number(mapping(answer.get("policy")).get("memory_limit_mb"))
+    curve = await lobby.places.ask_guard({"verb": "curve"}) if status else None
     at = datetime.now(UTC)
     lang = reader_of(request).lang
     known = await lobby.read(lambda: lobby.reads.incidents(Filter(drills=False), 1))
@@ -71,6 +73,8 @@ async def now(lobby: Lobby, request: Request) -> Response:
         proof=_proof(words_of(request), drilled[0] if drilled else None, lang),
         day=_day(lately.items, at, lang, watched_s),
         last=lines[0] if lines else None,
+        curve=memory_curve(curve, lang),
+        forecasts=forecasts(words_of(request), status, lang),
         facts=_facts(words_of(request), status, sum(counts.values()), limit_mib, lang),
         faults=FAULTS,
     )

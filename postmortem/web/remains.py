@@ -16,6 +16,7 @@ from postmortem.views import Filter, IncidentLine, Refusal
 from postmortem.web import story
 from postmortem.web.incidents import FILTER_CHARACTERS_MAX, PAGE_LINES_MAX, cause_words
 from postmortem.web.lobby import Lobby, Question, is_sure, lead_to, reader_of, words_of
+from postmortem.web.outlook import growing
 from postmortem.web.promises import promises
 from postmortem.web.proofs import drills
 
@@ -87,6 +88,7 @@ async def trends(lobby: Lobby, request: Request) -> Response:
         weeks=weeks,
         most=most,
         total=number(told.get("incidents")) or 0,
+        growth=growing(words_of(request), await lobby.places.ask_guard({"verb": "curve"})),
         few=(number(told.get("incidents")) or 0) < SAMPLES_MIN,
         mtbf=told.get("mtbf_hours"),
         promised=promised[:PROMISES_SHOWN_MAX],

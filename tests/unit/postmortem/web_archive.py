@@ -292,6 +292,7 @@ class Visitor:
     archive: Archive = field(default_factory=Archive)
     status: Mapping[str, Any] | None = None
     lang: str = "en"
+    resources: list[Mapping[str, Any]] = field(default_factory=list)  # what the guard knows over time
     asked: list[Mapping[str, Any]] = field(default_factory=list)
     written: list[tuple[str, str, str, str]] = field(default_factory=list)
 
@@ -304,6 +305,8 @@ class Visitor:
                 return None
             if order["verb"] == "policy":
                 return {"ok": True, "policy": {"memory_limit_mb": 512}}
+            if order["verb"] == "curve":
+                return {"ok": True, "resources": self.resources}
             return self.status if order["verb"] == "status" else {"ok": True}
 
         async def write_down(verb: str, what: str, reason: str, outcome: str) -> None:
