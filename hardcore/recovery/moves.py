@@ -316,6 +316,8 @@ def _release(c: Course, now_ns: int) -> None:
 def _release_again(c: Course, now_ns: int) -> None:
     """Have requests go to the core, which is watched from now on; what is known of it stays known."""
     assert c.epoch is not None, "a core that is ready has said its epoch"
+    if c.safety.held and not c.safety.on:
+        heed(c, c.safety.hold(now_ns), now_ns)  # it was asked for while the core was being drained
     c.bench = Bench(plan.patience(c.policy))
     c.held_ns = None
     c.heard_ns = c.looked_ns = now_ns

@@ -8,7 +8,7 @@ nothing to do with an import.
 
 from hardcore.model import observations as seen
 from hardcore.model.actions import AlertStage, RestartComponent
-from hardcore.model.phases import SERVING
+from hardcore.model.phases import SERVING, Phase
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Verdict
 from hardcore.recovery import mandate, relief, succession, telling
 from hardcore.recovery.budget import NS_PER_S
@@ -83,6 +83,8 @@ def _over(c: Course, name: str, now_ns: int, fault: str) -> None:
 
 def _give_up(c: Course, verdict: Verdict, now_ns: int) -> None:
     """Nothing more is done for this part alone."""
+    if c.phase is Phase.PROBATION:
+        return  # nothing is changed before it is proven
     wants = c.policy.asks(STALLED, Word.PLANNED_SWITCH) or c.policy.asks(STALLED, Word.REBOOT_PROCESS)
     trouble = Trouble(Death(STALLED, verdict.grade, verdict.testimonies), verdict.fault_ns)
     if wants and succession.relieve(c, trouble, now_ns, limit_ns=now_ns):

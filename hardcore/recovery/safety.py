@@ -303,6 +303,6 @@ class Safety:
         return not (disk.read_only or disk.fault or slow or disk.free_bytes < self.floor_bytes)
 
 
-def safety(retry_ms: int, floor_mb: int, slow_ms: int) -> Safety:
-    """Return the switch with the numbers of a policy."""
-    return Safety(retry_ms * NS_PER_MS, floor_mb << 20, slow_ms * NS_PER_MS)
+def safety(retry_ms: int, floor_mb: int, slow_ms: int, *, held: bool = False) -> Safety:
+    """Return the switch with the numbers of a policy. `held`: the operator wants reads only."""
+    return Safety(retry_ms * NS_PER_MS, floor_mb << 20, slow_ms * NS_PER_MS, held=held)

@@ -195,6 +195,9 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
     if wish is None or c.phase not in _KEEPING or (wish.again_ns is not None and now_ns < wish.again_ns):
         return
     wish.again_ns = None
+    if wish.ours and _is_over(c, wish):
+        c.switching = None
+        return
     if wish.ours and not _is_time(c, wish, now_ns):
         wish.again_ns = now_ns + CALM_AGAIN_NS
         return
@@ -215,6 +218,12 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
             fire(c, Trigger.SWITCH, now_ns, wish.reason)
     elif due or (_is_stuck(c) if wish.updates else _hopeless(c)):
         _give_up(c, wish, now_ns)
+
+
+def _is_over(c: Course, wish: Switching) -> bool:
+    """Whether what a switch was to help is over by itself: a part that stood still goes on."""
+    stalled = Diagnosis.COMPONENT_STALLED
+    return wish.trouble.death.diagnosis is stalled and c.verdict.diagnosis is not stalled
 
 
 def _is_time(c: Course, wish: Switching, now_ns: int) -> bool:

@@ -19,6 +19,7 @@ from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.transitions import Step, Trigger
 from tests.simulation import laws
 from tests.simulation.conditions import WELL
+from tests.simulation.consent import Consent
 from tests.simulation.judges import Judges
 from tests.simulation.laws import Broken, hold
 from tests.simulation.looks import BEAT_NS, seen_of
@@ -30,7 +31,7 @@ if TYPE_CHECKING:  # the world owns its checkers
     from tests.simulation.workload import Request
     from tests.simulation.world import World
 
-OUTCOMES = frozenset({"recovered", "manual", "safe_mode"})
+OUTCOMES = frozenset({"recovered", "manual", "safe_mode", "assist"})
 #: What a restart would not help: the core lives on, and perhaps reads only.
 TROUBLES = frozenset(
     {
@@ -87,6 +88,7 @@ class Checkers:
         self._tick_ns = self._forgiven_ns = self._unseen_ns = self._silent_ns = 0
         self._counts = False  # whether the last end was an accident
         self._asked_by_operator = False
+        self._consent = Consent()
         self._passed_on_seq = self._released = self._released_ns = 0
         self._way_in: Transition | None = None
         self._last: Trigger | None = None
@@ -125,6 +127,7 @@ class Checkers:
                 self._drill_ns = fact.at_ns
             case seen.OperatorAsked():
                 self._asked_by_operator = True
+                self._consent.heard(fact)
                 if fact.accept_ledger:
                     self._passed_on_seq = 0
             case seen.GatewayWitnessed():
@@ -191,10 +194,11 @@ class Checkers:
                 self._deaths_ns.clear()
             if move.trigger is Trigger.NOT_DRAINED and guard.life is not None:
                 self._undrained.add(guard.life.number)
-            if move.trigger is Trigger.RENEW and guard.life is not None:
+            if move.trigger in {Trigger.RENEW, Trigger.RESTART} and guard.life is not None:
                 self._renewed.add(guard.life.number)
             if move.trigger is Trigger.TROUBLED:
                 self._troubled(guard, Diagnosis(move.reason.split(":")[0]))
+            self._consent.moved(guard.policy.mode, move)
             if move.trigger is Trigger.LOST:
                 self._lost(guard, move)
             elif move.trigger is Trigger.UNPROVEN:
@@ -335,7 +339,7 @@ class Checkers:
     def _spawn_spare(self, guard: "Guard", order: orders.SpawnSpare) -> None:
         own = [x for x in self.world.lives if x.alive and x.waits and x.guard == guard.number]
         hold(not own, "one spare at most")
-        hold(guard.manager.wanted is Wanted.UP, "no spare is started against the operator's will")
+        hold(guard.manager.wanted is not Wanted.DOWN, "no spare is started against the operator's will")
         hold(order.life not in self._exited | self._ready, "each life has a number of its own")
         self._spares.add(order.life)
 
@@ -350,7 +354,7 @@ class Checkers:
         stuck = [life for life in self._living() if life is not spare]
         hurried = order.busy_ms is not None
         hold(not stuck or (hurried and all(x.asked for x in stuck)), "nobody else is the core")
-        hold(guard.manager.wanted is Wanted.UP, "no core takes over against the operator's will")
+        hold(guard.manager.wanted is not Wanted.DOWN, "no core takes over against the operator's will")
         self._challenged(order.expected_epoch)
         self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
 
@@ -361,8 +365,9 @@ class Checkers:
     def _spawn(self, guard: "Guard", order: orders.Spawn) -> None:
         hold(not self._living(), "no core is started while another may live")
         hold(guard.life is None or order.life > guard.life.number, "each life has a number of its own")
-        hold(guard.manager.wanted is Wanted.UP, "no core is started against the operator's will")
+        hold(guard.manager.wanted is not Wanted.DOWN, "no core is started against the operator's will")
         self._challenged(order.expected_epoch)
+        self._consent.starts(guard.policy.mode)
         way = self._way_in
         by_itself = way is not None and way.before is Phase.BACKOFF and way.trigger in _BY_ITSELF
         if by_itself and self._counts:
@@ -374,7 +379,7 @@ class Checkers:
 
     def _set_safe(self, order: orders.SetSafe) -> None:
         hold(
-            not order.on or order.reason in self.world.truths,
+            not order.on or order.reason is Diagnosis.OPERATOR or order.reason in self.world.truths,
             f"a core is told to read only for {order.reason}, which was never the matter",
         )
 
@@ -409,6 +414,12 @@ class Checkers:
         hold(not life.drained, "a core that has let go of the store serves nobody")
         newest = life.epoch == self.world.store.epoch or self.world.stranger_raised
         hold(newest or not life.alive, "a core is released under the store's epoch")
+        again = order.life == self._released
+        hold(
+            life.safe or again or self._found or guard.manager.wanted is not Wanted.SAFE,
+            "nobody is sent to a core that takes writes while the operator wants reads only",
+        )
+        self._consent.serves()
         told = life.unfenced or self._passed_on_seq <= len(self.world.store.commits)
         again, self._released = order.life == self._released, order.life
         hold(told or again, "no ledger is served that lacks what a client was told of")
@@ -418,12 +429,13 @@ class Checkers:
         hold(told.id in guard.ids, f"{told.id} was never opened")
         hold(told.id not in self.closed, f"{told.id} is closed twice")
         hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
-        hold(self._last is not Trigger.READY, "nothing is over the moment that a core is ready")
+        aside = told.planned and not told.deaths and any(one.witness == "parts" for one in told.evidence)
+        hold(aside or self._last is not Trigger.READY, "nothing is over the moment that a core is ready")
         # What only a person can end is handed over while reads are served: nobody tries any more.
         handed_over = told.waits_for is Diagnosis.STORE_CORRUPT
         over = handed_over or self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
         hold(
-            told.outcome in {"recovered", "safe_mode"} or over,
+            told.outcome in {"recovered", "safe_mode", "assist"} or over,
             "nothing is given up while somebody still tries",
         )
         # A core that was proven and released ends the story too, even if it dies before it has lasted: its
@@ -432,8 +444,13 @@ class Checkers:
         unwatched = told.diagnosis is Diagnosis.SENTINEL_LOST and not told.deaths and self._found
         troubled = not (told.deaths or told.planned) and (unwatched or not restarts)
         same = told.planned and not told.deaths and told.life in self._undrained  # and it serves on
+        left = told.outcome == "assist"
+        same = same or aside
         served = (
-            troubled or same or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
+            troubled
+            or same
+            or left
+            or (told.outcome in {"recovered", "safe_mode"} and told.next_epoch is not None)
         )
         hold(over or served, "an incident is over when a proven core has served")
         steps = dict(told.timeline)
@@ -444,9 +461,12 @@ class Checkers:
         if told.outcome == "recovered" and not same and (told.deaths or told.planned):
             hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
             hold(bool(self._ready - {told.life}), "recovered means that a successor served")
-        hold(told.planned or told.deaths or troubled, "an incident nobody planned has a death or a trouble")
+        hold(
+            told.planned or told.deaths or troubled or left,
+            "an incident nobody planned has a death or a trouble",
+        )
         self.closed[told.id] = told.outcome
-        if told.diagnosis is Diagnosis.STORE_CORRUPT and not told.deaths:
+        if told.diagnosis is Diagnosis.STORE_CORRUPT and not (told.deaths or told.planned):
             hold(told.life not in self._handed_over, "one damage is told once of one core")
         if handed_over and guard.life is not None:
             self._handed_over.add(guard.life.number)

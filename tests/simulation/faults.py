@@ -13,6 +13,7 @@ from tests.simulation import conditions
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import Condition
 from tests.simulation.machine import BootPlan, Stage
+from tests.simulation.mandate_faults import MANDATE
 from tests.simulation.poison import POISON
 from tests.simulation.senses_faults import SENSES_CRISIS, SENSES_LOAD
 from tests.simulation.spare_faults import SPARE_CRISIS, SPARE_LOAD, operator_asks
@@ -205,13 +206,6 @@ def _out_of_memory(world: World) -> None:
         core.signal(9)
 
 
-def _grows(world: World) -> None:
-    """Its memory grows above the limit: worth saying, and no reason to end anybody."""
-    if (core := world.core) is not None:
-        core.rss_bytes += 1 << 30
-        world.worry()
-
-
 def _suspends(world: World) -> None:
     """The machine is suspended: two clocks go on and the one that counts stands still."""
     world.slept_ns += world.rng.choice([1, 60, 28_800]) * NS_PER_S
@@ -322,7 +316,6 @@ LOAD: Mapping[str, Fault] = {
     "transaction with progress": _befalls(conditions.LONG_TRANSACTION, 1000, 20_000),
     "transaction of some seconds": _befalls(conditions.SLOW_TRANSACTION, 100, 4500),
     "silent to questions for a moment": _befalls(conditions.DEAF, 100, 1200),
-    "memory grows": _grows,
     "machine is suspended": _suspends,
     "wall clock jumps": _wall_jumps,
     "starved": _befalls(conditions.STARVED, 100, 6000),
@@ -336,6 +329,7 @@ LOAD: Mapping[str, Fault] = {
 }
 
 CRISIS: Mapping[str, Fault] = {
+    **MANDATE,
     "SIGSEGV": _ends(signal=11),
     "SIGABRT": _ends(signal=6),
     "SIGBUS": _ends(signal=7),

@@ -11,20 +11,22 @@ from typing import TYPE_CHECKING
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.model.clocks import Clocks
 from hardcore.model.phases import SERVING, Phase, Wanted
 from hardcore.model.recorder import Beats, CommandNote, SlotStage
 from hardcore.model.verdicts import Colour, Diagnosis
 from hardcore.recovery.failover import FailoverManager
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.spare import Lack
+from tests.simulation import hands
 from tests.simulation.clock import NS_PER_MS, NS_PER_S
 from tests.simulation.conditions import FROZEN, WELL
 from tests.simulation.court import Courtroom
-from tests.simulation.looks import THREADS, beats, notes, page, process
+from tests.simulation.looks import THREADS, beats, notes, page, parts, process
 from tests.simulation.machine import Life, Stage
 from tests.simulation.store import Disk
 from tests.simulation.surveyor import Surveyor
-from tests.simulation.switches import Draining, Order, Taking
+from tests.simulation.switches import Taking
 
 if TYPE_CHECKING:  # the world starts guards
     from tests.simulation.world import World
@@ -50,7 +52,7 @@ class Guard:
         self.world = world
         self.number = number
         self.policy = policy
-        self.born_with = (wanted, deaths_ns)
+        self.born_with = (policy, wanted, deaths_ns)
         self.manager = FailoverManager(policy, wanted, self._new_id, self._jitter, deaths_ns)
         self.alive = True
         self.halted = False
@@ -112,6 +114,7 @@ class Guard:
         self.heard.append(fact)
         self.world.checkers.heard(self, fact)
         self.manager.receive(fact)
+        self.policy = self.manager.policy
         self._pump()
         if isinstance(fact, seen.CoreExited | seen.SpawnFailed) and self.works:
             self.watch_if_needed()  # it was the spare, or one that was left behind
@@ -223,7 +226,7 @@ class Guard:
             late = spare.stage is Stage.BORN and (spare.plan.hangs or spare.plan.fence_ns > NS_PER_S)
             return spare.condition is not WELL or late
         never = told.spare_lack in {Lack.OFF, Lack.MEMORY} or told.spare_lost
-        may = told.switch_updates or not (never or told.safe is not None)
+        may = told.switch_updates or not (never or told.safe not in {None, Diagnosis.OPERATOR})
         return may and told.behind is None and self._spare not in self._spawning
 
     @property
@@ -250,12 +253,14 @@ class Guard:
         return bool(
             life.condition is not WELL
             or life.extra_waiting
+            or life.part_stalled_ns
+            or life.rss_bytes > self.policy.memory_limit_mb << 20
             or (life.page_lost and not world.quiet)
             or world.clock.now_ns < world.unseen_until_ns
             or life.in_store_ns
             or store.blocked
             or store.disk is not Disk.WELL
-            or (not damaged and (life.safe or open_))
+            or (not damaged and ((life.safe and world.disk_wanted is not Wanted.SAFE) or open_))
         )
 
     def _look(self, life: Life, now_ns: int) -> seen.Sampled:
@@ -264,11 +269,12 @@ class Guard:
         closer = (
             beats is None or flying is not None or now_ns - min(beats.loop_ns, beats.thread_ns) > STALE_NS
         )
-        clocks = seen.Clocks(now_ns + world.slept_ns, now_ns + world.slept_ns + world.wall_shift_ns)
+        clocks = Clocks(now_ns + world.slept_ns, now_ns + world.slept_ns + world.wall_shift_ns)
         unseen = now_ns < world.switches.unseen_until_ns
         sample = None if unseen else process(life, closer=closer)
         witness = None if beats is None else life.witness
-        return seen.Sampled(now_ns, life.number, beats, THREADS, sample, flying, witness, clocks)
+        told = seen.Sampled(now_ns, life.number, beats, THREADS, sample, flying, witness, clocks)
+        return replace(told, components=parts(life)) if beats is not None else told
 
     def _in_flight(self, life: Life, beats: Beats | None, now_ns: int) -> tuple[CommandNote, ...] | None:
         """The commands in flight, as often as the real guard reads them."""
@@ -303,7 +309,7 @@ class Guard:
                 self.soon(soon, lambda: self._with(number, lambda life: life.promote(action)))
             case orders.Drain(life=number):
                 self._condemn(number)
-                self.soon(soon, lambda: self._with(number, lambda life: self._drain(life, action)))
+                self.soon(soon, lambda: self._with(number, lambda life: hands.drain(self, life, action)))
             case orders.Adopt():
                 self._adopt(action.life)
             case orders.Terminate(life=number):
@@ -333,7 +339,11 @@ class Guard:
                 told = (holder,) if holder is not None else ()
                 self.tell(seen.StoreLooked(self.world.clock.now_ns, number, told), soon)
             case orders.SetSafe(life=number):
-                self._with(number, lambda life: self._set_safe(life, action))
+                self._with(number, lambda life: hands.set_safe(self, life, action))
+            case orders.RestartComponent(life=number):
+                self.soon(
+                    soon, lambda: self._with(number, lambda life: hands.restart_part(self, life, action.name))
+                )
             case orders.CloseIncident() | orders.AddAudit() | orders.Alert():
                 pass  # the checkers have looked at it
             case _:
@@ -382,23 +392,6 @@ class Guard:
         if not life.alive:  # it died in the moment that it was found
             self.died(life)
 
-    def _drain(self, life: Life, order: orders.Drain) -> None:
-        now_ns = self.world.clock.now_ns
-        match self.world.switches.draining():
-            case Draining.OBEYED:
-                life.drain(order.within_ms * NS_PER_MS)
-            case Draining.REFUSED:
-                self.condemned.discard(life.serial)
-                self.tell(
-                    seen.Drained(now_ns, life.number, False, 0, "it takes too long"),
-                    order.within_ms * NS_PER_MS,
-                )
-            case Draining.NEVER:
-                life.draining = True
-            case Draining.DIES:
-                life.draining = True
-                self.world.clock.after(self.world.rng.randrange(200) * NS_PER_MS, lambda: life.signal(11))
-
     def _spawn(self, order: orders.Spawn | orders.SpawnSpare) -> None:
         del self._spawning[order.life]
         now_ns = self.world.clock.now_ns
@@ -444,20 +437,6 @@ class Guard:
             how = seen.Exit() if life.status_lost else life.exit
             now_ns = self.world.clock.now_ns
             self.tell(seen.CoreExited(now_ns, life.number, how, page(life), life.oom_kills))
-
-    def _set_safe(self, life: Life, order: orders.SetSafe) -> None:
-        now_ns, wait_ns = self.world.clock.now_ns, self.world.rng.randrange(1, 20) * NS_PER_MS
-        match self.world.switches.safe_order():
-            case Order.OBEYED:
-                pass
-            case Order.LOST:
-                return
-            case Order.REFUSED:
-                self.tell(seen.SafeSwitched(now_ns, life.number, order.on, done=False, reason="no"), wait_ns)
-                return
-            case Order.LATE:
-                wait_ns = self.world.rng.randrange(1000, 9000) * NS_PER_MS
-        self.soon(wait_ns, lambda: life.on_loop(lambda: life.set_safe(order)))
 
     def _stop_for_evidence(self, order: orders.TakeEvidence) -> None:
         life = self._lives.get(order.life)

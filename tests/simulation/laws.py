@@ -6,7 +6,7 @@ by the checkers, which have seen it.
 
 from typing import TYPE_CHECKING
 
-from hardcore.model.phases import Phase
+from hardcore.model.phases import Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
 
 if TYPE_CHECKING:  # the world owns its checkers, and they ask here
@@ -41,6 +41,12 @@ def nobody_is_left(world: "World", guard: "Guard") -> None:
 def writes_again(world: "World", guard: "Guard") -> None:
     """A mode that was entered for a disk's sake is left when the disk is well; a damaged ledger waits."""
     if Diagnosis.STORE_CORRUPT in world.truths:
+        return
+    if world.disk_wanted is Wanted.SAFE:
+        hold(
+            guard.life is not None and guard.life.safe, "the operator wants reads only, and writes are taken"
+        )
+        hold(guard.manager.reading().safe_by == "operator", "who wanted reads only is shown")
         return
     asked = [x for x in world.gateway.requests if x.key == LAST_ASKED]
     hold(all(x.outcome == "done" for x in asked), "who asks in the quiet is served")

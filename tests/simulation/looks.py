@@ -11,7 +11,7 @@ from random import Random
 from typing import Any
 
 from hardcore.model import observations as seen
-from hardcore.model.recorder import Beats, CommandNote, LifeState, Page, SlotStage, Threads
+from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, LifeState, Page, SlotStage, Threads
 from hardcore.model.verdicts import Diagnosis
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.conditions import DISK_SLOW, STORE_SLOW, WELL, Condition, Judged, ThreadLook, Wait
@@ -19,6 +19,8 @@ from tests.simulation.machine import Life
 from tests.simulation.store import Disk
 
 BEAT_NS = 50 * NS_PER_MS
+#: How long a part of the core may be silent.
+PART_LIMIT_NS = 1_000 * NS_PER_MS
 THREADS = Threads(loop=1, writer=2, beat=3)
 #: The other thread of a deadlock.
 WORKER = 4
@@ -190,3 +192,9 @@ def _nonsense(true: Beats, rng: Random) -> Beats:
         if field.name != "state"
     }
     return replace(true, **written)
+
+
+def parts(life: Life) -> tuple[ComponentBeat, ...]:
+    """The table of a core's parts, as its page shows it."""
+    beat_ns = life.part_stalled_ns or life.world.clock.now_ns
+    return (ComponentBeat("importer", beat_ns, beat_ns, PART_LIMIT_NS, 1),)

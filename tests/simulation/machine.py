@@ -137,6 +137,7 @@ class Life:
         self.words: LastWords | None = None
         self.exit: seen.Exit | None = None
         self.page_lost = False
+        self.part_stalled_ns = 0  # since when one of its parts stands still
         self.status_lost = world.rng.random() < STATUS_LOST
         self.ignores_term = False
         self.in_kernel = False  # a signal can't end it before the kernel lets it go

@@ -6,6 +6,8 @@ mended by the guard alone. Only a core that the kernel never lets go may stay as
 
 from functools import partial
 
+from hardcore.model.observations import Verb
+from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Word
 from tests.simulation import store_faults
 from tests.simulation.clock import NS_PER_S
@@ -19,9 +21,13 @@ from tests.simulation.conditions import (
     Judged,
 )
 from tests.simulation.machine import RSS_BYTES, Life
+from tests.simulation.mandate_faults import take_live
+from tests.simulation.spare_faults import operator_asks
 from tests.simulation.world import World
 
 STUCK_FOR_EVER = 0.1
+#: How often somebody who wanted reads only wants them no more.
+WANTED_NO_MORE = 0.6
 #: The kernel itself shows that these go on.
 UNMISTAKABLE = frozenset({FROZEN, BLOCKED_TIMER, BLOCKED_LOCK, BLOCKED_POLL})
 #: A lock that somebody holds for very long.
@@ -39,6 +45,10 @@ def calm_down(world: World) -> None:
         store_faults.befall(world)  # somebody makes room; what is damaged stays damaged
     for life in [life for life in world.lives if life.alive]:
         _heal(world, life)
+    if world.policy.mode != "act":
+        take_live(world, "act")
+    if world.disk_wanted is Wanted.SAFE and world.rng.random() < WANTED_NO_MORE:
+        operator_asks(world, Verb.SAFE_OFF)
     for number, wait_s in enumerate(ASKED_AT_S):
         world.clock.after(wait_s * NS_PER_S, partial(_ask_for_service, world, number))
 
@@ -50,6 +60,7 @@ def _heal(world: World, life: Life) -> None:
         else:
             life.let_go()
     life.extra_notes, life.extra_waiting, life.rss_bytes = (), 0, RSS_BYTES
+    life.part_stalled_ns = 0
     life.claimed_seq = min(life.claimed_seq, life.witness.seq if life.witness else 0)
     idle = life.safe and life.condition.loop_works  # nothing is asked of a writer that may not write
     if idle or _nobody_else_heals(world, life.condition):

@@ -43,6 +43,8 @@ POLICIES = (
         trial_limit=2,
         startup_timeout_ms=2000,
         memory_image="on_request",
+        await_operator_sec=3,
+        on_await_timeout=("SEND_ALERT", "REBOOT_PROCESS"),
     ),
     Policy(
         actions=dict.fromkeys((Diagnosis.FROZEN, Diagnosis.LOOP_BLOCKED), _TELL),
@@ -59,6 +61,8 @@ POLICIES = (
     ),
     Policy(
         probation_ms=0,
+        await_operator_sec=5,
+        on_await_timeout=("SEND_ALERT", "SHUTDOWN"),
         actions={
             Diagnosis.CRASHED: frozenset({Word.SEND_ALERT, Word.AWAIT_OPERATOR}),
             Diagnosis.NO_PROGRESS: frozenset({Word.SEND_ALERT}),
@@ -195,18 +199,18 @@ def _nobody_was_hurt(world: World) -> None:
 
 def _same_answers(guard: Guard, changes_at: int) -> None:
     """The same facts give the same orders, also of one who was told in the middle what the other remembers."""
-    wanted, deaths_ns = guard.born_with
+    born, wanted, deaths_ns = guard.born_with
     ids, jitters = iter(guard.ids), iter(guard.jitters)
 
-    def another() -> FailoverManager:
-        return FailoverManager(guard.policy, wanted, lambda: next(ids), lambda: next(jitters), deaths_ns)
+    def another(policy: Policy) -> FailoverManager:
+        return FailoverManager(policy, wanted, lambda: next(ids), lambda: next(jitters), deaths_ns)
 
-    twin = another()
+    twin = another(born)
     given: list[Action] = []
     for number, fact in enumerate(guard.heard):
         if number == changes_at:
             state = CODEC.decode(state_of(twin))
-            twin = another()
+            twin = another(twin.policy)
             if (fault := resume(twin, state)) is not None:
                 raise Broken(f"what a manager remembers can't be told to another: {fault}")
         if isinstance(fact, int):

@@ -103,15 +103,28 @@ def _restart(world: World) -> seen.OperatorAsked:
     return seen.OperatorAsked(world.clock.now_ns, seen.Verb.RESTART, build=world.build, serves=serves)
 
 
+def _wanted(before: Wanted, verb: seen.Verb) -> Wanted:
+    """What stands on the disk once this was asked for."""
+    match verb:
+        case seen.Verb.STOP:
+            return Wanted.DOWN
+        case seen.Verb.SAFE_ON if before is not Wanted.DOWN:
+            return Wanted.SAFE
+        case seen.Verb.SAFE_OFF if before is Wanted.SAFE:
+            return Wanted.UP
+        case _:
+            return before
+
+
 def operator_asks(world: World, verb: seen.Verb) -> None:
     """The operator speaks; what he wants is on disk before anybody hears it."""
     if not world.guard.works and verb is not seen.Verb.STOP:
         return
-    if verb is seen.Verb.STOP:
-        world.disk_wanted = Wanted.DOWN
+    world.disk_wanted = _wanted(world.disk_wanted, verb)
     image = verb is not seen.Verb.STOP and world.rng.random() < 0.3
     asked = _restart(world) if verb is seen.Verb.RESTART else seen.OperatorAsked(world.clock.now_ns, verb)
-    world.guard.tell(replace(asked, reason="because", image=image))
+    part = "importer" if verb is seen.Verb.RESTART_COMPONENT else ""
+    world.guard.tell(replace(asked, reason="because", image=image, component=part))
 
 
 def _drains(how: Draining, most: int = 1) -> Fault:

@@ -80,6 +80,7 @@ class Switches:
     spare_plans: deque[BootPlan] = field(default_factory=deque)
     drains: deque[Draining] = field(default_factory=deque)
     trials: deque[Trying] = field(default_factory=deque)
+    part_again: int = 0  # so often a part that was begun anew stands still again, or is not begun at all
     court_hung: bool = False  # some court was given up before it was over
     #: What it takes to write a rule, for good.
     rule_write_ns: int = NS_PER_MS
@@ -96,6 +97,7 @@ class Switches:
         self.spare_plans.clear()
         self.drains.clear()
         self.trials.clear()
+        self.part_again = 0
         self.failing_spawns, self.tick_late_ns, self.orders_until_death = 0, 0, None
         self.own_write_ns, self.unseen_until_ns = NS_PER_MS, 0
         self.rule_write_ns = NS_PER_MS

@@ -11,7 +11,7 @@ from hardcore.model.observations import Sampled
 from hardcore.model.phases import Phase
 from hardcore.model.trials import Ordeal, Suspect, TrialAction
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Verdict
-from hardcore.recovery import court, failover, moves, plan, transitions, trial
+from hardcore.recovery import asked, court, failover, moves, plan, transitions, trial
 from hardcore.recovery.budget import Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.court import Court
@@ -174,7 +174,7 @@ def _end_it_while_it_lives(patch: pytest.MonkeyPatch) -> None:
 
 
 def _nobody_ends_the_spare(patch: pytest.MonkeyPatch) -> None:
-    for room in (moves, failover):
+    for room in (moves, asked):
         patch.setattr(room, "dismiss", _always(None))
 
 

@@ -96,7 +96,7 @@ class World:
             self.gateway.renewed()
         pages = [left for life in self.lives if (left := page(life)) is not None and left.witness]
         last = max(pages, key=lambda left: left.witness.seq if left.witness else 0, default=None)
-        adopts = self.warm and self.disk_wanted is Wanted.UP
+        adopts = self.warm and self.disk_wanted is not Wanted.DOWN
         found = self._adoptable(before) if before is not None and adopts else None
         others = any(life.alive and life is not found for life in self.lives)
         guard.adopts = found
@@ -112,7 +112,8 @@ class World:
         highest = max((life.epoch or 0 for life in self.lives if not life.page_lost), default=0)
         for life in self.lives:
             serves = life.stage is Stage.READY and life.epoch == highest and not life.draining
-            sound = not (life.page_lost or life.unfenced or life.safe)
+            wished = life.safe and self.disk_wanted is Wanted.SAFE
+            sound = not (life.page_lost or life.unfenced) and (wished or not life.safe)
             if serves and sound and life.serial not in before.condemned:
                 return life
         return None
@@ -217,6 +218,8 @@ class World:
             self.is_true(Diagnosis.DISK_STALLED)
         if store.holder is not None:
             self.is_true(Diagnosis.DB_LOCKED)
+        if any(life.alive and life.part_stalled_ns for life in self.lives):
+            self.is_true(Diagnosis.COMPONENT_STALLED)
         if store.rot is not Rot.NONE:
             self.is_true(Diagnosis.STORE_CORRUPT)
 
