@@ -33,6 +33,7 @@ from bench import (
     restarts,
     switches,
     tabs,
+    watchers,
     weight,
 )
 from bench.figures import Figure
@@ -104,6 +105,11 @@ PARTS: dict[str, Part] = {
         "what a person at the page waits for",
         lambda folder: bench_page.measure(folder, kills=20, slow_starts=10, reloads=5),
         lambda folder: bench_page.measure(folder, kills=1, slow_starts=1, reloads=1),
+    ),
+    "watchers": Part(
+        "the guard itself is lost, until it is watched again",
+        lambda folder: watchers.measure(folder, kills=20, alone=5, stops=3),
+        lambda folder: watchers.measure(folder, kills=1, alone=1, stops=1),
     ),
     "dashboard": Part(
         "each page of the dashboard, with all that is ever kept",
