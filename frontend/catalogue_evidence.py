@@ -37,6 +37,7 @@ WITNESSES: Mapping[str, str] = {
     "run folder": "실행 폴더",
     "spawn": "시작",
     "stacks": "실행 위치",
+    "sentinel page": "감시자 기록",
     "start": "시작",
     "store": "장부 파일",
     "transactions": "거래",
@@ -75,6 +76,9 @@ ORDEALS: Mapping[str, Mapping[str, str]] = {
 
 #: English sentence (or one part of it between semicolons) with its values in braces, and the Korean one.
 SENTENCES: tuple[tuple[str, str], ...] = (
+    ("the gateway's process ended: {how}", "관문이 종료됨: {how}"),
+    ("the guard before stood still, and was ended", "앞의 감시자가 멈춰 있어서 끝냄"),
+    ("nobody watched for {ms} ms", "아무도 지켜보지 않은 시간: {ms}ms"),
     ("the core ended by {signal}", "장부 서버가 신호로 종료됨: {signal}"),
     ("the core exited with code {code}", "장부 서버가 종료됨, 종료 코드 {code}"),
     (

@@ -292,7 +292,7 @@ class Gatekeeper:
         verdict, self._killed = self._killed, None
         ended = _ending(how)
         if verdict is None:
-            fact = Testimony("kernel", Colour.RED, f"the gateway's process ended: {ended}")
+            fact = Testimony("pidfd", Colour.RED, f"the gateway's process ended: {ended}")
             loss = Loss(_LOST, Grade.CERTAIN, (fact,), at_ns, at_ns, self._drill)
             self._story.open(loss, alerts=self._alerts(), text=f"The gateway has ended ({ended}).")
         self._drill = None

@@ -77,6 +77,7 @@ def read_report(found: Found, past: Sequence[Past] | None = None) -> Report:
         locks=incident.mapping(_json(found.path, "locks.json")),
         log=_text(found.path, "log.txt"),
         tape=tape,
+        gateway=incident.mapping(_json(found.path, "gateway.json")),
     )
     return make_report(case, _contents(found, manifest), past)
 

@@ -58,6 +58,7 @@ class Case:
     locks: Mapping[str, Any] = field(default_factory=dict)
     log: str = ""
     tape: Tape = field(default_factory=Tape)
+    gateway: Mapping[str, Any] = field(default_factory=dict)  # what a lost gateway has left
 
 
 @dataclass(frozen=True, slots=True)

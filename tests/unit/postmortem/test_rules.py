@@ -8,7 +8,12 @@ from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Confidence, Finding, read_threads
 from postmortem.analyzer.fingerprint import make_fingerprint
 from postmortem.reports.report import finding_line
-from tests.unit.postmortem import story, test_rules_of_causes, test_rules_of_hangs
+from tests.unit.postmortem import (
+    story,
+    test_rules_of_causes,
+    test_rules_of_hangs,
+    test_rules_of_the_guard,
+)
 from tests.unit.postmortem.story import frame, thread
 
 TRACEBACK = """Fatal Python error: Segmentation fault
@@ -180,6 +185,7 @@ def test_every_finding_has_a_sentence_in_each_language() -> None:
         case(drill="freeze"),
         *test_rules_of_hangs.every_rule(),
         *test_rules_of_causes.every_rule(),
+        *test_rules_of_the_guard.every_rule(),
     ]
     seen = {finding.rule: finding for one in cases for finding in registry.examine(one)}
     seen |= {finding.rule: finding for finding in test_rules_of_causes.cut_short()}
