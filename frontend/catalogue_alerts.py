@@ -108,7 +108,7 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
     ),
     "channel": _text("{number}. {name} ({kind}, {place})", "{number}. {name} ({kind}, {place})"),
     "manners": _text(
-        "같은 소식은 {n}초에 한 번까지. 조용한 시간: {quiet}",
+        "같은 소식은 {n}초 안에 한 번까지. 조용한 시간: {quiet}",
         "The same once in {n} s at most. Quiet hours: {quiet}",
     ),
     "no_quiet": _text("없음", "none"),

@@ -13,7 +13,7 @@ from starlette.routing import Route
 
 from frontend.admin_paper import LANGUAGES, admin_files
 from postmortem.views import Acts, Reads
-from postmortem.web import exports, incident, incidents, letter, letters, listing, now, remains
+from postmortem.web import alerts, exports, incident, incidents, letter, letters, listing, now, remains
 from postmortem.web.lobby import Lobby, field, lead_to
 from postmortem.web.places import Places
 
@@ -36,11 +36,14 @@ def routes(reads: Reads, acts: Acts, places: Places) -> list[Route]:
         "/admin/dlq/{id}/payload": letter.payload,
         "/admin/snapshots": remains.snapshots,
         "/admin/trends": remains.trends,
+        "/admin/alerts": alerts.alerts,
         "/admin/settings": remains.settings,
         "/admin/static/{folder}/{name}": static,
     }
     forms = {
         "/admin/language": choose_language,
+        "/admin/alerts/mute": alerts.mute,
+        "/admin/alerts/test": alerts.test,
         "/admin/restart": now.restart,
         "/admin/drill": now.drill,
         "/admin/groups/{fingerprint}/fixed": incidents.mark_fixed,
