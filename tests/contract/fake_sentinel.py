@@ -8,7 +8,6 @@ import json
 import os
 import sys
 import threading
-import time
 from pathlib import Path
 
 from hardcore.host import files
@@ -45,9 +44,10 @@ def main() -> int:
         asleep = threading.Lock()
         asleep.acquire()
         asleep.acquire()
+    pause = threading.Event()
     while True:
         page.beat()
-        time.sleep(0.3 if how == "slow" else 0.02)
+        pause.wait(0.3 if how == "slow" else 0.02)
 
 
 if __name__ == "__main__":
