@@ -36,6 +36,8 @@ from hardcore.crisis.mishap import describe
 from hardcore.crisis.recording import NOBODYS, Recording, record_on
 from hardcore.crisis.shelf import Shelf, stock
 
+#: That nothing has changed is news as well: who waits for a quiet moment believes no old number.
+STATS_AGAIN_S = 1.0
 _LOG = logging.getLogger(__name__)
 
 #: Names of this machine for itself.
@@ -155,13 +157,15 @@ class Gateway:
             self._all_gone.set()
 
     async def _upkeep(self) -> None:
-        """Tell numbers when they change, and look after connections to the core."""
+        """Tell numbers when they change and as often as they are believed, and look after connections to the core."""
+        loop, said_s = asyncio.get_running_loop(), 0.0
         while True:
             await asyncio.sleep(self._limits.stats_ms / 1000)
             self._desk.upkeep()
             held, forwarded = self._desk.moves.counts()
             now = (held, len(self._census.connections), len(self._desk.sockets), forwarded)
-            if now != self._stats:
+            if now != self._stats or loop.time() - said_s >= STATS_AGAIN_S:
+                said_s = loop.time()
                 line = stats_line(held=held, connections=now[1], websockets=now[2], forwarded=forwarded)
                 self._stats = now if self._link.say(line) else None
 
