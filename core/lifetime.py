@@ -28,6 +28,7 @@ from core.build import own_build
 from core.checkpointing import CHECKPOINT_S, Checkpointer
 from core.departure import Departure, ExitCode
 from core.draining import Drain
+from core.exporter import EXPORTER
 from core.guarded import oom
 from core.guarded.control import VERSION as CONTROL_VERSION
 from core.guarded.control import ControlUnboundError
@@ -227,6 +228,7 @@ class Life:
         await server.start(bound)
         self._ready(book, bound)
         self._obedience.parts.add(AUDITOR, service.auditor)
+        self._obedience.parts.add(EXPORTER, service.exporter)
         if isinstance(book, OpenBook):
             self._obedience.parts.add(IMPORTER, desk.importer)
             self._taking_up = loop.create_task(desk.start())  # never called off: the desk's end waits for it

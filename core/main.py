@@ -31,18 +31,20 @@ from core.journal.verify import verify as verify_book
 from core.lifetime import Life, said
 from core.lock_holder import SECONDS_MAX, hold_lock
 from core.rulings import RULES, Rulings
-from core.saying import Unkept
+from core.saying import Log
 from core.settings import Settings
 from core.trying.commands import rehearse_restore, try_cases
 
 PORT_DEFAULT: Final = 3001
+_LOG: Final = Log()
+
+logger = logging.getLogger("core")
 
 
 @click.group()
 def cli() -> None:
     """The ledger core. It runs alone on loopback, or under a guard that says so in the environment."""
-    form = "%(asctime)s %(levelname)s %(name)s %(message)s"
-    logging.basicConfig(level=logging.INFO, format=form, stream=Unkept())
+    logging.basicConfig(level=logging.INFO, handlers=[_LOG])
     logging.getLogger("uvicorn.error").setLevel(
         logging.WARNING
     )  # its "started" and "finished" are ours to say
@@ -62,6 +64,8 @@ def serve(data: Path, port: int) -> None:
     instruments = take_instruments(environment)
     if isinstance(instruments, RecorderUnusable):
         sys.exit(said(departure.config_invalid(instruments.reason)))
+    # Under a guard the log is a file that programs read; a core that runs alone tells a person at a terminal.
+    _LOG.count_on(instruments.recorder, as_json=environment.guarded)
     if environment.guarded:
         # The guard's terminal and process group are not ours to obey; it sends TERM when it means us.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -73,6 +77,9 @@ def serve(data: Path, port: int) -> None:
         left = runner.run(life.run())
     if left is not None:
         instruments.recorder.last_words(left.word, left.sentence)
+        if environment.guarded:
+            logger.critical("%s", left.sentence)
+            sys.exit(left.code.value)
         sys.exit(said(left))
 
 

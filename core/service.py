@@ -20,6 +20,7 @@ from sqlalchemy.exc import DBAPIError
 
 from core.admission import Admission, Wish
 from core.auditor import Auditor
+from core.exporter import Exporter
 from core.guarded.naming import ids_shown
 from core.guarded.poison import name_of
 from core.guarded.recorder import FlightRecorder, Stage
@@ -102,6 +103,7 @@ class Service(Slots):
         self.readers = readers
         self._threads = ThreadPoolExecutor(settings.readers, thread_name_prefix="reader")
         self.auditor = Auditor(readers, recorder, settings, self.rulings.rebuilding, self.leaving)
+        self.exporter = Exporter(readers, recorder, settings, self.rulings)
         self._tenure = Tenure(epoch, self._stored_epoch, on_fenced) if on_fenced is not None else None
         self._in_line: dict[str, asyncio.Future[Answer]] = {}  # by key: the newest command under it
         self._laid_down = False
@@ -325,6 +327,7 @@ class Service(Slots):
         # On a thread, because a read may take its time and a loop that waits for it would look blocked.
         await asyncio.to_thread(self._threads.shutdown)
         await self.auditor.end()
+        await self.exporter.end()
 
     async def close(self) -> None:
         """Write what waits and close the store. Only after `drain`."""

@@ -129,6 +129,7 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "deleted": {"ko": "지웠어요. 기록에는 남아요.", "en": "Deleted. It stays on record."},
     # Finding
     "find_words": {"ko": "찾을 말", "en": "Search"},
+    "export_all": {"ko": "전체를 CSV 파일로 받기", "en": "Download everything as CSV"},
     "find_words_hint": {"ko": "내용, 분류, 금액", "en": "what, category, amount"},
     "find_all": {"ko": "모든 계좌", "en": "All accounts"},
     "find_from": {"ko": "부터", "en": "From"},

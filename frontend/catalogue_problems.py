@@ -34,6 +34,13 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
         "ko": ("주소의 조건이 잘못됐어요", "errors에 있는 조건을 고쳐 주세요."),
         "en": ("A parameter is not usable", "Please correct the parameters named in errors."),
     },
+    "export-format-unknown": {
+        "ko": ("이 형식으로는 내보낼 수 없어요", "format에 다음 중 하나를 골라 주세요: {formats}."),
+        "en": (
+            "The ledger cannot be exported in this format",
+            "Please choose one of these as format: {formats}.",
+        ),
+    },
     "invalid-body": {
         "ko": ("고쳐야 할 항목이 있어요", "errors에 있는 항목을 고쳐서 다시 보내 주세요."),
         "en": (

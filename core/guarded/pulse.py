@@ -55,6 +55,20 @@ class Pulse:
         """Say which epoch this core has raised."""
         self._words[page.EPOCH_AT >> 3] = n
 
+    @property
+    def epoch(self) -> int:
+        """The epoch this core has raised, 0 before that."""
+        return self._words[page.EPOCH_AT >> 3]
+
+    def log_counts(self, warnings: int, errors: int) -> None:
+        """Say how many warnings and errors this life has written to its log so far. Under the log's own lock."""
+        self._words[page.LOG_WARNINGS_AT >> 3] = warnings
+        self._words[page.LOG_ERRORS_AT >> 3] = errors
+
+    def loop_lag(self, lag_ns: int) -> None:
+        """Say how late the event loop came to its beats lately. Loop thread only."""
+        self._words[page.LOOP_LAG_AT >> 3] = lag_ns
+
     def set_state(self, state: LifeState) -> None:
         """Say where in its life this core is."""
         self._words[page.STATE_AT >> 3] = state

@@ -129,6 +129,7 @@ class Importer:
         self._shift += 1
         self._stalls = False
         self._jobs = deque(_anew(job, self._shift) for job in self._jobs)
+        self._component.works(False)  # who hangs says so no more
         if self._task is not None:
             self._left.add(self._task)
             self._task.add_done_callback(self._left.discard)

@@ -16,7 +16,7 @@ from starlette.types import ASGIApp
 
 from core.imports.desk import Desk
 from core.service import Service
-from core.web import entries, handlers, import_handlers
+from core.web import entries, exporting, handlers, import_handlers
 from core.web.asking import Handler, Routes, service_of
 from core.web.door import Door
 from core.web.live import live
@@ -39,6 +39,7 @@ ROUTES: Final[Routes] = {
     # A key may hold a slash; the path arrives decoded.
     "/api/ledger/commands/{key:path}": {"GET": handlers.look_up},
     **import_handlers.ROUTES,
+    **exporting.ROUTES,
     "/healthz": {"GET": handlers.health},
     **entries.ROUTES,
 }

@@ -197,6 +197,7 @@ def _paths() -> dict[str, Any]:
             ),
         },
         "/api/ledger/verify": {"get": _get("Prove the whole book", _ref("Verdict"))},
+        "/api/ledger/export": {"get": _export()},
         "/api/ledger/drill": {
             "post": _post(
                 "The command of a drill, without effect; only the armed key's is there",
@@ -287,6 +288,24 @@ def _post(
         content = {"application/json": {"schema": _ref(body)}}
         described["requestBody"] = {"required": body_required, "content": content}
     return described
+
+
+def _export() -> dict[str, Any]:
+    text = {"schema": {"type": "string"}}
+    header = {"description": "The last event in it.", "schema": {"type": "integer"}}
+    forms = {"type": "string", "enum": ["csv", "json"]}
+    return {
+        "summary": "The whole book of one moment, as a file",
+        "parameters": [{"name": "format", "in": "query", "required": True, "schema": forms}],
+        "responses": {
+            "200": {
+                "description": "Streamed; one that is cut off is not whole.",
+                "headers": {"X-Ledger-Seq": header},
+                "content": {"text/csv": text, "application/json": {"schema": {"type": "object"}}},
+            },
+            "default": _PROBLEM_RESPONSE,
+        },
+    }
 
 
 def _ref(name: str) -> dict[str, Any]:

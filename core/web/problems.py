@@ -58,6 +58,7 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "invalid-key": ProblemKind(400),
     "invalid-parameter": ProblemKind(400),
     "subprotocol-unknown": ProblemKind(400),
+    "export-format-unknown": ProblemKind(400),
     "foreign-page": ProblemKind(403),
     "not-found": ProblemKind(404),
     "account-not-found": ProblemKind(404),

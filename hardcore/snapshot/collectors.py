@@ -24,6 +24,7 @@ from hardcore.snapshot.blanking import blanked
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.masking import mask_line, mask_payload, readable_payload
 from hardcore.snapshot.subject import Haul, Subject
+from hardcore.snapshot.unfolding import unfolded
 
 LOG_BYTES_MAX = 64 << 10
 LOGS_MAX = 8
@@ -204,4 +205,5 @@ def _tail(path: Path) -> str:
         os.close(handle)
     # The first line of a tail is cut somewhere, perhaps between a secret's name and its value.
     lines = text.splitlines()[1:] if start else text.splitlines()
-    return "\n".join(mask_line(line) for line in lines)
+    # Unfolded before it is masked: inside a JSON text no mask would know where a word begins.
+    return "\n".join(mask_line(one) for line in lines for one in unfolded(line))
