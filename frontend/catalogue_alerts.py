@@ -84,8 +84,8 @@ FAILURES: Final[Mapping[str, tuple[str, str]]] = {
     "recipient": _text("보내는 사람이나 받는 사람을 거절했어요", "it refused the sender or the recipient"),
     "secret": _text("비밀 파일을 읽을 수 없어요", "its secret_file can't be read"),
     "apprise": _text(
-        "Apprise가 설치돼 있지 않아요 (pip install 'hardcore[apprise]')",
-        "Apprise is not installed (pip install 'hardcore[apprise]')",
+        "Apprise가 설치돼 있지 않아요 (pip install apprise)",
+        "Apprise is not installed (pip install apprise)",
     ),
     "ended": _text("보내던 프로그램이 도중에 종료됐어요", "the sender ended in the middle"),
     "fault": _text("보내는 쪽에서 오류가 났어요", "the sender made a mistake"),

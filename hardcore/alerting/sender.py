@@ -28,8 +28,9 @@ from hardcore.recovery.channels import Channel, Moment, Stage, held
 PAUSES_S: Final = (15.0, 105.0, 480.0)
 #: One attempt may take this long in all; each wait inside it is shorter.
 ATTEMPT_S: Final = 15.0
-#: A report is there a second or two after the end of an incident; its closing message waits no longer than this.
-REPORT_S: Final = 8.0
+#: A report is there a second or two after the end of an incident, and nobody hurries it; its closing message, which is
+#: worth more with it, waits no longer than this.
+REPORT_S: Final = 20.0
 LOOK_S: Final = 0.2
 #: A sender that has been at work for this long ends, whatever waits: the next one goes on.
 LIFE_S: Final = 1200.0
@@ -144,7 +145,9 @@ class Sender:
         return time.monotonic() - self._seen_s[notice.id] >= REPORT_S
 
     def _take_off(self, channel: Channel, notice: Notice, value: Value, moment: Moment) -> None:
-        left_out = on_record.memory(value, channel).count(notice.occasion.mark)
+        # An end is told of one outage; what was left out belongs to the next beginning.
+        known = on_record.memory(value, channel)
+        left_out = 0 if notice.stage is Stage.CLOSED else known.count(notice.occasion.mark)
         message = compose(notice, self._facts(notice), channel.lang, left_out)
         self._count += 1
         flight = _Flight(notice, channel, self._count, time.monotonic())
