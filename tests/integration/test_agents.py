@@ -61,7 +61,11 @@ def test_without_a_launcher_an_agent_brings_the_next_sentinel_and_nobody_waits(n
     after = another(house, sentinel.pid)
     assert sentinel.gone
     assert after["core"]["pid"] == before["core"]["pid"]
-    assert house.closed(2)["diagnosis"] == "SENTINEL_LOST"
+    story = house.closed(2)
+    facts = (house.folders.incidents / story["id"] / "incident.json").read_text("utf-8")
+    assert story["diagnosis"] == "SENTINEL_LOST"
+    assert "nobody watched for" in facts
+    assert "stood still, and was ended" in facts
     assert house.cli("down").code == 0
     until(lambda: not house.processes(), "everything to be stopped")
 
@@ -140,6 +144,20 @@ def test_a_third_sentinel_and_a_strange_page_change_nothing(house: House) -> Non
     after = house.running()
     for who in ("sentinel", "core", "gateway"):
         assert after[who]["pid"] == before[who]["pid"]
+
+
+def test_after_all_three_were_killed_at_once_the_launcher_begins_anew(house: House) -> None:
+    assert house.book("before-all-three").status == 201
+    before = house.status()
+    victims = [house.hold(who) for who in ("sentinel", "gateway", "core")]
+    for victim in victims:
+        victim.hit(signal.SIGKILL)
+    until(lambda: all(victim.gone for victim in victims), "them to be gone")
+    house.until(lambda s: s["core"]["ready"] and s["core"]["pid"] != before["core"]["pid"], "another core")
+    after = house.running()
+    assert after["launcher"]["pid"] == before["launcher"]["pid"]
+    assert after["core"]["epoch"] > before["core"]["epoch"]
+    assert house.booked().count("before-all-three") == 1
 
 
 def test_the_drill_of_the_guards_own_death_is_kept(house: House) -> None:

@@ -17,6 +17,8 @@ WHOLE = {
     "HARDCORE_SAFE": "DISK_FULL",
     "HARDCORE_LIMIT_MS": "2500",
     "HARDCORE_MEMORY_BYTES": "268435456",
+    "HARDCORE_AGENTS": "/run/agents.json",
+    "HARDCORE_LISTEN_FD": "7",
     "NOTIFY_SOCKET": "@abstract",
     "WATCHDOG_USEC": "300000",
     "PATH": "/bin",
@@ -34,6 +36,8 @@ def test_everything_that_was_said_is_read() -> None:
         safe="DISK_FULL",
         limit_ms=2_500,
         memory_bytes=268_435_456,
+        agents=Path("/run/agents.json"),
+        listen_fd=7,
         notify_socket="@abstract",
         watchdog_usec=300_000,
     )
