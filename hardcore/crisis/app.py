@@ -36,8 +36,6 @@ from hardcore.crisis.mishap import describe
 from hardcore.crisis.recording import NOBODYS, Recording, record_on
 from hardcore.crisis.shelf import Shelf, stock
 
-#: That nothing has changed is news as well: who waits for a quiet moment believes no old number.
-STATS_AGAIN_S = 1.0
 _LOG = logging.getLogger(__name__)
 
 #: Names of this machine for itself.
@@ -50,6 +48,9 @@ FILES_WANTED = 16_384
 
 #: New objects until circles are looked for. A request leaves none behind, so looking often only costs.
 GARBAGE_EVERY = 50_000
+
+#: That nothing has changed is news as well: who waits for a quiet moment believes no old number.
+STATS_AGAIN_S = 1.0
 
 EXIT_FINE = 0
 EXIT_CONFIG = 78
