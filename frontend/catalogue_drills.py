@@ -130,6 +130,16 @@ TOLD: Final[Mapping[str, Told]] = {
             "The server dies once and comes back; the request is tried on a copy of the ledger and set aside.",
         ),
     ),
+    "gateway": Told(
+        (
+            "접속을 맡은 관문을 죽여요. 연결이 한 번 끊겨요.",
+            "The gateway is killed; every connection breaks once.",
+        ),
+        (
+            "같은 주소에 새 관문이 와요. 장부 서버는 아무것도 몰라요.",
+            "Another gateway comes on the same address; the server does not notice.",
+        ),
+    ),
     "sentinel": Told(
         ("지켜보던 감시자를 죽여요.", "The guard that watches is killed."),
         (
@@ -167,6 +177,14 @@ ENDS: Final[Mapping[str, tuple[str, str]]] = {
             "Not as promised. Deaths: {deaths}. Letter: {letter}. The request was answered {status}.\n"
             "Incident: {incident}\n{summary}"
         ),
+    ),
+    "gateway_kept": (
+        "약속대로예요. {ms}ms 뒤에 새 관문이 응답했고 장부 서버는 그대로예요. 사건 번호: {incident}",
+        "As promised: another gateway answered after {ms} ms, and the server is the same. Incident: {incident}",
+    ),
+    "gateway_other": (
+        "약속과 달라요. 장부 서버가 바뀌었거나 새 관문이 응답하지 않았어요. `hardcore incidents`를 보세요.",
+        "Not as promised: the server changed, or no other gateway answered. See `hardcore incidents`.",
     ),
     "sentinel_kept": (
         "약속대로예요. 같은 장부 서버를 새 감시자가 지켜봐요. 걸린 시간: {seconds}초. 사건 번호: {incident}",

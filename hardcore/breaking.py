@@ -64,6 +64,8 @@ class Breaking:
                 return await self._end_spare()
             if request.fault == "sentinel":
                 return _end_the_guard()
+            if request.fault == "gateway":
+                return self._end_the_gateway()
             if request.fault == "poison":
                 return await self._poison(life)
             return await self._break(request, life)
@@ -131,6 +133,13 @@ class Breaking:
         self._house.feed(seen.DrillStarted(clock.now_ns(), "spare", life.number))
         await self._house.in_hand(life.handle.kill_tree)
         return {"ok": True, "fault": "spare", "since": clock.wall(clock.now_ns())}, []
+
+    def _end_the_gateway(self) -> Answer:
+        """Kill the gateway: the core that serves may not notice."""
+        unable = self._house.drill_gateway()
+        if unable is not None:
+            return refuse("not-here", f"The gateway can't be killed now: {unable}.")
+        return {"ok": True, "fault": "gateway", "since": clock.wall(clock.now_ns())}, []
 
     async def _poison(self, life: Life) -> Answer:
         """Arm a request that nobody has sent yet, and say under which key it has to come."""

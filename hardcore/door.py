@@ -295,6 +295,8 @@ class Door:
                 self._house.begin(self._house.investigators.wake())
             case "asked-doors", _:
                 self.doors_asked_ns = clock.now_ns()
+            case "overdue", _:
+                self._overdue(line)
             case "stats", _:
                 self._counted({k: v for k, v in line.items() if isinstance(v, int)})
             case _:
@@ -312,6 +314,18 @@ class Door:
     def is_quiet(self) -> bool:
         """Whether nobody is connected, or nobody has asked anything for a while."""
         return not self._stats.get("connections", 0) or clock.now_ns() - self._busy_ns >= QUIET_NS
+
+    def _overdue(self, line: Mapping[str, object]) -> None:
+        """A core had not answered in time: that is told, and counted on the gateway's page.
+
+        It is no testimony: one request that takes long is the core's own business, and a core that finishes nothing
+        shows it on its page long before.
+        """
+        match line:
+            case {"path": str(path), "epoch": int(epoch), "age_ms": int(age_ms)}:
+                self._house.note("overdue", path=path[:256], epoch=epoch, age_ms=age_ms)
+            case _:
+                return
 
     def _witnessed(self, line: Mapping[str, object]) -> None:
         match line:

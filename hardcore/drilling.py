@@ -60,6 +60,7 @@ PROMISES: Mapping[str, Promise] = {
     "dblock": Promise("DB_LOCKED"),
     "diskfull": Promise("DISK_FULL", "safe_mode"),
     "poison": Promise("CRASHED"),
+    "gateway": Promise("GATEWAY_LOST"),
 }
 
 
@@ -82,6 +83,7 @@ def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
     gc                  a long garbage collection: nothing may happen
     spare               the core that waits is killed: another comes, nobody notices
     poison              a request that kills whoever carries it out: one death, then it is set aside
+    gateway             who holds the connections is killed: another accepts on the same address
     sentinel            the guard itself is killed: another goes on with the same core
     restore             a copy and the newest backup are restored and proven; works with everything stopped
     """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
@@ -99,6 +101,8 @@ def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
             _another_waits(result, first)
         case "sentinel":
             _another_watches(result, first)
+        case "gateway":
+            _another_accepts(result, first)
         case "poison":
             _is_set_aside(result, first, str(begun["key"]))
         case _ if fault in PROMISES:
@@ -293,6 +297,26 @@ def _another_waits(result: Result, first: Mapping[str, Any]) -> None:
     told = come_back(asked, waits, SPARE_S)
     sentence = asked.words("drill_spared", seconds=f"{time.monotonic() - began:.1f}")
     result.end({"incident": None, "story": None, "spare": told["spare"]["pid"]}, sentence, ok=True)
+
+
+def _another_accepts(result: Result, first: Mapping[str, Any]) -> None:
+    """Wait until another gateway has answered and its predecessor's loss is told; the core must not have changed."""
+    asked, promise = result.asked, PROMISES[result.fault]
+    before = first["gateway"]["last_incident"]
+    told = come_back(asked, lambda told: told["gateway"]["last_incident"] != before, BACK_S)
+    lost = told["gateway"]["last_incident"]
+    if lost == before or told["core"]["pid"] != first["core"]["pid"]:
+        result.fail(end_words("gateway_other", asked.lang))
+    story = told_incident(asked, str(lost))
+    as_promised = (story["diagnosis"], story["outcome"]) == (promise.diagnosis, promise.outcome)
+    sentence = end_words(
+        "gateway_kept" if as_promised else "gateway_other",
+        asked.lang,
+        ms=f"{story['outage_ms'] or 0:.0f}",
+        incident=story["id"],
+    )
+    told_whole = {"incident": story["id"], "promised": asdict(promise), "story": story}
+    result.end(told_whole, sentence, ok=as_promised)
 
 
 def _another_watches(result: Result, first: Mapping[str, Any]) -> None:

@@ -384,6 +384,7 @@ class Gatekeeper:
             "refused_paths": list(self._known.in_force(clock.together()[1].wall_ns / 1e9)),
             "refused_requests": pulse.refused if pulse is not None else 0,
             "incident": self._story.id,
+            "last_incident": self._story.last,
             "awaits_operator": self._awaits,
         }
 

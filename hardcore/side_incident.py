@@ -73,6 +73,7 @@ class SideIncident:
         self._hands = hands
         self._folders = folders
         self._story: _Story | None = None
+        self.last: str | None = None  # the one that was closed last
 
     @property
     def id(self) -> str | None:
@@ -148,7 +149,7 @@ class SideIncident:
         steps = dict(story.steps)
         outage_ms = (steps["serving"] - steps["fault"]) // 1_000_000 if "serving" in steps else None
         self._alert(orders.AlertStage.CLOSED, text, outcome, outage_ms)
-        self._story = None
+        self._story, self.last = None, story.id
         told = _incident(story, outcome, at_ns)
         self._hands.begin(self._hands.filing.close(told, None, "", story.taken))
 

@@ -55,6 +55,7 @@ def _shape() -> dict[str, Any]:
             "refused_paths": [],  # that have killed two of them
             "refused_requests": 0,
             "incident": None,  # its own, while one is open
+            "last_incident": None,  # its own that this guard closed last
             "awaits_operator": False,
         },
         "core": {

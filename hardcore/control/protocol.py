@@ -43,7 +43,7 @@ class Ask(StrEnum):
 #: Faults that this version can break the core with.
 DRILLS = (
     *("crash", "segv", "exit", "freeze", "block", "spin", "gil", "deadlock", "slow-tx"),
-    *("oom", "dblock", "diskfull", "gc", "spare", "poison", "sentinel"),
+    *("oom", "dblock", "diskfull", "gc", "spare", "poison", "sentinel", "gateway"),
 )
 
 #: Drills of which nothing may come to the core that serves: it is made to look ill, or another is hit.

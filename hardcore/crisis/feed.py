@@ -302,6 +302,11 @@ def asked_doors_line() -> bytes:
     return _line({"type": "asked-doors"})
 
 
+def overdue_line(path: str, epoch: int, age_ms: int) -> bytes:
+    """Say that the core of `epoch` has not answered in time: its client was told 504."""
+    return _line({"type": "overdue", "path": path[:PATH_CHARS_MAX], "epoch": epoch, "age_ms": age_ms})
+
+
 def served_line(epoch: int, at_ns: int) -> bytes:
     """Say that the first answer of `epoch` came through."""
     return _line({"type": "served", "epoch": epoch, "at_ns": at_ns})

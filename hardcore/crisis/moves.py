@@ -18,7 +18,7 @@ from hardcore.crisis.barrier import Barrier
 from hardcore.crisis.cases import Cases
 from hardcore.crisis.dock import Dock
 from hardcore.crisis.exchange import Exchange
-from hardcore.crisis.feed import Settled, Teller
+from hardcore.crisis.feed import Settled, Teller, overdue_line
 from hardcore.crisis.holding import (
     OVER,
     TABLE,
@@ -295,6 +295,8 @@ class Moves:
             case _:
                 if before in _AT_A_CORE:
                     self.dock.keep(exchange)
+                if deed is Deed.SAY_LATE:
+                    self._tell_overdue(exchange)
                 if deed is Deed.SAY_UNKNOWN:
                     self._meet(exchange, outage=True)  # whatever the feed says: a core died under it
                 self._say(exchange, told_for(deed, exchange, early=before is Life.ARRIVED))
@@ -306,6 +308,13 @@ class Moves:
         self._at_core[exchange] = None
         exchange.client.limit.set(self._limits.upstream_deadline_ms)
         self.courier.send(exchange)
+
+    def _tell_overdue(self, exchange: Exchange) -> None:
+        """The guard is told: what a core does not answer may be the first that anybody sees of its trouble."""
+        exchange.place.overdue()
+        age_ms = (self._now_ns() - exchange.arrived_ns) // 1_000_000
+        path = exchange.head.path.decode("ascii", "replace")
+        self._teller.say(overdue_line(path, self.outlook.epoch, age_ms))
 
     def _look_up(self, exchange: Exchange) -> None:
         self._lost[exchange] = None  # it still waits here, and its limit still runs

@@ -79,6 +79,11 @@ class Place:
         if self._first and self._words[self._first] == Stage.PARSING:
             self.stands(Stage.HELD)
 
+    def overdue(self) -> None:
+        """Its core has not answered in time, and its client is told 504."""
+        self._words[page.OVERDUE] += 1
+        self._words[page.OVERDUE_NS] = time.monotonic_ns()
+
     def leave(self) -> None:
         """It is over, or its connection is. Saying it twice is no fault."""
         if self._open:
@@ -173,11 +178,6 @@ class Recording:
             return False
         self._words[page.REFUSED] += 1
         return True
-
-    def overdue(self) -> None:
-        """A core has not answered in time: its client is told 504."""
-        self._words[page.OVERDUE] += 1
-        self._words[page.OVERDUE_NS] = time.monotonic_ns()
 
 
 def _own_start() -> int:

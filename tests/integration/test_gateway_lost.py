@@ -93,6 +93,14 @@ def test_a_gateway_that_stands_still_is_ended_with_its_evidence_and_replaced(hou
     assert after["gateway"]["refused_paths"] == []
 
 
+def test_the_drill_of_a_gateways_death_is_kept(house: House) -> None:
+    core = house.status()["core"]["pid"]
+    done = house.cli("drill", "gateway", "--yes", "--json")
+    assert done.code == 0, done
+    assert (done.told["story"]["diagnosis"], done.told["story"]["drill"]) == ("GATEWAY_LOST", "gateway")
+    assert house.status()["core"]["pid"] == core
+
+
 def test_a_path_that_two_gateways_died_over_is_refused_and_no_other(house: House) -> None:
     for innocent, query in (("/api/once", "?a=1"), ("/api/twice", "?b=2")):
         with (
