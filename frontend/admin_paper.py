@@ -19,6 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from frontend.amounts import show_count
 from frontend.catalogue_admin import TEXTS
 from frontend.catalogue_admin_alerts import ALERT_TEXTS
+from frontend.catalogue_admin_guard import GUARD_TEXTS
 from frontend.catalogue_admin_letters import LETTER_TEXTS
 from frontend.render import Language, language
 
@@ -36,7 +37,7 @@ _TYPES: Final = MappingProxyType(
         ".svg": "image/svg+xml",
     }
 )
-_WORDS: Final = MappingProxyType({**TEXTS, **LETTER_TEXTS, **ALERT_TEXTS})
+_WORDS: Final = MappingProxyType({**TEXTS, **LETTER_TEXTS, **ALERT_TEXTS, **GUARD_TEXTS})
 
 
 @dataclass(frozen=True, slots=True)

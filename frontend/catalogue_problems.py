@@ -301,6 +301,10 @@ READ_ONLY: Final[dict[str, dict[str, str]]] = {
         "ko": "장부가 있는 디스크가 대답하지 않아요.",
         "en": "The disk that holds the ledger does not answer.",
     },
+    "OPERATOR": {
+        "ko": "서버를 관리하는 분이 읽기 전용으로 바꿔 두었어요.",
+        "en": "Whoever runs this server has made it read-only for now.",
+    },
     "STORE_CORRUPT": {
         "ko": "장부에서 맞지 않는 부분을 찾았어요. 더 틀어지지 않도록 입력을 막았어요.",
         "en": "Something in the ledger does not match. Changes are blocked so it cannot get worse.",

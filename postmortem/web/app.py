@@ -13,7 +13,18 @@ from starlette.routing import Route
 
 from frontend.admin_paper import LANGUAGES, admin_files
 from postmortem.views import Acts, Reads
-from postmortem.web import alerts, exports, incident, incidents, letter, letters, listing, now, remains
+from postmortem.web import (
+    alerts,
+    exports,
+    incident,
+    incidents,
+    letter,
+    letters,
+    listing,
+    now,
+    policy,
+    remains,
+)
 from postmortem.web.lobby import Lobby, field, lead_to
 from postmortem.web.places import Places
 
@@ -37,6 +48,7 @@ def routes(reads: Reads, acts: Acts, places: Places) -> list[Route]:
         "/admin/snapshots": remains.snapshots,
         "/admin/trends": remains.trends,
         "/admin/alerts": alerts.alerts,
+        "/admin/policy": policy.policy,
         "/admin/settings": remains.settings,
         "/admin/static/{folder}/{name}": static,
     }
@@ -44,7 +56,9 @@ def routes(reads: Reads, acts: Acts, places: Places) -> list[Route]:
         "/admin/language": choose_language,
         "/admin/alerts/mute": alerts.mute,
         "/admin/alerts/test": alerts.test,
+        "/admin/policy/reload": policy.reload,
         "/admin/restart": now.restart,
+        "/admin/safe-mode": now.safe_mode,
         "/admin/drill": now.drill,
         "/admin/groups/{fingerprint}/fixed": incidents.mark_fixed,
         "/admin/groups/{fingerprint}/merge": incidents.merge,

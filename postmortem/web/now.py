@@ -14,7 +14,7 @@ from starlette.responses import Response
 
 from frontend.admin_paper import moment, took
 from frontend.render import Language
-from postmortem.incident import duration, mapping, number, optional_text, text, texts
+from postmortem.incident import duration, mapping, mappings, number, optional_text, text, texts
 from postmortem.reports import evidence_words
 from postmortem.reports.drawings import DAY_S, Drawing, Span, draw_day
 from postmortem.views import Drill, Filter, IncidentLine
@@ -38,6 +38,11 @@ TONES: Final[Mapping[str, str]] = {
 #: The drills that a page offers; the command line has them all.
 FAULTS: Final = ("crash", "segv", "exit", "freeze", "block", "deadlock", "spare", "poison")
 DAY_INCIDENTS_MAX: Final = 200
+MODES: Final = ("act", "assist", "observe")
+PARTS: Final = ("importer", "exporter", "notifier", "auditor")
+PARTS_MAX: Final = 16
+#: Changes of the state that are shown, the newest first.
+HISTORY_MAX: Final = 12
 RESTART_WORD: Final = "restart"
 _HERE: Final = "/admin/"
 
@@ -75,6 +80,7 @@ async def now(lobby: Lobby, request: Request) -> Response:
         last=lines[0] if lines else None,
         curve=memory_curve(curve, lang),
         forecasts=forecasts(words_of(request), status, lang),
+        guarding=_guarding(words_of(request), status, lang),
         facts=_facts(words_of(request), status, sum(counts.values()), limit_mib, lang),
         faults=FAULTS,
     )
@@ -99,6 +105,30 @@ async def restart(lobby: Lobby, request: Request) -> Response:
         lines=(words("restart_held", n=held), words("act_restart_more")),
         typed=("word", words("restart_type"), 20),
         fault=words("restart_wrong") if is_sure(form) else "",
+    )
+    return lobby.ask(request, _HERE, question)
+
+
+async def safe_mode(lobby: Lobby, request: Request) -> Response:
+    """POST /admin/safe-mode: asked about first, because everybody who uses the ledger notices it."""
+    form = await lobby.form(request)
+    if isinstance(form, Response):
+        return form
+    wish = field(form, "wish")
+    if wish not in {"on", "off"}:
+        return lobby.lost(request, _HERE, _HERE)
+    if is_sure(form):
+        order = {"verb": "safe-mode", "on": wish == "on", "reason": "dashboard"}
+        return await _order(lobby, order, "safe-mode", wish, f"safe_{wish}")
+    words = words_of(request)
+    question = Question(
+        title=words(f"safe_{wish}_title"),
+        action="/admin/safe-mode",
+        sure=words(f"act_safe_{wish}"),
+        back=_HERE,
+        keep=words("cancel"),
+        lines=(words(f"safe_{wish}_told"),),
+        fields=(("wish", wish),),
     )
     return lobby.ask(request, _HERE, question)
 
@@ -172,6 +202,40 @@ def _facts(
     if (checked := optional_text(status.get("ledger_verified_at"))) is not None:
         facts.append((words("now_checked"), moment(checked, lang=lang), ""))
     return facts
+
+
+def _guarding(words: Any, status: Mapping[str, Any], lang: Language) -> Mapping[str, Any]:
+    """Return what is known of the guarding itself: mode, safe mode, the policy's file, parts, changes of the state."""
+    mode, needs = text(status.get("mode")), optional_text(status.get("needs_since"))
+    return {
+        "away": not status,
+        "mode": mode if mode in MODES else "",
+        "needs": None if needs is None else moment(needs, lang=lang),
+        "safe": status.get("wanted") == "SAFE",
+        "why": text(status.get("safe_reason")),
+        "fault": text(status.get("policy_fault")),
+        "parts": [_part(words, one) for one in mappings(status.get("components"))[:PARTS_MAX]],
+        "history": [
+            (moment(text(one.get("at")), lang=lang), _state_word(one.get("after")), text(one.get("reason")))
+            for one in mappings(status.get("history"))[: -HISTORY_MAX - 1 : -1]
+        ],
+    }
+
+
+def _part(words: Any, one: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return one part of the core: its name, how it is, and how much it has done."""
+    name, age, limit = text(one.get("name")), number(one.get("beat_age_ms")), number(one.get("limit_ms"))
+    shown = words(f"part_{name}") if name in PARTS else name
+    done = words("part_done", n=number(one.get("done")) or 0)
+    if age is None:
+        return shown, words("part_rests"), done
+    silent = bool(limit) and age > (limit or 0)
+    return shown, words("part_silent" if silent else "part_works", n=age), done
+
+
+def _state_word(state: object) -> str:
+    named = text(state)
+    return named if named in STATES else "UNKNOWN"
 
 
 def _calm(words: Any, lines: Sequence[IncidentLine], at: datetime, *, drilled: bool) -> str:

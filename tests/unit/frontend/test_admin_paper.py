@@ -16,18 +16,19 @@ from frontend.admin_paper import (
 )
 from frontend.catalogue_admin import TEXTS
 from frontend.catalogue_admin_alerts import ALERT_TEXTS
+from frontend.catalogue_admin_guard import GUARD_TEXTS
 from frontend.catalogue_admin_letters import LETTER_TEXTS
 from tests.unit.frontend.test_pages_paper import names_in
 
 ROOT = Path(__file__).parents[3]
-WORDS = {**TEXTS, **LETTER_TEXTS, **ALERT_TEXTS}
+WORDS = {**TEXTS, **LETTER_TEXTS, **ALERT_TEXTS, **GUARD_TEXTS}
 TEMPLATES = sorted((ROOT / "templates" / "admin").glob("*.j2"))
 SCRIPTS = sorted((ROOT / "frontend" / "admin").glob("*.js"))
 ROOMS = sorted((ROOT / "postmortem" / "web").glob("*.py"))
 
 
 def test_no_text_stands_in_both_catalogues() -> None:
-    assert len(WORDS) == len(TEXTS) + len(LETTER_TEXTS) + len(ALERT_TEXTS)
+    assert len(WORDS) == len(TEXTS) + len(LETTER_TEXTS) + len(ALERT_TEXTS) + len(GUARD_TEXTS)
 
 
 @pytest.mark.parametrize("name", sorted(WORDS))

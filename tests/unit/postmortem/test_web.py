@@ -20,7 +20,7 @@ from tests.unit.postmortem.web_archive import LETTER_ID, TOKEN, Archive, Visitor
 
 PAGES = (
     "/admin/", "/admin/incidents", "/admin/incidents?view=all", "/admin/dlq", "/admin/snapshots",
-    "/admin/trends", "/admin/settings",
+    "/admin/trends", "/admin/policy", "/admin/settings",
 )  # fmt: skip
 ONE = f"/admin/incidents/{story.ID}"
 LETTER = f"/admin/dlq/{LETTER_ID}"
