@@ -124,7 +124,7 @@ def _shut_down(c: Course, about: Diagnosis, why: str, now_ns: int) -> None:
     if c.phase in phases.SERVING:
         c.shut, c.hopeless = True, about
         said = Testimony("policy", Colour.RED, f"{about}, and {why}: the policy shuts the service down")
-        c.pending = Trouble(Death(about, Grade.CERTAIN, (said,)), now_ns)
+        c.pending = Trouble(Death(about, Grade.CERTAIN, (said,)), now_ns, asked=True)
         fire(c, Trigger.SHUTDOWN, now_ns, said.why)
     elif c.phase is Phase.FATAL:
         c.shut, c.deadline.due_ns = True, None

@@ -102,10 +102,11 @@ class Entry:
 
 @dataclass(slots=True)
 class _Stretch:
-    """A state, or why there is none, and what was heard since."""
+    """A state and the policy in force, or why there is none, and what was heard since."""
 
     began_ns: int
     state: Json
+    policy: Json
     fault: str
     notes: int = 0
     entries: list[Entry] = field(default_factory=list)
@@ -118,7 +119,6 @@ class Tape:
         self._new_id = new_id
         self._jitter = jitter
         self._stretches: tuple[_Stretch, ...] = ()
-        self._policy: Json = None
 
     def new_id(self) -> str:
         """Return a new id, and remember it."""
@@ -149,17 +149,14 @@ class Tape:
     def cut(self) -> "Recording":
         """Return what is on the tape at this moment. Cheap; the writing is `Recording.write`."""
         return Recording(
-            self._policy,
-            tuple(dataclasses.replace(one, entries=list(one.entries)) for one in self._stretches),
+            tuple(dataclasses.replace(one, entries=list(one.entries)) for one in self._stretches)
         )
 
     def _begin(self, manager: FailoverManager, at_ns: int) -> _Stretch:
         try:
-            if self._policy is None:
-                self._policy = CODEC.encode(manager.policy)
-            return _Stretch(at_ns, state_of(manager), "")
+            return _Stretch(at_ns, state_of(manager), CODEC.encode(manager.policy), "")
         except UnencodableError as error:
-            return _Stretch(at_ns, None, str(error))
+            return _Stretch(at_ns, None, None, str(error))
 
     @staticmethod
     def _is_over(stretch: _Stretch, at_ns: int) -> bool:
@@ -184,7 +181,6 @@ def _notes(heard: Observation | int) -> int:
 class Recording:
     """What was on the tape at one moment. Writing it touches nothing that still changes."""
 
-    policy: Json
     stretches: tuple[_Stretch, ...]
 
     def write(self) -> bytes:
@@ -213,14 +209,14 @@ class Recording:
         return b"".join([*lines, _line({"end": len(lines) - 1, "cut_short": True})])
 
     def _lines(self, stretches: tuple[_Stretch, ...]) -> Iterator[bytes]:
-        first = stretches[0] if stretches else _Stretch(0, None, "nothing was heard yet")
+        first = stretches[0] if stretches else _Stretch(0, None, None, "nothing was heard yet")
         yield _line(
             {
                 "version": VERSION,
                 "shape": CODEC.shape,
                 "began_ns": first.began_ns,
-                "policy_sha256": digest(self.policy),
-                "policy": self.policy,
+                "policy_sha256": digest(first.policy),
+                "policy": first.policy,
                 "state": first.state,
                 **({"fault": first.fault} if first.fault else {}),
             }

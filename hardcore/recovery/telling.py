@@ -81,6 +81,7 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     joins = trouble.asked and c.story is not None and c.story.diagnosis is death.diagnosis
     if joins and c.story is not None:
         c.story.withheld = False  # a person has come, and wants it done
+        c.troubles.clear()
     if c.phase in SERVING and c.story is not None and not (c.story.planned or c.story.deaths or joins):
         close(c, now_ns, recovered=True)  # a trouble that stopped nobody: an end is never told under its name
     if c.phase in SERVING and c.story is not None and not c.story.down and c.story.planned and not planned:

@@ -48,6 +48,8 @@ SLACK_NS = 3 * NS_PER_S
 HEARING_NS = 10 * NS_PER_MS
 #: A core that can't be seen for so long is told to be so.
 TOLD_NS = NS_PER_S
+#: Whoever is sent away by these was judged by nobody.
+_CHANGED = frozenset({Trigger.RENEW, Trigger.RESTART, Trigger.SHUTDOWN})
 _BY_ITSELF = frozenset({Trigger.NO_DELAY, Trigger.DEADLINE})
 #: The spare is looked at so often, and something may befall it in between.
 SPARE_SEEN_MS = 400
@@ -194,7 +196,7 @@ class Checkers:
                 self._deaths_ns.clear()
             if move.trigger is Trigger.NOT_DRAINED and guard.life is not None:
                 self._undrained.add(guard.life.number)
-            if move.trigger in {Trigger.RENEW, Trigger.RESTART} and guard.life is not None:
+            if move.trigger in _CHANGED and guard.life is not None:
                 self._renewed.add(guard.life.number)
             if move.trigger is Trigger.TROUBLED:
                 self._troubled(guard, Diagnosis(move.reason.split(":")[0]))

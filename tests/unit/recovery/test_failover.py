@@ -6,6 +6,7 @@ import pytest
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.model.actions import AlertStage
 from hardcore.model.phases import Face, HAState, Phase, Wanted
 from hardcore.model.recorder import (
     Beats,
@@ -153,7 +154,8 @@ def test_a_spent_budget_ends_fatal_with_an_alert_and_the_incident_closed() -> No
     play.die()
     given = play.running(5).die()
     assert play.phase is Phase.FATAL
-    assert [order.diagnosis for order in given if isinstance(order, orders.Alert)][-1] is Diagnosis.CRASH_LOOP
+    waits = [order for order in given if isinstance(order, orders.Alert) and order.stage is AlertStage.WAITS]
+    assert [order.diagnosis for order in waits] == [Diagnosis.CRASH_LOOP]
     assert play.closed().outcome == "manual"
     assert play.manager.reading().face is Face.REFUSE
 
@@ -190,6 +192,7 @@ def test_what_a_restart_would_not_heal_waits_for_the_operator(code: int, diagnos
     play = Play(Policy(actions={diagnosis: waits})).begin()
     play.die(seen.Exit(code=code), a_page(0, words=diagnosis))
     assert play.phase is Phase.FATAL
+    assert "Spawn" not in kinds(play.ring())  # nobody comes
     assert play.manager.next_deadline_ns() is None
     assert play.closed().diagnosis is diagnosis
     assert kinds(play.ask(seen.Verb.RESUME))[-1] == "Spawn"
