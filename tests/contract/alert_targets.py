@@ -193,12 +193,13 @@ class Outgoing:
     """A data folder with channels, into which the test puts what is to be told."""
 
     folders: Folders
+    _last: str = ""
 
     def channels(self, *channels: Mapping[str, object]) -> None:
         self.folders.good_policy.write_text(json.dumps({"version": 1, "alerts": channels}), "utf-8")
 
     def put(self, stage: str = "opened", **told: object) -> str:
-        name = new_id()
+        name = self._next()
         value: dict[str, object] = {
             "version": 1,
             "at": clock.wall(clock.now_ns()),
@@ -213,6 +214,13 @@ class Outgoing:
             "lang": ["ko", "en"],
         }
         (self.folders.outbox / f"{name}.json").write_text(json.dumps({**value, **told}), "utf-8")
+        return name
+
+    def _next(self) -> str:
+        """A name of a later millisecond than the one before: within one, names have no order."""
+        while (name := new_id())[:13] <= self._last[:13]:
+            pass
+        self._last = name
         return name
 
     def report(self, incident: str, **facts: object) -> None:
