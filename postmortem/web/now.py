@@ -73,6 +73,7 @@ async def now(lobby: Lobby, request: Request) -> Response:
         tone=TONES[state],
         since=optional_text(status.get("since")),
         open=optional_text(status.get("incident")),
+        nobody=answer.get("alerts") == [],
         worries=[evidence_words.told(one, lang) for one in texts(status.get("worries"))[:10]],
         calm=_calm(words_of(request), lines, at, drilled=bool(lately.items)),
         proof=_proof(words_of(request), drilled[0] if drilled else None, lang),
