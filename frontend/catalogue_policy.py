@@ -281,6 +281,10 @@ NOTES: Final[Mapping[str, tuple[str, str]]] = {
         "알림 통로가 없어요. 무슨 일이 생겨도 밖으로 알리지 않아요 (alerts).",
         "There is no channel: nobody would be told of anything (alerts).",
     ),
+    "no_apprise": _text(
+        "Apprise가 설치돼 있지 않아서 apprise 채널로는 알리지 못해요 (pip install apprise).",
+        "Apprise is not installed: channels of kind apprise can't be told (pip install apprise).",
+    ),
     "observe": _text(
         "observe 모드예요. 기록만 하고, 서버가 꺼져도 다시 켜지 않아요 (mode).",
         "The mode is observe: it only records, and starts nothing that has died (mode).",
