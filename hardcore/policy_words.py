@@ -15,6 +15,7 @@ from frontend.catalogue_operator import operator_text
 from frontend.catalogue_policy import diagnosis_words, explained, note_words
 from hardcore import standing
 from hardcore import up as starting
+from hardcore.alerting.over_apprise import is_installed
 from hardcore.asked import Asked, ask_policy, keep, operator, options
 from hardcore.lines import wrapped
 from hardcore.looking_back import places
@@ -22,6 +23,7 @@ from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.channels import as_shown
 from hardcore.recovery.differing import differences, flat
 from hardcore.recovery.explain import explain
+from hardcore.recovery.channels import Kind
 from hardcore.recovery.policy import Policy, in_full
 from hardcore.replay import compare_incident
 from hardcore.snapshot.writer import RECORDING
@@ -66,6 +68,8 @@ def policy_check(asked: Asked, file: Path) -> None:
 def _notes(found: Policy) -> list[str]:
     """Return what a policy leaves out that somebody would miss, by the names of its texts."""
     mode = [] if found.mode == "act" else [found.mode]
+    if any(one.kind is Kind.APPRISE for one in found.alerts) and not is_installed():
+        mode.append("no_apprise")
     return mode if found.alerts else [*mode, "no_channels"]
 
 
