@@ -265,7 +265,7 @@ class Life:
             service.leaving,
         )
         self._obedience.checkpointer = checkpointer
-        self._obedience.gone_by = self._ground.gone_by
+        self._obedience.gone_by = service.gone_by = self._ground.gone_by
         told_s = self._environment.checkpoint_s
         every_s = CHECKPOINT_S if told_s is None else told_s
         return [checkpointer.keep_making(every_s)] if every_s else []

@@ -30,6 +30,7 @@ from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.lifetime import Life, said
 from core.lock_holder import SECONDS_MAX, hold_lock
+from core.quick_verdict import verify_quickly
 from core.rulings import RULES, Rulings
 from core.saying import Log
 from core.settings import Settings
@@ -86,7 +87,8 @@ def serve(data: Path, port: int) -> None:
 @cli.command()
 @click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def verify(data: Path, *, as_json: bool) -> None:
+@click.option("--quick", is_flag=True, help="Prove what came after the newest good checkpoint.")
+def verify(data: Path, *, as_json: bool, quick: bool) -> None:
     """Prove the whole ledger of a data folder, reading only; a core may be at work meanwhile."""
     gc.freeze()
     gc.enable()
@@ -101,6 +103,10 @@ def verify(data: Path, *, as_json: bool) -> None:
     # What kills whoever rebuilds from it would kill this process too; no drill does.
     rulings = Rulings.beside((data / RULES).absolute())
     rulings.quarantine.read()
+    if quick:
+        sys.exit(
+            verify_quickly(data, readers, settings, Rebuilding(rulings.quarantine), print, as_json=as_json)
+        )
     verdict = verify_book(readers, settings.read_ms_max, lambda: False, Rebuilding(rulings.quarantine))
     assert not isinstance(verdict, GivenUp), "nobody asks this process to leave"
     if isinstance(verdict, StoreError):

@@ -98,6 +98,7 @@ class Service(Slots):
         self._admission = Admission(self.rulings.quarantine)
         self.epoch = epoch
         self.safe = safe
+        self.gone_by = ""  # the checkpoint that the start went by
         self.hub = Hub()
         self._writer = writer
         self.readers = readers

@@ -204,7 +204,14 @@ async def drill(request: Request) -> Response:
 async def health(request: Request) -> Response:
     """GET /healthz: no slot, no store."""
     service = service_of(request)
-    return as_json({"epoch": service.epoch, "seq": service.head_seq, "safe": service.safe})
+    return as_json(
+        {
+            "epoch": service.epoch,
+            "seq": service.head_seq,
+            "safe": service.safe,
+            "checkpoint": service.gone_by or None,
+        }
+    )
 
 
 def _account_in_path(request: Request) -> str:

@@ -109,11 +109,12 @@ _LOOK_UP: Final[dict[str, Any]] = {
 
 _HEALTH: Final[dict[str, Any]] = {
     "type": "object",
-    "required": ["epoch", "seq", "safe"],
+    "required": ["epoch", "seq", "safe", "checkpoint"],
     "properties": {
         "epoch": {"type": "integer"},
         "seq": {"type": "integer"},
         "safe": {"type": ["string", "null"]},
+        "checkpoint": {"type": ["string", "null"], "description": "The one that the start went by."},
     },
 }
 
