@@ -63,6 +63,14 @@ PROPOSALS: Mapping[str, Text] = {
     "who_killed_it": _text(
         "서버를 강제 종료한 프로그램이나 사람 찾기", "Find which program or person killed the core"
     ),
+    "find_the_leak": _text(
+        "무엇이 메모리를 붙들고 놓지 않는지 찾기: 예비 서버로 바꾼 것은 시간을 번 것뿐이에요",
+        "Find what keeps the memory: the change of cores has only bought time",
+    ),
+    "find_the_open_files": _text(
+        "어느 코드가 파일을 열고 닫지 않는지 찾기: 예비 서버로 바꾼 것은 시간을 번 것뿐이에요",
+        "Find which code opens files and does not close them: the change of cores has only bought time",
+    ),
     "mend_the_code": _text("이 위치의 코드 고치기: {place}", "Mend the code at this place: {place}"),
 }
 

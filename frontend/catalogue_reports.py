@@ -289,6 +289,11 @@ FINDINGS: Mapping[str, Text] = {
         "메모리가 모자라 운영체제가 서버를 종료했어요.",
         "The system ended the core because memory had run out.",
     ),
+    "leak": _text(
+        "메모리가 {minutes}분 동안 {first} MiB에서 {last} MiB까지 늘었고 줄지 않았어요.",
+        "Memory grew from {first} MiB to {last} MiB in {minutes} min and was not given back.",
+    ),
+    "ran_short": _text("한도에 닿기 전에 알아챘어요.", "It was seen to run out before it did."),
     "grew": _text("그 전에 가장 많이 늘어난 것: {type}", "What had grown most before that: {type}"),
     "spinning": _text(
         "서버가 여기서 끝나지 않고 돌고 있었어요: {function} ({place})",

@@ -32,11 +32,16 @@ def examine(case: Case) -> list[Finding]:
     values = {} if rss_bytes is None else {"mib": str(rss_bytes // _MIB)}
     rule = "out_of_memory" if values else "out_of_memory_unsized"
     found = [Finding(rule, Confidence(case.incident.grade), values, tuple(evidence))]
+    return [*found, *grown_types(case)]
+
+
+def grown_types(case: Case) -> list[Finding]:
+    """Say which kind of object had grown most between the last two censuses, if there are two."""
     types = [one for one in mappings(_growth(case).get("types")) if (number(one.get("size_bytes")) or 0) > 0]
-    if types:
-        lines = tuple(_line(one) for one in types[:_TYPES_SHOWN])
-        found.append(Finding("grew", Confidence.LIKELY, {"type": text(types[0].get("name"))}, lines))
-    return found
+    if not types:
+        return []
+    lines = tuple(_line(one) for one in types[:_TYPES_SHOWN])
+    return [Finding("grew", Confidence.LIKELY, {"type": text(types[0].get("name"))}, lines)]
 
 
 def _course(grown: Sequence[tuple[float, int]]) -> str:

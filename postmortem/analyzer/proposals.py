@@ -35,7 +35,14 @@ FOR_A_PERSON: Mapping[str, str] = {
     "STARVED": "ease_the_machine",
     "FROZEN": "who_stopped_it",
     "KILLED_FROM_OUTSIDE": "who_killed_it",
+    "LEAK": "find_the_leak",
+    "FD_EXHAUSTION": "find_the_open_files",
 }
+
+
+#: What a planned switch has only put off: what grows grows in the next core as well.
+FORESTALLED = frozenset({"LEAK", "FD_EXHAUSTION", "MEMORY_PRESSURE"})
+_ASKED_FOR = frozenset({"OPERATOR", "PLANNED_SWITCH"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +57,11 @@ class Proposed:
 
 
 def proposals(case: Case, findings: tuple[Finding, ...]) -> tuple[Proposed, ...]:
-    """Return what would have prevented it, the surest first, at most PROPOSALS_MAX. A planned incident has none."""
-    if case.incident.planned or case.incident.diagnosis in {"OPERATOR", "PLANNED_SWITCH"}:
+    """Return what would have prevented it, the surest first, at most PROPOSALS_MAX. What was
+    planned has none, but where it only put something off.
+    """
+    forestalled = case.incident.diagnosis in FORESTALLED
+    if (case.incident.planned and not forestalled) or case.incident.diagnosis in _ASKED_FOR:
         return ()
     made: dict[str, Proposed] = {}
     for one in (*_fingerprints(case), *_limits(case), *_deadlines(case), *_persons(case, findings)):

@@ -21,6 +21,11 @@ LINES_MAX = 20_000
 #: Looks come every 100 ms; one that comes this much later was late.
 LATE_NS = 200_000_000
 
+#: The words under which the state keeps what memory did over time.
+_TRACKED, _MEMORY = "foresight", "Resource.MEMORY"
+#: Of a course so many points are kept.
+POINTS_MAX = 300
+
 _SAMPLED, _SPAWNED = '{"fact":{"Sampled":', '{"fact":{"CoreSpawned":'
 #: What the guard allows a core, as the state at the beginning of the recording has it.
 _ALLOWED = re.compile(r'"memory_bytes":(\d{1,18})\b')
@@ -37,13 +42,17 @@ class Look:
 
 @dataclass(frozen=True, slots=True)
 class Tape:
-    """What was found. `late_ns`: how long each late look had been waited for; `lives`: which life had which pid."""
+    """What was found. `late_ns`: how long each late look had been waited for; `lives`: which life had which pid.
+
+    `course`: the memory of the hours before, (seconds before the recording began, lowest bytes of a stretch).
+    """
 
     looks: tuple[Look, ...] = ()
     late_ns: tuple[int, ...] = ()
     policy_sha256: str | None = None
     memory_limit_bytes: int | None = None
     lives: Mapping[int, int] = field(default_factory=dict)
+    course: tuple[tuple[float, int], ...] = ()
 
 
 def read_tape(recording: str) -> Tape:
@@ -59,6 +68,7 @@ def read_tape(recording: str) -> Tape:
         policy_sha256=optional_text(head.get("policy_sha256")),
         memory_limit_bytes=_memory_limit(lines[0]) if lines else None,
         lives=dict(_lives(lines)),
+        course=_course(head),
     )
 
 
@@ -89,6 +99,38 @@ def _lives(lines: list[str]) -> Iterator[tuple[int, int]]:
             pid, life = number(spawned.get("pid")), number(spawned.get("life"))
             if pid is not None and life is not None:
                 yield pid, life
+
+
+def _course(head: Mapping[str, Any]) -> tuple[tuple[float, int], ...]:
+    """Return what memory did before the recording, of the state at its beginning; empty: it tells nothing of that."""
+    state = _map(head.get("state"))
+    foresight = mapping(mapping(state.get(_TRACKED)).get("Foresight"))
+    track = mapping(mapping(_map(foresight.get("tracks")).get(_MEMORY)).get("Track"))
+    scales = track.get("scales")
+    step_ns = number(track.get("step_ns")) or 0
+    first = mapping(mapping(scales[0]).get("Scale")) if isinstance(scales, list) and scales else {}
+    numbers, lows = (_row(mapping(first.get(name)).get("$deque")) for name in ("numbers", "lows"))
+    if step_ns <= 0 or not numbers or len(numbers) != len(lows):
+        return ()
+    last = numbers[-1]
+    return tuple(((at - last) * step_ns / 1e9, low) for at, low in zip(numbers, lows, strict=True))
+
+
+def _map(value: object) -> Mapping[str, Any]:
+    """Return a collection of the guard's codec by its keys: texts, or the names of its words."""
+    found: dict[str, Any] = {}
+    rows = mapping(value).get("$map")
+    for row in rows if isinstance(rows, list) else []:
+        if isinstance(row, list) and len(row) == 2:
+            key = row[0] if isinstance(row[0], str) else mapping(row[0]).get("$enum")
+            if isinstance(key, str):
+                found[key] = row[1]
+    return found
+
+
+def _row(value: object) -> list[int]:
+    row = value[-POINTS_MAX:] if isinstance(value, list) else []
+    return [one for one in row if isinstance(one, int) and not isinstance(one, bool)]
 
 
 def _memory_limit(head: str) -> int | None:

@@ -15,7 +15,7 @@ from postmortem.analyzer.case import Case, Finding, Thread, Waiting
 from postmortem.analyzer.crashed import printed_threads
 from postmortem.analyzer.culprit import Culprit, name_culprit
 from postmortem.analyzer.fingerprint import Fingerprint, make_fingerprint
-from postmortem.analyzer.proposals import Proposed, proposals
+from postmortem.analyzer.proposals import FORESTALLED, Proposed, proposals
 from postmortem.analyzer.tape import curve
 from postmortem.incident import (
     Incident,
@@ -135,7 +135,7 @@ def make_report(case: Case, contents: Contents, past: Sequence[Past] | None = No
         proposals=proposals(case, findings),
         threads=case.threads or printed_threads(case.traceback),
         waits=next((finding.waits for finding in findings if finding.waits), ()),
-        memory=curve(case.tape, incident.pid),
+        memory=case.tape.course if incident.diagnosis in FORESTALLED else curve(case.tape, incident.pid),
         memory_limit_bytes=case.tape.memory_limit_bytes,
         repetition=None if earlier is None else _repetition(made.digest, earlier),
         changes=None if earlier is None else _changes(incident.versions, earlier),

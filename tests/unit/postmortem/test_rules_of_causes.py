@@ -109,6 +109,7 @@ def every_rule() -> list[Case]:
     often = [{"kind": "near", "text": "kind import.row had finished"}]
     return [
         *(crashed(trials=[trial(ordeal, "letter-1")]) for ordeal in ("died", "hung", "grew", "untried")),
+        case(diagnosis="LEAK", planned=True, tape=Tape(course=((-600.0, 100 * MIB), (0.0, 300 * MIB)))),
         *(crashed(trials=[trial("survived", letter)]) for letter in ("", "letter-1")),
         crashed(in_flight=batch),
         crashed(in_flight=[], recorder=near),
