@@ -107,3 +107,10 @@ def test_a_silence_is_shown_until_it_is_over(visitor: Visitor) -> None:
     for over in ('{"until": "2001-01-01T00:00:00Z"}', '{"until": "2999-01-01"}', '{"until": 7}', "{"):
         path.write_text(over, "utf-8")
         assert "Alerts are muted until" not in visitor.get(HERE).text
+
+
+def test_the_first_page_says_it_too(visitor: Visitor) -> None:
+    visitor.answers["policy"] = {"ok": True, "policy": {}, "alerts": []}
+    assert "No channel: you would not be told." in visitor.get("/admin/").text
+    visitor.answers["policy"] = {"ok": True, "policy": {}, "alerts": [CHANNEL]}
+    assert "you would not be told" not in visitor.get("/admin/").text
