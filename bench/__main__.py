@@ -24,6 +24,7 @@ from bench import (
     deaths,
     faults,
     forecasts,
+    gateway_lost,
     losses,
     peace,
     poison_row,
@@ -75,6 +76,11 @@ PARTS: dict[str, Part] = {
         "a death, from the blow to the next good answer",
         lambda folder: deaths.measure(folder, kills=9, freezes=5),
         lambda folder: deaths.measure(folder, kills=1, freezes=1),
+    ),
+    "gateway_lost": Part(
+        "a gateway's loss, until a client that dials is answered",
+        lambda folder: gateway_lost.measure(folder, kills=20, freezes=5),
+        lambda folder: gateway_lost.measure(folder, kills=1, freezes=1),
     ),
     "switch": Part(
         "what a client sees while the core is changed for the spare",

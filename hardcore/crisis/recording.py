@@ -17,6 +17,7 @@ import time
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
+from time import monotonic_ns
 
 from hardcore.crisis.holding import Life
 from hardcore.host import gateway_page as page
@@ -29,19 +30,24 @@ NAMES_MAX = 1024
 #: Paths that may be refused at one time (`docs/wires.md` section 18).
 REFUSED_MAX = 64
 
+# Once for each request and more: what is looked up here is not looked up there.
+_BEGUN, _OVER, _SINCE_NS, _PATH_HASH = page.BEGUN, page.OVER, page.SINCE_NS, page.PATH_HASH
+_BYTES_READ, _CONNECTION = page.BYTES_READ, page.CONNECTION
+_FREE, _PARSING, _HELD = int(Stage.FREE), int(Stage.PARSING), int(Stage.HELD)
+
 #: Where a request stands in the gateway, by its life.
-STAGES: Mapping[Life, Stage] = {
-    Life.ARRIVED: Stage.PARSING,
-    Life.HELD: Stage.HELD,
-    Life.FORWARDED: Stage.FORWARDED,
-    Life.ANSWERING: Stage.ANSWERING,
-    Life.LOST: Stage.HELD,
-    Life.ASKED: Stage.FORWARDED,
-    Life.ON_TRIAL: Stage.HELD,
-    Life.KEEPING: Stage.HELD,
-    Life.KEEPING_LOST: Stage.HELD,
-    Life.ANSWERED: Stage.ANSWERING,
-    Life.GONE: Stage.ANSWERING,
+STAGES: Mapping[Life, int] = {
+    Life.ARRIVED: int(Stage.PARSING),
+    Life.HELD: int(Stage.HELD),
+    Life.FORWARDED: int(Stage.FORWARDED),
+    Life.ANSWERING: int(Stage.ANSWERING),
+    Life.LOST: int(Stage.HELD),
+    Life.ASKED: int(Stage.FORWARDED),
+    Life.ON_TRIAL: int(Stage.HELD),
+    Life.KEEPING: int(Stage.HELD),
+    Life.KEEPING_LOST: int(Stage.HELD),
+    Life.ANSWERED: int(Stage.ANSWERING),
+    Life.GONE: int(Stage.ANSWERING),
 }
 
 
@@ -61,28 +67,29 @@ class Place:
     def named(self, path_hash: int) -> None:
         """Its path is known, so far."""
         if self._first:
-            self._words[self._first + page.PATH_HASH] = path_hash
+            self._words[self._first + _PATH_HASH] = path_hash
 
     def heard(self, size_bytes: int) -> None:
         """So many bytes more have come that hold (a part of) it."""
         if self._first:
-            self._words[self._first + page.BYTES_READ] += size_bytes
+            self._words[self._first + _BYTES_READ] += size_bytes
 
-    def stands(self, stage: Stage) -> None:
-        """It has gone on."""
-        if self._first:
-            self._words[self._first + page.SINCE_NS] = time.monotonic_ns()
-            self._words[self._first] = stage
+    def stands(self, stage: int) -> None:
+        """It has gone on, to one of `STAGES`."""
+        first = self._first
+        if first:
+            self._words[first + _SINCE_NS] = monotonic_ns()
+            self._words[first] = stage
 
     def passed_on(self) -> None:
         """It is whole and has been taken in: if it is not answered by now, somebody else has it."""
-        if self._first and self._words[self._first] == Stage.PARSING:
-            self.stands(Stage.HELD)
+        if self._first and self._words[self._first] == _PARSING:
+            self.stands(_HELD)
 
     def overdue(self) -> None:
         """Its core has not answered in time, and its client is told 504."""
         self._words[page.OVERDUE] += 1
-        self._words[page.OVERDUE_NS] = time.monotonic_ns()
+        self._words[page.OVERDUE_NS] = monotonic_ns()
 
     def leave(self) -> None:
         """It is over, or its connection is. Saying it twice is no fault."""
@@ -110,18 +117,18 @@ class Recording:
         words, pid = self._words, os.getpid()
         words[page.LOOP_THREAD] = threading.get_native_id()
         words[page.START] = _own_start()
-        words[page.THREAD_NS] = time.monotonic_ns()
+        words[page.THREAD_NS] = monotonic_ns()
         self._beat(loop)
         words[page.PID] = pid  # last: from here on the page is ours
         gc.callbacks.append(self._collects)
         threading.Thread(target=self._beat_on, name="gateway-beat", daemon=True).start()
 
     def _collects(self, phase: str, _info: Mapping[str, int]) -> None:
-        self._words[page.GC_SINCE_NS] = time.monotonic_ns() if phase == "start" else 0
+        self._words[page.GC_SINCE_NS] = monotonic_ns() if phase == "start" else 0
 
     def _beat(self, loop: asyncio.AbstractEventLoop) -> None:
         self._beats += 1
-        self._words[page.LOOP_NS] = time.monotonic_ns()
+        self._words[page.LOOP_NS] = monotonic_ns()
         self._words[page.LOOP_COUNT] = self._beats
         loop.call_later(BEAT_S, self._beat, loop)
 
@@ -129,7 +136,7 @@ class Recording:
         self._words[page.BEAT_THREAD] = threading.get_native_id()
         while True:
             time.sleep(BEAT_S)
-            self._words[page.THREAD_NS] = time.monotonic_ns()
+            self._words[page.THREAD_NS] = monotonic_ns()
 
     # -- requests --------------------------------------------------------------------------------------
 
@@ -142,23 +149,23 @@ class Recording:
         """Return a place for a request whose first byte is being parsed."""
         self._begun += 1
         words = self._words
-        words[page.BEGUN] = self._begun
+        words[_BEGUN] = self._begun
         if not self._free:
             return Place(self, words, 0)
         first = self._free.pop()
-        words[first + page.SINCE_NS] = time.monotonic_ns()
-        words[first + page.PATH_HASH] = 0
-        words[first + page.BYTES_READ] = 0
-        words[first + page.CONNECTION] = connection
-        words[first] = Stage.PARSING
+        words[first + _SINCE_NS] = monotonic_ns()
+        words[first + _PATH_HASH] = 0
+        words[first + _BYTES_READ] = 0
+        words[first + _CONNECTION] = connection
+        words[first] = _PARSING
         return Place(self, words, first)
 
     def left(self, first: int) -> None:
         """The request that stood at word `first` is over; 0: it had no place."""
         self._over += 1
-        self._words[page.OVER] = self._over
+        self._words[_OVER] = self._over
         if first:
-            self._words[first] = Stage.FREE
+            self._words[first] = _FREE
             self._free.append(first)
 
     def name_of(self, method: bytes, target: bytes) -> int:
@@ -174,7 +181,7 @@ class Recording:
 
     def refuses(self, name: int) -> bool:
         """Whether a path is refused now; one that is counts."""
-        if self.refused.get(name, 0) <= time.monotonic_ns():
+        if self.refused.get(name, 0) <= monotonic_ns():
             return False
         self._words[page.REFUSED] += 1
         return True
@@ -228,7 +235,7 @@ def _read_refused(path: Path) -> dict[int, int]:
             case {"hash": str(name), "until": str(until)}:
                 try:
                     left_ns = int((datetime.fromisoformat(until).timestamp() - time.time()) * 1e9)
-                    found[word_of(bytes.fromhex(name))] = time.monotonic_ns() + left_ns
+                    found[word_of(bytes.fromhex(name))] = monotonic_ns() + left_ns
                 except (ValueError, OverflowError):
                     continue
             case _:

@@ -39,7 +39,7 @@ def test_a_gateway_that_dies_comes_back_on_its_port_and_the_core_stays(
     assert_exactly_once(house, clients)
     assert after["core"]["pid"] == before["core"]["pid"]
     assert house.running()["url"] == before["url"]
-    assert len(house.incidents()) == count
+    assert house.closed(count + 1)["diagnosis"] == "GATEWAY_LOST"
     one_of_each(house)
 
 
