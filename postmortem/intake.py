@@ -124,6 +124,8 @@ class Intake:
                     # The guard writes of what it did, never of what it refused.
                     act = Act(told.at, told.who or "?", told.verb, told.what, told.reason, "done")
                     log.add_act(connection, act)
+                case slips.StateSlip():
+                    log.add_state(connection, told)
                 case Unreadable():
                     _LOG.warning("%s of the spool could not be read: %s", told.path.name, told.reason)
                     words = (told.path.name, told.reason, "set aside")
@@ -145,7 +147,7 @@ class Intake:
             return
 
 
-_Told = slips.LetterSlip | slips.DrillSlip | slips.ActSlip
+_Told = slips.LetterSlip | slips.DrillSlip | slips.ActSlip | slips.StateSlip
 
 
 def _act_of_drill(drill: slips.DrillSlip) -> Act:
@@ -166,6 +168,8 @@ def _told(message: Message) -> _Told | Unreadable:
             return slips.drill(message.fields)
         case "act":
             return slips.act(message.fields)
+        case "state":
+            return slips.state(message.fields)
         case _:
             return Unreadable(message.path, "of no kind that is known here")
 

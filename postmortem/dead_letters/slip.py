@@ -1,4 +1,4 @@
-"""What the guard wrote of a letter, a drill or an act, read from its message into bounded values.
+"""What the guard wrote of a letter, a drill, an act or a change of the state, read from its message into bounded values.
 
 Pure, and total: a field of another shape is an empty one, a text is cut to its maximum, so that whatever a client sent
 through the guard into the spool fills no row without end. Refusing a whole message for one odd field was not chosen: a
@@ -72,6 +72,17 @@ class ActSlip:
     reason: str
 
 
+@dataclass(frozen=True, slots=True)
+class StateSlip:
+    """One change of the state for people."""
+
+    at: str
+    before: str
+    after: str
+    phase: str
+    reason: str
+
+
 def letter(fields: Mapping[str, Any]) -> LetterSlip | None:
     """The letter of a message, or None where it has no id or no name."""
     identity, name = _text(fields.get("id")), _text(fields.get("name"))
@@ -124,6 +135,11 @@ def drill(fields: Mapping[str, Any]) -> DrillSlip:
 def act(fields: Mapping[str, Any]) -> ActSlip:
     """The act of a message."""
     return ActSlip(*(_text(fields.get(name)) for name in ("at", "who", "verb", "what", "reason")))
+
+
+def state(fields: Mapping[str, Any]) -> StateSlip:
+    """The change of the state of a message."""
+    return StateSlip(*(_text(fields.get(name)) for name in ("at", "before", "after", "phase", "reason")))
 
 
 def trial_words(trial: Mapping[str, Any]) -> tuple[str, str]:

@@ -1,6 +1,6 @@
 """Writes the audit log, drills, bulks and decisions, and forgets what is too old.
 
-What is kept: incidents 400 days and 10,000; acts 10,000; drills 2,000; bulks that have ended 200; letters that are resolved a
+What is kept: incidents 400 days and 10,000; acts and changes of the state 10,000 each; drills 2,000; bulks that have ended 200; letters that are resolved a
 year, and of those and the discarded ones 10,000. A letter that waits for somebody is never forgotten, however old it is,
 and a discard stays to be seen as long as its rule can refuse: the guard bounds how many of them there can be.
 """
@@ -12,14 +12,25 @@ from typing import Any, Final
 
 from sqlalchemy import Connection, RowMapping, delete, func, insert, or_, select, update
 
-from postmortem.dead_letters.slip import DrillSlip
+from postmortem.dead_letters.slip import DrillSlip, StateSlip
 from postmortem.records import stories
-from postmortem.records.tables import AUDIT, BULK_ITEMS, BULKS, DRILLS, INCIDENTS, LETTERS, PROPOSALS, WORDS
+from postmortem.records.tables import (
+    AUDIT,
+    BULK_ITEMS,
+    BULKS,
+    DRILLS,
+    INCIDENTS,
+    LETTERS,
+    PROPOSALS,
+    STATES,
+    WORDS,
+)
 from postmortem.views import Act, LetterState, ProposalState, Refusal
 
 INCIDENTS_MAX: Final = 10_000
 INCIDENT_DAYS: Final = 400
 ACTS_MAX: Final = 10_000
+STATES_MAX: Final = 10_000
 DRILLS_MAX: Final = 2_000
 BULKS_MAX: Final = 200
 SETTLED_DAYS: Final = 365
@@ -60,6 +71,13 @@ def add_drill(connection: Connection, message: str, slip: DrillSlip) -> None:
     connection.execute(insert(DRILLS).values(id=message, **asdict(slip)))
     kept = select(DRILLS.c.id).order_by(DRILLS.c.at.desc(), DRILLS.c.id.desc()).limit(DRILLS_MAX)
     connection.execute(delete(DRILLS).where(DRILLS.c.id.not_in(kept)))
+
+
+def add_state(connection: Connection, slip: StateSlip) -> None:
+    """Write one change of the state."""
+    key = connection.execute(insert(STATES).values(**asdict(slip))).inserted_primary_key
+    assert key is not None
+    connection.execute(delete(STATES).where(STATES.c.number <= key[0] - STATES_MAX))
 
 
 def decided(

@@ -24,7 +24,7 @@ from sqlalchemy import (
 )
 
 #: The version of the tables below. A file of a higher one is left alone: an older program must not write it.
-SCHEMA: Final = 3
+SCHEMA: Final = 4
 
 METADATA: Final = MetaData()
 
@@ -234,6 +234,18 @@ DRILLS: Final = Table(
     Index("drills_in_order", "at", "id"),
 )
 
+#: Changes of the state for people, as the guard told them; its own file has the newest alone.
+STATES: Final = Table(
+    "states",
+    METADATA,
+    Column("number", Integer, primary_key=True),
+    Column("at", String, nullable=False),
+    Column("before", String, nullable=False),
+    Column("after", String, nullable=False),
+    Column("phase", String, nullable=False),
+    Column("reason", String, nullable=False),
+)
+
 #: Messages of the spool that are in the archive already: one whose file outlived its reader is not taken in twice.
 TAKEN: Final = Table(
     "taken",
@@ -258,7 +270,8 @@ _TO_3: Final = ("ALTER TABLE letters ADD COLUMN was_held BOOLEAN NOT NULL DEFAUL
 def migrate(connection: Connection, found: int) -> None:
     """Bring the tables of version `found` (0: an empty file) to SCHEMA, inside the caller's transaction."""
     assert found < SCHEMA, found
-    steps = (*_TO_2, *_TO_3) if found == 1 else _TO_3 if found else ()
+    # From 3 to 4 a table is new and nothing of the old ones is other.
+    steps = (*_TO_2, *_TO_3) if found == 1 else _TO_3 if found == 2 else ()
     for statement in steps:
         connection.exec_driver_sql(statement)
     METADATA.create_all(connection)
