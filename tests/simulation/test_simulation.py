@@ -11,13 +11,23 @@ from hardcore.model.observations import Sampled
 from hardcore.model.phases import Phase
 from hardcore.model.trials import Ordeal, Suspect, TrialAction
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Verdict
-from hardcore.recovery import asked, court, failover, moves, plan, transitions, trial
+from hardcore.recovery import (
+    asked,
+    court,
+    failover,
+    mandate,
+    moves,
+    plan,
+    readiness,
+    transitions,
+    trial,
+)
 from hardcore.recovery.budget import Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.court import Court
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.register import Register
-from hardcore.recovery.safety import Safety
+from hardcore.recovery.safety import Deed, Safety
 from hardcore.recovery.spare import Spare, SpareState
 from hardcore.recovery.store import StoreKnowledge
 from hardcore.recovery.transitions import Row, Step, Trigger
@@ -186,6 +196,14 @@ def _proven_by_time(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(failover, "_last", last)
 
 
+def _serve_at_once(patch: pytest.MonkeyPatch) -> None:
+    def serve(c: Course, now_ns: int) -> None:
+        if c.awaits is not None:
+            readiness.serve(c, c.awaits, now_ns)
+
+    patch.setattr(readiness, "ask_again", serve)
+
+
 MUTANTS: dict[str, Mutation] = {
     "START from UNKILLABLE": _table(P.UNKILLABLE, T.RESTART_HARD, (P.STARTING, (S.FORGET, S.SPAWN))),
     "START while the old one is being killed": _end_it_while_it_lives,
@@ -239,6 +257,10 @@ MUTANTS: dict[str, Mutation] = {
     "no release after a drain in vain": _table(P.DRAINING, T.NOT_DRAINED, (P.RUNNING, (S.CLOSE,))),
     "a drain without an end": _table(P.DRAINING, T.DEADLINE, None),
     "a spare that does not take over is waited for": _table(P.SWITCHING, T.DEADLINE, None),
+    "a mode keeps nobody from a start": _instead(mandate, "withheld", _always(value=False)),
+    "a mode keeps nobody from a kill": _instead(mandate, "watches_only", _always(value=False)),
+    "whoever is ready is sent clients": _serve_at_once,
+    "a new guard forgets that reads only are wanted": _instead(Safety, "hold", _always(Deed.NOTHING)),
 }
 
 
@@ -282,6 +304,10 @@ WHERE_IT_SHOWS = {
     "no release after a drain in vain": ("drain refused",),
     "a drain without an end": ("drain never answered",),
     "a spare that does not take over is waited for": ("promotion hangs before its fence",),
+    "a mode keeps nobody from a start": ("mode changes",),
+    "a mode keeps nobody from a kill": ("mode changes", "frozen", "blocked in a timer"),
+    "whoever is ready is sent clients": ("operator reads only", "SIGKILL"),
+    "a new guard forgets that reads only are wanted": ("operator reads only", "guard dies"),
 }
 
 

@@ -89,7 +89,7 @@ def test_what_was_begun_is_carried_through_when_the_mode_changes() -> None:
     _reads(play, mode="observe")
     assert kinds(play.ring()) == ["Kill"]  # a core that was stopped for it can't be let go on
     assert "Spawn" not in kinds(play.die())
-    assert play.phase is Phase.FATAL
+    assert play.manager.reading().face is Face.REFUSE
 
 
 def test_a_core_that_was_left_is_replaced_once_the_mode_is_act_again() -> None:
@@ -197,7 +197,7 @@ def test_a_service_that_was_shut_down_begins_again_only_at_a_persons_word() -> N
     play.die(seen.Exit(code=0))
     assert play.manager.reading().state is HAState.MANUAL_INTERVENTION
     _reads(play, mode="act")
-    assert play.phase is Phase.FATAL
+    assert play.manager.reading().face is Face.REFUSE
     assert play.manager.next_deadline_ns() is None
     assert kinds(play.ask(seen.Verb.RESUME))[-1] == "Spawn"
     assert play.closed().outcome == "manual"
