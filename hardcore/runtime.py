@@ -136,7 +136,8 @@ class Runtime:
         await self.executor.finish()
         with suppress(OSError):  # everything is stopped; what can't be tidied up is left
             self.setup.folders.switch.unlink(missing_ok=True)
-            self.setup.folders.sentinel_page.unlink(missing_ok=True)  # nobody was lost
+            for word in (self.folders.sentinel_page, self.folders.agents):
+                word.unlink(missing_ok=True)  # nobody was lost, and nobody is to come
             lives.sweep(self.setup.folders, set(), keep=1)  # the last page is the next start's witness
         return 0
 

@@ -10,19 +10,23 @@ import os
 import signal
 import socket
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from frontend.catalogue import text
 from hardcore import standing
 from hardcore.control import client
-from hardcore.host import files, lives
+from hardcore.host import files, leftovers, lives
 from hardcore.host.folders import Folders, Unusable, locate, prepare, prepare_data
+from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, PolicyFault
 
 BACKLOG = 1024
 #: The first descriptor that a service manager hands over.
 HANDED_FD = 3
+#: A sentinel that an agent starts, or that has just begun, answers within this.
+AGENTS_S, LOOK_S = 3.0, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,9 +200,29 @@ def policy_faults(path: Path, faults: list[PolicyFault], lang: str) -> str:
 
 
 def _attach(folders: Folders) -> tuple[int, str] | None:
-    """Return the listener and the URL of a sentinel that is still alive, or None."""
-    if not held(folders.run / "sentinel.lock"):
-        return None
+    """Return the listener and the URL of a sentinel that is alive, or that an agent starts now; None: there is none."""
+    coming = _agents_act(folders)
+    give_up_at = time.monotonic() + AGENTS_S
+    while (watched := held(folders.run / "sentinel.lock")) or coming:
+        living = _ask_for_listener(folders) if watched else None
+        if living is not None or time.monotonic() > give_up_at:
+            return living
+        time.sleep(LOOK_S)
+    return None
+
+
+def _agents_act(folders: Folders) -> bool:
+    """Whether a gateway or core of a guard that is lost lives, and may start another: at any other address than its own
+    there would be two listeners, and nobody at ours.
+    """
+    lost = files.read_json(folders.agents).get("sentinel_lost") is True
+    if not lost or standing.wanted(folders) is Wanted.DOWN:
+        return False
+    found = leftovers.find_leftovers(folders)
+    return bool(found.gateways or found.cores)
+
+
+def _ask_for_listener(folders: Folders) -> tuple[int, str] | None:
     try:
         answer, fds = client.ask_with_fds(folders.control, {"verb": "attach", "pid": os.getpid()})
     except client.Unreachable:

@@ -124,6 +124,17 @@ def test_a_launcher_goes_on_with_the_sentinel_that_an_agent_has_brought(new_hous
     until(lambda: not house.processes(), "everything to be stopped")
 
 
+def test_an_up_that_comes_after_both_are_gone_goes_on_with_what_an_agent_brings(new_house: MakeHouse) -> None:
+    house = new_house().up()
+    before, sentinel = house.status(), house.hold("sentinel")
+    alone(house)
+    sentinel.hit(signal.SIGKILL)
+    house.up()
+    assert before["url"] in house.said, "there is one address, and somebody answers at it"
+    assert house.status()["core"]["pid"] == before["core"]["pid"]
+    assert house.closed(1)["diagnosis"] == "SENTINEL_LOST"
+
+
 def test_a_third_sentinel_and_a_strange_page_change_nothing(house: House) -> None:
     before = house.status()
     word = json.loads(house.folders.agents.read_text("utf-8"))

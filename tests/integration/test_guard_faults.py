@@ -108,7 +108,7 @@ def test_down_ends_a_core_and_a_gateway_that_nobody_watches(new_house: MakeHouse
 def test_up_after_launcher_and_sentinel_are_gone_goes_on_with_the_core_on_a_listener_of_its_own(
     new_house: MakeHouse,
 ) -> None:
-    house = new_house().up()
+    house = new_house(actions={"SENTINEL_LOST": ["SEND_ALERT"]}).up()  # no agent brings another meanwhile
     house.open_accounts()
     assert house.book("before").status == 201
     core, gateway, sentinel = (house.hold(who) for who in ("core", "gateway", "sentinel"))
