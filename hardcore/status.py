@@ -64,7 +64,7 @@ def _shape() -> dict[str, Any]:
             "epoch": None,
             "ready": False,
             "heartbeat_age_ms": None,
-            "loop_lag_ms": None,  # not measured by this version
+            "loop_lag_ms": None,
             "last_seq": None,
             "in_flight": 0,
             "cpu_percent": None,
@@ -202,6 +202,7 @@ def core(
         told |= {
             "heartbeat_age_ms": (now_ns - beats.loop_ns) // _MS if beats.loop_ns else None,
             "in_flight": beats.waiting,
+            "loop_lag_ms": beats.loop_lag_ns // _MS,
         }
         witness = life.reader.witness() if life.reader else None
         told["last_seq"] = witness.seq if witness else proved_seq

@@ -147,6 +147,7 @@ def beats(head: bytes) -> Beats | None:
         epoch=epoch,
         state=LifeState(state),
         answered_seq=answered_seq,
+        loop_lag_ns=_WORD.unpack_from(head, 376)[0],
     )
 
 

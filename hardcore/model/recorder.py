@@ -45,6 +45,7 @@ class Beats:
     epoch: int = 0
     state: LifeState = LifeState.STARTING
     answered_seq: int = 0  # the highest sequence that an answer has claimed to be committed
+    loop_lag_ns: int = 0  # how late the loop came to its beats lately
 
     @property
     def waiting(self) -> int:

@@ -241,7 +241,7 @@ def test_the_core_can_prove_its_book_while_it_works_and_after(core: Core, data: 
 
 def test_healthz_and_the_description_answer_without_a_slot(core: Core) -> None:
     core.open("a")
-    assert core.ask("GET", "/healthz").body == {"epoch": 1, "seq": 1, "safe": None}
+    assert core.ask("GET", "/healthz").body == {"epoch": 1, "seq": 1, "safe": None, "checkpoint": None}
     assert core.ask("GET", "/api/openapi.json").body["openapi"] == "3.1.0"
     assert core.ask("HEAD", "/healthz").status == 200
 

@@ -216,7 +216,12 @@ def test_a_core_started_to_read_only_serves_what_is_there_and_changes_nothing(
         assert (told["X_EPOCH"], told["X_SEQ"], told["X_PROOF"], told["X_TAIL"]) == ("1", "3", "none", "0")
         page = core.ask("GET", "/api/ledger/accounts/food")
         assert (page.status, page.headers["x-core-epoch"]) == (200, "1")
-        assert core.ask("GET", "/healthz").body == {"epoch": 1, "seq": 3, "safe": "DISK_FULL"}
+        assert core.ask("GET", "/healthz").body == {
+            "epoch": 1,
+            "seq": 3,
+            "safe": "DISK_FULL",
+            "checkpoint": None,
+        }
         is_refused(core, "DISK_FULL")
         is_refused(core, "DISK_FULL", **{KEY: "new"})
         # It has fenced nobody: whether what it finds will last, it can't say, and what it does not find is not there.
@@ -233,7 +238,12 @@ def test_a_core_started_to_read_only_serves_what_is_there_and_changes_nothing(
         assert core.ends_with() == 0
     assert contents(data) == before
     with started(data, sock=tmp_path / "after") as core:
-        assert ready(core).ask("GET", "/healthz").body == {"epoch": 2, "seq": 3, "safe": None}
+        assert ready(core).ask("GET", "/healthz").body == {
+            "epoch": 2,
+            "seq": 3,
+            "safe": None,
+            "checkpoint": None,
+        }
         again = core.move(500, "food", "cash", **{KEY: "before"})
         assert (again.status, again.headers.get("idempotent-replayed")) == (201, "true")
 

@@ -1,12 +1,15 @@
-"""Announcing a collection of memory, because it stops both beats of a healthy core."""
+"""Beats: a collection of memory is announced, because it stops both; and a late loop says how late."""
 
+import asyncio
 import gc
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 
-from core.guarded.beats import note_collections
-from core.guarded.recorder import Recorder
+from core.guarded import page
+from core.guarded.beats import LoopBeat, note_collections
+from core.guarded.recorder import NoRecorder, Recorder
 from hardcore.host.recorder import PageReader, make_page
 
 
@@ -76,3 +79,25 @@ def test_a_collection_is_announced_while_it_runs_and_only_then(tmp_path: Path) -
     assert beats.gc_since_ns == 0
     reader.close()
     recorder.close()
+
+
+def test_a_late_loop_says_how_late_and_forgets_it_slowly() -> None:
+    recorder = NoRecorder()
+    late_ns = 300_000_000
+
+    async def run() -> list[int]:
+        loop = asyncio.get_running_loop()
+        beat = LoopBeat(loop, recorder, 1)
+        beat.start()
+        beat._due_ns = time.monotonic_ns() - late_ns  # as if the loop had been busy since
+        seen = []
+        for _ in range(3):
+            beat.stop()
+            beat.start()
+            seen.append(recorder._words[page.LOOP_LAG_AT >> 3])
+        beat.stop()
+        return seen
+
+    first, second, third = asyncio.run(run())
+    assert first >= late_ns
+    assert first > second > third > 0
