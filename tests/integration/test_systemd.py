@@ -99,7 +99,8 @@ def manager(tmp_path: Path) -> Iterator[Manager]:
     (data / "failover_policy.json").write_text(
         json.dumps({"version": 1, "spare": False, "probation_ms": 300})
     )
-    argv = ["unshare", "--pid", "--mount", "--cgroup", "--ipc", "--fork", "--kill-child", "sh", "-c"]
+    before = _groups()
+    argv = ["unshare", "--pid", "--mount", "--cgroup", "--ipc", "--uts", "--fork", "--kill-child", "sh", "-c"]
     boot = BOOT.format(systemd=SYSTEMD)
     process = subprocess.Popen(
         [*argv, boot, "boot", str(folder)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT
@@ -116,15 +117,15 @@ def manager(tmp_path: Path) -> Iterator[Manager]:
     finally:
         process.kill()  # and with it everything in its namespace
         process.communicate()
-        for name in (
-            "system.slice/hardcore.service",
-            "system.slice/hardcore.socket",
-            "system.slice",
-            "init.scope",
-        ):
-            with contextlib.suppress(OSError):
-                Path("/sys/fs/cgroup/systemd", name).rmdir()
+        for folder in sorted(_groups() - before, key=lambda path: -len(path.parts)):
+            with contextlib.suppress(OSError):  # somebody is in it: it is not ours
+                folder.rmdir()
         shutil.rmtree((data / "run").resolve(), ignore_errors=True)
+
+
+def _groups() -> set[Path]:
+    """Every control group of this machine: a systemd leaves those that it has made, empty."""
+    return {Path(folder) for folder, _, _ in os.walk("/sys/fs/cgroup")}
 
 
 def _child(pid: int) -> int | None:
