@@ -117,15 +117,21 @@ def manager(tmp_path: Path) -> Iterator[Manager]:
     finally:
         process.kill()  # and with it everything in its namespace
         process.communicate()
-        for folder in sorted(_groups() - before, key=lambda path: -len(path.parts)):
-            with contextlib.suppress(OSError):  # somebody is in it: it is not ours
-                folder.rmdir()
+        until(lambda: _removed(before), "the groups of that systemd to be empty")
         shutil.rmtree((data / "run").resolve(), ignore_errors=True)
 
 
 def _groups() -> set[Path]:
     """Every control group of this machine: a systemd leaves those that it has made, empty."""
     return {Path(folder) for folder, _, _ in os.walk("/sys/fs/cgroup")}
+
+
+def _removed(before: set[Path]) -> bool:
+    """Remove what is empty of the groups that have come since; whether all are gone."""
+    for folder in sorted(_groups() - before, key=lambda path: -len(path.parts)):
+        with contextlib.suppress(OSError):  # somebody is in it still
+            folder.rmdir()
+    return _groups() <= before
 
 
 def _child(pid: int) -> int | None:
