@@ -32,6 +32,7 @@ container=test PATH="$PATH" SYSTEMD_UNIT_PATH="$1:" {systemd} --system --unit=te
 #: Nothing of this machine's own is waited for.
 ALONE = "[Unit]\nDefaultDependencies=no\n"
 COMMAND_S = 40.0
+UNITS = frozenset({".scope", ".slice", ".mount", ".socket", ".service", ".swap", ".automount"})
 
 pytestmark = pytest.mark.timeout(150)  # a systemd of its own, and three starts of a guard
 
@@ -122,8 +123,9 @@ def manager(tmp_path: Path) -> Iterator[Manager]:
 
 
 def _groups() -> set[Path]:
-    """Every control group of this machine: a systemd leaves those that it has made, empty."""
-    return {Path(folder) for folder, _, _ in os.walk("/sys/fs/cgroup")}
+    """Every control group with a unit's name: a systemd leaves those that it has made, empty."""
+    found = (Path(folder) for folder, _, _ in os.walk("/sys/fs/cgroup"))
+    return {folder for folder in found if folder.suffix in UNITS}
 
 
 def _removed(before: set[Path]) -> bool:
