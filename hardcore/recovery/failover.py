@@ -297,6 +297,7 @@ def _receive_of_core(c: Course, fact: seen.CoreObservation) -> None:
         case seen.SafeSwitched() if c.awaits is not None:
             if fact.on and fact.done:
                 readiness.serve(c, c.awaits, fact.at_ns)
+                relief.switched(c, fact)
         case _:
             if c.phase in phases.SERVING:
                 _receive_of_serving(c, fact)

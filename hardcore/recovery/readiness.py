@@ -36,7 +36,7 @@ def ready(c: Course, fact: seen.CoreReady) -> None:
     elif fact.proof.kind == UNPROVEN:
         return  # it was started to write, and must have proven what it writes to
     elif c.phase in BOOTING and c.store.misses(fact.proof.seq):
-        _misses(c, fact)
+        _misses(c, fact, fact.at_ns)
         return
     else:
         c.store.is_proven(Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns))
@@ -60,6 +60,9 @@ def ready(c: Course, fact: seen.CoreReady) -> None:
 def serve(c: Course, fact: seen.CoreReady, now_ns: int) -> None:
     """Let the core serve that has proven its ledger."""
     c.awaits = c.ask_again_ns = None
+    if c.reader is None and c.store.misses(fact.proof.seq):
+        _misses(c, fact, now_ns)  # told of while the core was waited for
+        return
     fire(c, Trigger.READY, now_ns, f"proof: {fact.proof.kind}, {fact.proof.tail} events")
 
 
@@ -73,11 +76,11 @@ def ask_again(c: Course, now_ns: int) -> None:
         order(c, SetSafe(c.life, on=True, reason=Diagnosis.OPERATOR))
 
 
-def _misses(c: Course, fact: seen.CoreReady) -> None:
+def _misses(c: Course, fact: seen.CoreReady, now_ns: int) -> None:
     """A client was told of a commit that this core does not have; it was heard of after the core was told what to show."""
     told = c.store.passed_on
     assert told is not None, "held just now"
     why = f"a client was told of event {told.seq}, and the ledger ends at {fact.proof.seq}"
     death = Death(Diagnosis.STORE_CORRUPT, Grade.CERTAIN, (Testimony("gateway", Colour.RED, why),))
-    c.pending = Trouble(death, fact.at_ns)
-    fire(c, Trigger.UNPROVEN, fact.at_ns, why)
+    c.pending = Trouble(death, now_ns)
+    fire(c, Trigger.UNPROVEN, now_ns, why)

@@ -23,8 +23,7 @@ from tests.simulation.consent import Consent
 from tests.simulation.judges import Judges
 from tests.simulation.laws import Broken, hold
 from tests.simulation.looks import BEAT_NS, seen_of
-from tests.simulation.machine import COMMIT_FAILED, CORRUPT, LOCKED, NO_ROOM, Life, Stage
-from tests.simulation.store import REFUSALS
+from tests.simulation.machine import Life, Stage
 
 if TYPE_CHECKING:  # the world owns its checkers
     from tests.simulation.guard import Guard
@@ -146,19 +145,13 @@ class Checkers:
             return
         drilled = fact.at_ns - self._drill_ns < DRILL_NS
         by_itself = fact.life not in self._sent_away or fact.life in self._judged
-        self._counts = by_itself and not drilled and not self._only_tried(life)
+        self._counts = (
+            by_itself
+            and not drilled
+            and not laws.only_tried(self.world, life, ready=life.number in self._ready)
+        )
         if self._counts and fact.life not in self._judged:  # a judged one was counted by its verdict
             self._deaths_ns.append(fact.at_ns)
-
-    def _only_tried(self, life: Life) -> bool:
-        """Whether it found out that a reason is not over: in a reader's place, or at its fence, where it can't be."""
-        if life.exit is not None and life.exit.code in {LOCKED, NO_ROOM} and life.number not in self._ready:
-            return True
-        if life.exit is not None and life.exit.code == COMMIT_FAILED and self.world.store.disk in REFUSALS:
-            return True  # what a disk refuses no other core tries
-        before = self.world.lives[life.serial - 2] if life.serial > 1 else None
-        tried = before is not None and before.unfenced
-        return tried and life.exit is not None and life.exit.code in {CORRUPT, NO_ROOM}
 
     def looks(self, guard: "Guard", tick: seen.Sampled) -> None:
         """What the guard is about to be told of its core is remembered for the laws below."""
@@ -304,7 +297,7 @@ class Checkers:
                 if action.stop:
                     self._sent_away.add(action.life)  # it is stopped for good: its end is asked for
             case orders.SetSafe():
-                self._set_safe(action)
+                laws.reads_only_for_a_reason(self.world, action)
             case orders.Release():
                 self._release(guard, action)
             case orders.CloseIncident():
@@ -317,17 +310,11 @@ class Checkers:
 
     def _living(self) -> list[Life]:
         """Who may write: no spare that waits, and nobody behind the fence."""
-        return [life for life in self.world.lives if life.alive and not life.waits and not self._behind(life)]
-
-    def _behind(self, life: Life) -> bool:
-        """The truth of a core that was left behind: it has let go of the store, or others write since."""
-        guard = self.world.guard
-        if guard.adopts is not None and life.guard != guard.number:
-            return life.drained or (life.epoch or self.world.store.epoch) < self.world.store.epoch
-        told = guard.manager.reading().behind
-        if life.guard != self.world.guard.number or told != life.number:
-            return False
-        return life.drained or (life.in_kernel and (life.epoch or 0) < self.world.store.epoch)
+        return [
+            life
+            for life in self.world.lives
+            if life.alive and not life.waits and not laws.behind(self.world, life)
+        ]
 
     def _terminate(self, guard: "Guard", order: orders.Terminate) -> None:
         self._sent_away.add(order.life)
@@ -378,12 +365,6 @@ class Checkers:
             hold(len(recent) <= guard.policy.max_restart_count, "restarts stay within the budget")
         hold(order.safe is None or order.safe in self.world.truths, f"{order.safe} was never the matter")
         self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
-
-    def _set_safe(self, order: orders.SetSafe) -> None:
-        hold(
-            not order.on or order.reason is Diagnosis.OPERATOR or order.reason in self.world.truths,
-            f"a core is told to read only for {order.reason}, which was never the matter",
-        )
 
     def _kill(self, guard: "Guard", order: orders.Kill) -> None:
         life = guard.life

@@ -6,11 +6,15 @@ by the checkers, which have seen it.
 
 from typing import TYPE_CHECKING
 
+from hardcore.model.actions import SetSafe
 from hardcore.model.phases import Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
+from tests.simulation.machine import COMMIT_FAILED, CORRUPT, LOCKED, NO_ROOM
+from tests.simulation.store import REFUSALS
 
 if TYPE_CHECKING:  # the world owns its checkers, and they ask here
     from tests.simulation.guard import Guard
+    from tests.simulation.machine import Life
     from tests.simulation.world import World
 
 #: What a client asks for at the very end.
@@ -77,3 +81,33 @@ def ledger_is_true(world: "World") -> None:
             f"{key} was acknowledged and is lost",
         )
         hold(outcomes != {"not_done"} or key not in world.store.keys, f"{key} was denied and is there")
+
+
+def behind(world: "World", life: "Life") -> bool:
+    """The truth of a core that was left behind: it has let go of the store, or others write since."""
+    guard = world.guard
+    if guard.adopts is not None and life.guard != guard.number:
+        return life.drained or (life.epoch or world.store.epoch) < world.store.epoch
+    told = guard.manager.reading().behind
+    if life.guard != world.guard.number or told != life.number:
+        return False
+    return life.drained or (life.in_kernel and (life.epoch or 0) < world.store.epoch)
+
+
+def only_tried(world: "World", life: "Life", *, ready: bool) -> bool:
+    """Whether it found out that a reason is not over: in a reader's place, or at its fence, where it can't be."""
+    if life.exit is not None and life.exit.code in {LOCKED, NO_ROOM} and not ready:
+        return True
+    if life.exit is not None and life.exit.code == COMMIT_FAILED and world.store.disk in REFUSALS:
+        return True  # what a disk refuses no other core tries
+    before = world.lives[life.serial - 2] if life.serial > 1 else None
+    tried = before is not None and before.unfenced
+    return tried and life.exit is not None and life.exit.code in {CORRUPT, NO_ROOM}
+
+
+def reads_only_for_a_reason(world: "World", order: SetSafe) -> None:
+    """A core is told to read only because a person wants it, or for what was the matter."""
+    hold(
+        not order.on or order.reason is Diagnosis.OPERATOR or order.reason in world.truths,
+        f"a core is told to read only for {order.reason}, which was never the matter",
+    )

@@ -67,7 +67,7 @@ def test_nobody_is_sent_to_a_successor_before_it_says_that_it_reads_only() -> No
     assert play.phase is Phase.PROVING
     assert play.ordered[-1] == ON(2, on=True, reason=WISH)
     assert "Release" in kinds(_switched(play, on=True))
-    assert play.phase is Phase.PROBATION
+    assert play.manager.reading().state is HAState.SAFE_MODE
 
 
 def test_a_successor_that_does_not_answer_is_told_again() -> None:

@@ -3,6 +3,7 @@
 import pytest
 
 from hardcore.model import observations as seen
+from hardcore.model.clocks import Clocks
 from hardcore.model.phases import Phase
 from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.recovery import plan
@@ -86,7 +87,7 @@ def _silent_in_held_interpreter(
     beats = Beats(
         loop_ns=silent_ns if loop_ns is None else loop_ns, thread_ns=silent_ns, state=LifeState.READY
     )
-    clocks = seen.Clocks(play.now_ns + slept_ms * MS, play.now_ns + slept_ms * MS)
+    clocks = Clocks(play.now_ns + slept_ms * MS, play.now_ns + slept_ms * MS)
     process = seen.ProcessSample("R", play.now_ns // 2, 1 << 20, 3)
     play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process, clocks=clocks))
     due_ns = play.manager.next_deadline_ns()
