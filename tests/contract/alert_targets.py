@@ -1,5 +1,7 @@
 """Targets of alerts, played by the test: a web server and a mail server with one behaviour each, on loopback."""
 
+import datetime as dt
+import ipaddress
 import json
 import socket
 import ssl
@@ -9,6 +11,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
 
 from hardcore.host import clock
 from hardcore.host.folders import Folders
@@ -247,3 +253,30 @@ def outgoing(place: Path) -> Outgoing:
 def comes(played: Web, count: int) -> list[Came]:
     until(lambda: len(played.came) >= count, f"{count} messages")
     return played.came
+
+
+def own_certificate(place: Path) -> ssl.SSLContext:
+    """A server's side of TLS under a certificate that nobody vouches for."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "127.0.0.1")])
+    today = dt.datetime.now(dt.UTC)
+    made = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(1)
+        .not_valid_before(today - dt.timedelta(days=1))
+        .not_valid_after(today + dt.timedelta(days=1))
+        .add_extension(
+            x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), critical=False
+        )
+        .sign(key, hashes.SHA256())
+    )
+    path = place / "own.pem"
+    form = serialization.PrivateFormat.PKCS8
+    held = key.private_bytes(serialization.Encoding.PEM, form, serialization.NoEncryption())
+    path.write_bytes(held + made.public_bytes(serialization.Encoding.PEM))
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(path)
+    return context

@@ -1,13 +1,10 @@
 """The sender against targets of every temper, each a real one on loopback."""
 
-import datetime as dt
 import email
 import email.policy
-import ipaddress
 import json
 import os
 import signal
-import ssl
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -16,9 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.hazmat.primitives.asymmetric import ec
 
 from hardcore.alerting import over_http, over_mail, sender
 from hardcore.alerting.over_apprise import is_installed
@@ -26,7 +20,17 @@ from hardcore.alerting.sender import Sender
 from hardcore.alerting.trying import try_channels
 from hardcore.host import muting
 from hardcore.host.files import take_lock
-from tests.contract.alert_targets import HANGS, OK, Outgoing, comes, outgoing, post, status, web
+from tests.contract.alert_targets import (
+    HANGS,
+    OK,
+    Outgoing,
+    comes,
+    outgoing,
+    own_certificate,
+    post,
+    status,
+    web,
+)
 
 QUICK = (0.05, 0.05)
 
@@ -277,7 +281,7 @@ def test_who_hangs_does_not_keep_the_others_waiting(out: Outgoing, monkeypatch: 
 
 
 def test_a_certificate_that_nobody_vouches_for_is_refused(out: Outgoing, tmp_path: Path) -> None:
-    with web(tls=_own_certificate(tmp_path)) as target:
+    with web(tls=own_certificate(tmp_path)) as target:
         out.channels(hook(target.url.replace("http:", "https:")))
         name = out.put()
         send(out)
@@ -476,29 +480,3 @@ def test_no_secret_stands_in_anything_that_is_written(out: Outgoing, tmp_path: P
     ]
     assert out.folders.alerts in written
     assert [path for path in written if b"CANARY" in path.read_bytes()] == []
-
-
-def _own_certificate(place: Path) -> ssl.SSLContext:
-    key = ec.generate_private_key(ec.SECP256R1())
-    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "127.0.0.1")])
-    today = dt.datetime.now(dt.UTC)
-    made = (
-        x509.CertificateBuilder()
-        .subject_name(name)
-        .issuer_name(name)
-        .public_key(key.public_key())
-        .serial_number(1)
-        .not_valid_before(today - dt.timedelta(days=1))
-        .not_valid_after(today + dt.timedelta(days=1))
-        .add_extension(
-            x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), critical=False
-        )
-        .sign(key, hashes.SHA256())
-    )
-    path = place / "own.pem"
-    form = serialization.PrivateFormat.PKCS8
-    held = key.private_bytes(serialization.Encoding.PEM, form, serialization.NoEncryption())
-    path.write_bytes(held + made.public_bytes(serialization.Encoding.PEM))
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.load_cert_chain(path)
-    return context
