@@ -105,11 +105,11 @@ class Door:
             case Ask.SAFE_MODE:
                 return await self._safe_mode(request)
             case Ask.HISTORY:
-                return {"ok": True, "changes": self._house.history()}, []
+                return {"ok": True, "changes": self._house.chronicle.told()}, []
             case Ask.CURVE:
                 return {"ok": True, "resources": self._house.curve()}, []
             case Ask.ALERTS_TEST:
-                return await self._house.test_alerts(request.channel)
+                return await self._house.outbox.test(request.channel), []
             case Ask.ALERTS_MUTE:
                 return await self._mute(request.seconds)
             case Ask.DOWN:
@@ -386,7 +386,7 @@ class Door:
         house, reading = self._house, self._house.reading()
         told = status.running(reading, house.policy, self._safe_reason)
         told["policy_fault"] = self._policy.fault
-        told["history"] = house.history()[-status.HISTORY_SHOWN_MAX :]
+        told["history"] = house.chronicle.told()[-status.HISTORY_SHOWN_MAX :]
         gateway = house.gateway()
         told["url"] = house.url
         told["launcher"] = {"pid": _living(self._launcher)}

@@ -85,7 +85,7 @@ class Executor:
         self._publish = publish
         self._still_ours = still_ours
         self._log = logs.LogThread(logs.LogFile(folders.logs / "sentinel.log", folders.run))
-        self._bounds = bounds
+        self.bounds = bounds
         self.listen_fd: int | None = None  # kept by each core for the guard that its agent may have to start
         self.tools = find_tools()
         self.senses = Senses(folders, generation, self.tools, tell, self.note)
@@ -99,7 +99,7 @@ class Executor:
         self.filing = Filing(folders.incidents, self, self._report, shelter=folders.shelter, ran=self._ran)
         self.policy_sha256 = ""  # of the policy in force, as its recording says it
         self.serving: tuple[dict[str, object], ...] = ()
-        self._taking = Taking(self, folders, tell, self._handover.calm, bounds.image if bounds else None)
+        self._taking = Taking(self, folders, tell, self._handover.calm, self._image_limits)
         doors = Doors(tell, publish, self._controls, self._handover.calm, self.filing.add_trials)
         self.court = CourtRoom(folders, generation, self, doors)
 
@@ -182,11 +182,6 @@ class Executor:
     def _unwritten(self, step: str | None, error: BaseException) -> None:
         self.note("hint", step=step, failed=_said(error))
 
-    def go_by(self, bounds: Bounds, policy_sha256: str) -> None:
-        """Tell the next core, and the next image of a memory, these numbers."""
-        self._bounds, self.policy_sha256 = bounds, policy_sha256
-        self._taking.image = bounds.image
-
     # ---- orders ----
 
     def begin(self, work: Coroutine[Any, Any, object]) -> None:
@@ -228,9 +223,7 @@ class Executor:
         life = lives.conceive(self._folders, number, nonce)
         life.spare = terms.spare
         try:
-            lives.start(
-                life, terms, WATCHDOG_USEC, self._bounds.core if self._bounds else None, self.listen_fd
-            )
+            lives.start(life, terms, WATCHDOG_USEC, self.bounds.core if self.bounds else None, self.listen_fd)
         except BaseException:
             life.discard()  # no process has come of it
             raise
@@ -308,6 +301,9 @@ class Executor:
 
     # A life whose process is still being made gets no order here: the manager repeats it when it is told of
     # the process (SPAWNED), so that an order to nobody is not lost.
+
+    def _image_limits(self) -> ImageLimits | None:
+        return self.bounds.image if self.bounds else None
 
     async def confine(self, life: Life) -> str | None:
         """Give a core a memory group of its own, for the drill; return why that can't be done, None when it is."""

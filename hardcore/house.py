@@ -7,13 +7,14 @@ else of the loop. The tests play a house with it.
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, Protocol
 
+from hardcore.chronicle import Chronicle
 from hardcore.court_room import CourtRoom
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle
 from hardcore.investigating import Investigators
 from hardcore.model import observations as seen
-from hardcore.model.actions import Alert
+from hardcore.outbox import Outbox
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 
@@ -31,6 +32,9 @@ class House(Protocol):
     adopted: bool
     court: CourtRoom
     investigators: Investigators
+    chronicle: Chronicle
+    outbox: Outbox
+    note: Callable[..., None]  # writes a line to the guard's log
 
     def begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Start a piece of work that nobody waits for."""
@@ -56,23 +60,8 @@ class House(Protocol):
     def drill_gateway(self) -> str | None:
         """Kill the gateway, as a drill; return why that can't be done now."""
 
-    def go_by(self, policy: Policy) -> None:
-        """Go by another policy from now on."""
-
-    def alert(self, alert: Alert) -> None:
-        """Tell whoever runs the server; nothing waits for it."""
-
-    def note(self, kind: str, **particulars: object) -> None:
-        """Write a line to the guard's log."""
-
-    def history(self) -> list[Mapping[str, object]]:
-        """Return the last changes of the state, the newest last."""
-
     def curve(self) -> list[dict[str, Any]]:
         """Return what is known of each resource over time."""
-
-    async def test_alerts(self, channel: int | None) -> Answer:
-        """Send a trial through one channel, or all of them; say what came of it."""
 
     async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
         """Run blocking work on a hand's thread."""

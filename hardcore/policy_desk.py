@@ -10,6 +10,7 @@ told which names those are. To watch the folder by inotify was not chosen: it is
 import asyncio
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from hardcore import standing
@@ -97,9 +98,11 @@ class PolicyFile:
 class PolicyDesk:
     """Keeps the policy in force. `fault`: why the file is not what is gone by; empty: it is."""
 
-    def __init__(self, house: House, fault: str = "") -> None:
+    def __init__(self, house: House, go_by: Callable[[Policy], None], fault: str = "") -> None:
+        """`go_by` has the guard go by another policy from now on."""
         self.fault = fault
         self._house = house
+        self._go_by = go_by
         self._file = PolicyFile(house.folders)
         self._found: deque[Found] = deque()
         self._errand = Errand("policy", self._look)
@@ -166,18 +169,22 @@ class PolicyDesk:
             self._house.note("policy", mended=self.fault)
             self.fault = ""
             mended = Alert(Diagnosis.CONFIG_INVALID, _MENDED, stage=AlertStage.CLOSED, outcome="mended")
-            self._house.alert(mended)
+            self._alert(mended)
         policy = standing.of_this_run(found.policy)
         changed = differences(self._house.policy, policy)
         if changed:
             self._house.note("policy", changed=changed)
-            self._house.go_by(policy)
+            self._go_by(policy)
         self._house.begin(self._house.in_hand(standing.keep_policy, self._house.folders, found.text))
         return changed
 
     def _alarm(self, why: str) -> None:
         self._house.note("policy", fault=why)
-        self._house.alert(Alert(Diagnosis.CONFIG_INVALID, why))
+        self._alert(Alert(Diagnosis.CONFIG_INVALID, why))
+
+    def _alert(self, alert: Alert) -> None:
+        self._house.note("alert", diagnosis=alert.diagnosis, stage=alert.stage, text=alert.text)
+        self._house.begin(self._house.outbox.put(alert))
 
 
 _MENDED = "The policy file is right again and in force."

@@ -20,10 +20,9 @@ from hardcore.asked import Asked, ask_policy, keep, operator, options
 from hardcore.lines import wrapped
 from hardcore.looking_back import places
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery.channels import as_shown
+from hardcore.recovery.channels import Kind, as_shown
 from hardcore.recovery.differing import differences, flat
 from hardcore.recovery.explain import explain
-from hardcore.recovery.channels import Kind
 from hardcore.recovery.policy import Policy, in_full
 from hardcore.replay import compare_incident
 from hardcore.snapshot.writer import RECORDING

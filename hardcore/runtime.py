@@ -15,7 +15,7 @@ import resource
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
@@ -34,7 +34,6 @@ from hardcore.host import clock, deaths, files, lives, logs
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle
-from hardcore.house import Answer
 from hardcore.listening import Listener
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
@@ -87,9 +86,10 @@ class Runtime:
         self.executor.listen_fd = setup.listen_fd
         self.senses = self.executor.senses
         self.court, self.investigators = self.executor.court, self.executor.investigators
-        self.begin = self.executor.begin
+        self.outbox, self.note, self.begin = self.executor.outbox, self.executor.note, self.executor.begin
+        self.in_hand, self.confine = self.executor.in_hand, self.executor.confine
         self.gatekeeper = Gatekeeper(folders, self.policy, setup.listen_fd, self.executor)
-        self.policy_desk = PolicyDesk(self, setup.in_force.fault)
+        self.policy_desk = PolicyDesk(self, self._go_by, setup.in_force.fault)
         self.curves = Curves()
         self.chronicle = Chronicle(folders, self.executor, self.court.spool)
         self.door = Door(self, self.policy_desk)
@@ -278,37 +278,22 @@ class Runtime:
         """Return what the present moment means."""
         return self.manager.reading()
 
-    def go_by(self, policy: Policy) -> None:
+    def _go_by(self, policy: Policy) -> None:
         """Go by another policy from now on. What was told to a core or a gateway at its start holds until the next."""
         self.policy = policy
-        self.executor.go_by(standing.bounds(policy), digest(CODEC.encode(policy)))
+        self.executor.bounds = standing.bounds(policy)
+        self.executor.policy_sha256 = digest(CODEC.encode(policy))
         self.gatekeeper.policy = self.calendar.policy = policy
         self.senses.pace(policy.survey_interval_ms / 1000)
         with suppress(OSError):  # the agents go by what they were told before
             write_agents(self.folders, self.setup.guard, policy)
         self.feed(seen.PolicyRead(clock.now_ns(), json.dumps(in_full(policy))))
 
-    def alert(self, alert: orders.Alert) -> None:
-        """Tell whoever runs the server; nothing waits for it."""
-        self.executor.carry_out(alert)
-
-    def note(self, kind: str, **particulars: object) -> None:
-        """Write a line to the guard's log."""
-        self.executor.note(kind, **particulars)
-
-    def history(self) -> list[Mapping[str, object]]:
-        """Return the last changes of the state, the newest last."""
-        return self.chronicle.told()
-
     def curve(self) -> list[dict[str, Any]]:
         """Return what is known of each resource over time."""
         known = self.manager.state()["foresight"]
         assert isinstance(known, Foresight), "it is part of what a manager remembers"
         return self.curves.told(known, clock.now_ns())
-
-    async def test_alerts(self, channel: int | None) -> Answer:
-        """Send a trial through one channel, or all of them; say what came of it."""
-        return await self.executor.outbox.test(channel), []
 
     def gateway(self) -> Handle | None:
         """Return the present gateway's process."""
@@ -321,14 +306,6 @@ class Runtime:
     def drill_gateway(self) -> str | None:
         """Kill the gateway, as a drill; return why that can't be done now."""
         return self.gatekeeper.drill()
-
-    async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
-        """Run blocking work on a hand's thread."""
-        return await self.executor.in_hand(work, *args)
-
-    async def confine(self, life: Life) -> str | None:
-        """Put the core into a memory cgroup of its own, for a drill."""
-        return await self.executor.confine(life)
 
     async def hold_lock(self, seconds: int) -> str | None:
         """Have another process hold the ledger's lock, for a drill."""
@@ -357,7 +334,7 @@ class Runtime:
         """Send a line to the gateway, under this guard's generation."""
         self.control.publish({**line, "generation": self.setup.generation})
 
-    def phase_line(self, reading: Reading) -> dict[str, object]:
+    def _phase_line(self, reading: Reading) -> dict[str, object]:
         """Return the feed's line about the present moment."""
         return {
             "type": "phase",
@@ -374,7 +351,7 @@ class Runtime:
 
     def _publish_reading(self) -> None:
         reading = self.manager.reading()
-        line = self.phase_line(reading)
+        line = self._phase_line(reading)
         if line != self._published:
             self._published = line
             self.publish(line)
@@ -397,14 +374,14 @@ class Runtime:
         while True:
             await asyncio.sleep(FEED_EVERY_S)
             self._still_ours()
-            self.publish(self.phase_line(self.manager.reading()))
+            self.publish(self._phase_line(self.manager.reading()))
             self.door.measure()
             self.standing.look()
             self.calendar.look(self.manager.reading(), quiet=self.door.is_quiet)
 
     def _greet(self) -> list[Mapping[str, object]]:
         reading = self.manager.reading()
-        lines: list[Mapping[str, object]] = [self.phase_line(reading)]
+        lines: list[Mapping[str, object]] = [self._phase_line(reading)]
         greeting = self.court.greeting()
         lines += [{**line, "generation": self.setup.generation} for line in greeting]
         if reading.epoch is not None:

@@ -73,7 +73,7 @@ class Senses:
             case SetSafe():
                 await self.set_safe(life, order.reason, on=order.on)
             case RestartComponent():
-                await self.restart_component(life, order.name)
+                await self._restart_component(life, order.name)
             case _:
                 assert_never(order)
 
@@ -121,7 +121,7 @@ class Senses:
         told = seen.SafeSwitched(clock.now_ns(), life.number, on=on, done=not refused, reason=refused)
         self._tell(told)
 
-    async def restart_component(self, life: Life, name: str) -> None:
+    async def _restart_component(self, life: Life, name: str) -> None:
         """Have the serving core start one of its parts anew; the answer comes in any case."""
         order = {"verb": "component", "name": name, "generation": self._generation}
         refused = await core_control.give(self._folders.core_control(life.nonce), order, COMPONENT_S)

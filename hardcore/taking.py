@@ -47,13 +47,13 @@ class Taking:
         folders: Folders,
         tell: Callable[[seen.Observation], None],
         calm: Callable[[], Awaitable[None]],
-        image: ImageLimits | None,
+        image: Callable[[], ImageLimits | None],
     ) -> None:
         self._hands = hands
         self._folders = folders
         self._tell = tell
         self._calm = calm
-        self.image = image
+        self._image = image
         self._under_way: dict[str, list[asyncio.Event]] = {}
 
     def of(self, incident: str) -> list[asyncio.Event]:
@@ -95,7 +95,7 @@ class Taking:
                 self._hands.pool,
                 self._hands.tools,
                 stop=order.stop,
-                image=self.image if order.image else None,
+                image=self._image() if order.image else None,
             )
         else:
             await self._calm()

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from hardcore import standing
+from hardcore.chronicle import Chronicle
 from hardcore.control.protocol import Ask, Request
 from hardcore.court_room import CourtRoom
 from hardcore.door import Door
@@ -21,14 +22,13 @@ from hardcore.host import build, files, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.processes import Handle, Identity
-from hardcore.house import Answer
 from hardcore.investigating import Investigators
 from hardcore.model import observations as seen
-from hardcore.model.actions import Alert
 from hardcore.model.phases import Phase, Wanted
 from hardcore.model.recorder import ComponentBeat
 from hardcore.model.trials import AddTrials
 from hardcore.model.verdicts import Diagnosis
+from hardcore.outbox import Outbox
 from hardcore.policy_desk import PolicyDesk
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
@@ -62,37 +62,36 @@ class House:
     others: dict[int, Life] = field(default_factory=dict)
     published: list[dict[str, object]] = field(default_factory=list)
     halted: asyncio.Event = field(default_factory=asyncio.Event)
-    under_way: list["asyncio.Task[None]"] = field(default_factory=list)
-    alerts: list[Alert] = field(default_factory=list)
+    under_way: list["asyncio.Task[object]"] = field(default_factory=list)
+    noted: list[tuple[str, dict[str, object]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        def note(kind: str, **particulars: object) -> None:
+            self.noted.append((kind, particulars))
+
+        self.note = note
         doors = Doors(self.feed, lambda line: self.published.append(dict(line)), list, calm, nothing_more)
         self.court = CourtRoom(self.folders, self.generation, self, doors)
         self.investigators = Investigators(self.folders, self)
+        self.outbox = Outbox(self.folders, self, lambda line: self.published.append(dict(line)))
+        self.chronicle = Chronicle(self.folders, self, lambda _kind, _fields: None)
 
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+    @property
+    def alerts(self) -> list[tuple[object, object]]:
+        """What whoever runs the server was told: stage and diagnosis."""
+        return [(told["stage"], told["diagnosis"]) for kind, told in self.noted if kind == "alert"]
+
+    def adopt(self, policy: Policy) -> None:
+        self.policy = policy
+
+    def begin(self, work: Coroutine[Any, Any, object]) -> None:
         self.under_way.append(asyncio.get_running_loop().create_task(work))
-
-    def note(self, kind: str, **particulars: object) -> None:
-        del kind, particulars
 
     def feed(self, fact: seen.Observation) -> None:
         self.told.append(fact)
 
-    def go_by(self, policy: Policy) -> None:
-        self.policy = policy
-
-    def alert(self, alert: Alert) -> None:
-        self.alerts.append(alert)
-
-    def history(self) -> list[Mapping[str, object]]:
-        return [{"after": "OPERATIONAL"}]
-
     def curve(self) -> list[dict[str, Any]]:
         return [{"resource": "memory"}]
-
-    async def test_alerts(self, channel: int | None) -> Answer:
-        return {"ok": True, "results": [], "channel": channel}, []
 
     def reading(self) -> Reading:
         return self.moment
@@ -134,7 +133,7 @@ def house(tmp_path: Path) -> House:
 
 
 def door_of(house: House) -> Door:
-    return Door(house, PolicyDesk(house))
+    return Door(house, PolicyDesk(house, house.adopt))
 
 
 def ask(house: House, request: Request) -> dict[str, Any]:
@@ -323,7 +322,11 @@ def test_a_part_is_started_anew_by_its_name_alone(house: House) -> None:
 
 
 def test_who_asks_for_the_history_is_told_it(house: House) -> None:
-    assert ask(house, Request(Ask.HISTORY))["changes"] == [{"after": "OPERATIONAL"}]
+    house.folders.state.mkdir()
+    told = {"at": "t", "before": "STARTING", "after": "OPERATIONAL", "phase": "RUNNING", "reason": "r"}
+    files.write_json(house.folders.history, {"changes": [told]})
+    house.chronicle = Chronicle(house.folders, house, lambda _kind, _fields: None)
+    assert ask(house, Request(Ask.HISTORY))["changes"] == [told]
 
 
 def test_a_status_says_what_is_wrong_with_the_policy_file(house: House) -> None:
@@ -331,4 +334,4 @@ def test_a_status_says_what_is_wrong_with_the_policy_file(house: House) -> None:
     answer = ask(house, Request(Ask.POLICY_RELOAD))
     assert answer["code"] == "policy-faults"
     assert answer["values"]["faults"][0]["line"] == 1
-    assert [alert.diagnosis for alert in house.alerts] == [Diagnosis.CONFIG_INVALID]
+    assert [diagnosis for _stage, diagnosis in house.alerts] == [Diagnosis.CONFIG_INVALID]

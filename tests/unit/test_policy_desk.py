@@ -45,7 +45,7 @@ def reload(desk: PolicyDesk, house: House) -> dict[str, Any]:
 
 
 def test_a_changed_file_is_gone_by_and_says_what_holds_only_later(house: House) -> None:
-    desk = PolicyDesk(house)
+    desk = PolicyDesk(house, house.adopt)
     write(house, {"probation_ms": 7, "memory_limit_mb": 300, "gateway": {"hold_ms": 5}})
     answer = reload(desk, house)
     assert answer["changed"] == ["probation_ms", "memory_limit_mb", "gateway.hold_ms"]
@@ -55,7 +55,7 @@ def test_a_changed_file_is_gone_by_and_says_what_holds_only_later(house: House) 
 
 
 def test_a_bad_file_never_replaces_a_good_one_and_is_told_once(house: House) -> None:
-    desk = PolicyDesk(house)
+    desk = PolicyDesk(house, house.adopt)
     write(house, {"probation_ms": 7})
     reload(desk, house)
     write(house, '{"probation_ms": 8,\n"memory_limit_mb": "much"}')
@@ -65,18 +65,18 @@ def test_a_bad_file_never_replaces_a_good_one_and_is_told_once(house: House) -> 
         assert [(one["line"], one["name"]) for one in answer["values"]["faults"]] == [(2, "memory_limit_mb")]
     assert house.policy.probation_ms == 7
     assert "line 2: memory_limit_mb" in desk.fault
-    assert [alert.stage for alert in house.alerts] == [AlertStage.OPENED]
+    assert [stage for stage, _diagnosis in house.alerts] == [AlertStage.OPENED]
     good = standing.load_policy_file(house.folders.good_policy)
     assert isinstance(good, Policy)
     assert good.probation_ms == 7
 
 
 def test_a_mended_file_ends_the_fault_with_one_closing_word(house: House) -> None:
-    desk = PolicyDesk(house, "failover_policy.json: line 1: not JSON")
+    desk = PolicyDesk(house, house.adopt, "failover_policy.json: line 1: not JSON")
     write(house, {})
     assert reload(desk, house)["changed"] == []
     assert desk.fault == ""
-    assert [(alert.stage, alert.outcome) for alert in house.alerts] == [(AlertStage.CLOSED, "mended")]
+    assert house.alerts == [(AlertStage.CLOSED, Diagnosis.CONFIG_INVALID)]
 
 
 def test_a_file_that_is_half_written_is_read_again_before_it_is_called_broken(house: House) -> None:
@@ -131,8 +131,7 @@ def test_the_file_of_a_running_guard_is_taken_without_a_word(house: House) -> No
             house.policy = policy
             taken.set()
 
-        house.go_by = go_by  # type: ignore[method-assign]
-        watching = asyncio.create_task(PolicyDesk(house).look_on())
+        watching = asyncio.create_task(PolicyDesk(house, go_by).look_on())
         write(house, {"probation_ms": 7})
         await asyncio.wait_for(taken.wait(), 30)
         watching.cancel()
@@ -149,7 +148,7 @@ def test_the_command_line_of_this_run_stays_above_the_file(
     monkeypatch.setenv(standing.NO_SPARE_SWITCH, "1")
     house.policy = standing.of_this_run(Policy())
     write(house, {"mode": "assist", "spare": True})
-    assert reload(PolicyDesk(house), house)["changed"] == []
+    assert reload(PolicyDesk(house, house.adopt), house)["changed"] == []
     assert (house.policy.mode, house.policy.spare) == ("observe", False)
 
 
@@ -160,7 +159,7 @@ def test_what_two_policies_say_otherwise_is_named_inside_too() -> None:
 
 
 def test_no_address_of_a_channel_is_shown(house: House) -> None:
-    desk = PolicyDesk(house)
+    desk = PolicyDesk(house, house.adopt)
     write(house, {"alerts": [{"kind": "ntfy", "url": "https://example.org/t0psecret"}]})
     assert reload(desk, house)["changed"] == ["alerts"]
     answer, _fds = desk.shown()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import select, text
+from sqlalchemy import text
 
 from postmortem import found_rules, intake
 from postmortem.dead_letters import slip as slips
@@ -19,7 +19,6 @@ from postmortem.records import letters, log, stories
 from postmortem.records.opening import Records, RecordsFailed, open_records
 from postmortem.records.reads import Archive
 from postmortem.records.stories import Proposed, Story
-from postmortem.records.tables import STATES
 from postmortem.views import Act, Filter, IncidentLine, LetterState, Refusal, Standing
 from tests.unit.postmortem.letter_slips import slip
 
@@ -496,24 +495,3 @@ def test_a_proposal_that_the_guard_enforces_is_an_accepted_one(
 def test_rules_that_can_not_be_read_make_no_letters(records: Records, tmp_path: Path, text: str) -> None:
     (tmp_path / "quarantine.json").write_text(text)
     assert found_rules.read(tmp_path / "quarantine.json").take_letters(records) == 0
-
-
-def test_a_change_of_the_state_is_taken_in_once_and_is_no_act_of_anybody(
-    records: Records, archive: Archive, tmp_path: Path
-) -> None:
-    taken = intake.Intake(records, tmp_path / "spool", tmp_path / "incidents")
-    taken.spool.mkdir()
-    change = {
-        "at": "2026-11-22T10:00:00Z",
-        "before": "OPERATIONAL",
-        "after": "SAFE_MODE",
-        "phase": "RUNNING",
-        "reason": "the operator asked for it",
-    }
-    spool.write(taken.spool, "state", change)
-    assert taken.take_spool() == 1
-    assert list(taken.spool.iterdir()) == []
-    with records.reading() as connection:
-        (row,) = connection.execute(select(STATES)).mappings().all()
-    assert {name: row[name] for name in change} == change
-    assert archive.audit(50).items == []
