@@ -21,7 +21,7 @@ from hardcore.door import Door
 from hardcore.host import build, files, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
-from hardcore.host.processes import Handle, Identity
+from hardcore.host.processes import Identity
 from hardcore.investigating import Investigators
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase, Wanted
@@ -76,11 +76,6 @@ class House:
         self.outbox = Outbox(self.folders, self, lambda line: self.published.append(dict(line)))
         self.chronicle = Chronicle(self.folders, self, lambda _kind, _fields: None)
 
-    @property
-    def alerts(self) -> list[tuple[object, object]]:
-        """What whoever runs the server was told: stage and diagnosis."""
-        return [(told["stage"], told["diagnosis"]) for kind, told in self.noted if kind == "alert"]
-
     def adopt(self, policy: Policy) -> None:
         self.policy = policy
 
@@ -108,9 +103,6 @@ class House:
     def drill_gateway(self) -> str | None:
         return None
 
-    def gateway(self) -> Handle | None:
-        return None
-
     async def in_hand(self, work: Callable[..., Any], *args: Any) -> Any:
         return work(*args)
 
@@ -130,6 +122,11 @@ def house(tmp_path: Path) -> House:
     folders = Folders(tmp_path, tmp_path / "run")
     folders.run.mkdir()
     return House(folders, Play().begin().running().manager.reading(), Life(1, "0" * 16, folders))
+
+
+def alerts_of(house: House) -> list[tuple[object, object]]:
+    """What whoever runs the server was told: stage and diagnosis."""
+    return [(told["stage"], told["diagnosis"]) for kind, told in house.noted if kind == "alert"]
 
 
 def door_of(house: House) -> Door:
@@ -334,4 +331,4 @@ def test_a_status_says_what_is_wrong_with_the_policy_file(house: House) -> None:
     answer = ask(house, Request(Ask.POLICY_RELOAD))
     assert answer["code"] == "policy-faults"
     assert answer["values"]["faults"][0]["line"] == 1
-    assert [diagnosis for _stage, diagnosis in house.alerts] == [Diagnosis.CONFIG_INVALID]
+    assert [diagnosis for _stage, diagnosis in alerts_of(house)] == [Diagnosis.CONFIG_INVALID]

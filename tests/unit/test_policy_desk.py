@@ -18,7 +18,7 @@ from hardcore.policy_desk import PolicyDesk, PolicyFile
 from hardcore.recovery.differing import differences
 from hardcore.recovery.policy import Policy, Word
 from tests.unit.recovery.play import Play
-from tests.unit.test_door import House
+from tests.unit.test_door import House, alerts_of
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_a_bad_file_never_replaces_a_good_one_and_is_told_once(house: House) -> 
         assert [(one["line"], one["name"]) for one in answer["values"]["faults"]] == [(2, "memory_limit_mb")]
     assert house.policy.probation_ms == 7
     assert "line 2: memory_limit_mb" in desk.fault
-    assert [stage for stage, _diagnosis in house.alerts] == [AlertStage.OPENED]
+    assert [stage for stage, _diagnosis in alerts_of(house)] == [AlertStage.OPENED]
     good = standing.load_policy_file(house.folders.good_policy)
     assert isinstance(good, Policy)
     assert good.probation_ms == 7
@@ -76,7 +76,7 @@ def test_a_mended_file_ends_the_fault_with_one_closing_word(house: House) -> Non
     write(house, {})
     assert reload(desk, house)["changed"] == []
     assert desk.fault == ""
-    assert house.alerts == [(AlertStage.CLOSED, Diagnosis.CONFIG_INVALID)]
+    assert alerts_of(house) == [(AlertStage.CLOSED, Diagnosis.CONFIG_INVALID)]
 
 
 def test_a_file_that_is_half_written_is_read_again_before_it_is_called_broken(house: House) -> None:
