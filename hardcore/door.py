@@ -387,7 +387,6 @@ class Door:
         told = status.running(reading, house.policy, self._safe_reason)
         told["policy_fault"] = self._policy.fault
         told["history"] = house.chronicle.told()[-status.HISTORY_SHOWN_MAX :]
-        gateway = house.gateway()
         told["url"] = house.url
         told["launcher"] = {"pid": _living(self._launcher)}
         told["sentinel"] |= {
@@ -398,7 +397,6 @@ class Door:
         }
         told["gateway"] = {
             **house.gateway_told(),
-            "pid": gateway.pid if gateway else None,
             "websockets": self._stats.get("websockets", 0),
             "held_requests": self._stats.get("held", 0),
             "connections": self._stats.get("connections", 0),

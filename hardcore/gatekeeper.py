@@ -375,10 +375,11 @@ class Gatekeeper:
         return None
 
     def told(self) -> dict[str, object]:
-        """Return what a status says of the gateway beside its pid."""
+        """Return what a status says of the gateway."""
         pulse = self._eyes.pulse if self._eyes is not None else None
         age_ms = (clock.now_ns() - pulse.loop_ns) // _MS if pulse is not None else None
         return {
+            "pid": self.handle.pid if self.handle is not None else None,
             "heartbeat_age_ms": age_ms,
             "overdue": pulse.overdue if pulse is not None else 0,
             "refused_paths": list(self._known.in_force(clock.together()[1].wall_ns / 1e9)),

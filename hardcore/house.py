@@ -11,7 +11,6 @@ from hardcore.chronicle import Chronicle
 from hardcore.court_room import CourtRoom
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
-from hardcore.host.processes import Handle
 from hardcore.investigating import Investigators
 from hardcore.model import observations as seen
 from hardcore.outbox import Outbox
@@ -51,11 +50,8 @@ class House(Protocol):
     def numbered(self, number: int) -> Life | None:
         """Return a life by its number, if its process has been made."""
 
-    def gateway(self) -> Handle | None:
-        """Return the present gateway's process."""
-
     def gateway_told(self) -> Mapping[str, object]:
-        """Return what a status says of the gateway beside its process."""
+        """Return what a status says of the gateway."""
 
     def drill_gateway(self) -> str | None:
         """Kill the gateway, as a drill; return why that can't be done now."""

@@ -33,7 +33,6 @@ from hardcore.gatekeeper import Gatekeeper
 from hardcore.host import clock, deaths, files, lives, logs
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Life
-from hardcore.host.processes import Handle
 from hardcore.listening import Listener
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
@@ -295,12 +294,8 @@ class Runtime:
         assert isinstance(known, Foresight), "it is part of what a manager remembers"
         return self.curves.told(known, clock.now_ns())
 
-    def gateway(self) -> Handle | None:
-        """Return the present gateway's process."""
-        return self.gatekeeper.handle
-
     def gateway_told(self) -> Mapping[str, object]:
-        """Return what a status says of the gateway beside its process."""
+        """Return what a status says of the gateway."""
         return self.gatekeeper.told()
 
     def drill_gateway(self) -> str | None:

@@ -295,8 +295,7 @@ class Moves:
             case _:
                 if before in _AT_A_CORE:
                     self.dock.keep(exchange)
-                if deed is Deed.SAY_LATE:
-                    self._tell_overdue(exchange)
+                self._tell_overdue(exchange, deed)
                 if deed is Deed.SAY_UNKNOWN:
                     self._meet(exchange, outage=True)  # whatever the feed says: a core died under it
                 self._say(exchange, told_for(deed, exchange, early=before is Life.ARRIVED))
@@ -309,8 +308,10 @@ class Moves:
         exchange.client.limit.set(self._limits.upstream_deadline_ms)
         self.courier.send(exchange)
 
-    def _tell_overdue(self, exchange: Exchange) -> None:
-        """The guard is told: what a core does not answer may be the first that anybody sees of its trouble."""
+    def _tell_overdue(self, exchange: Exchange, deed: Deed) -> None:
+        """Tell the guard of what a core does not answer: it may be the first that anybody sees of its trouble."""
+        if deed is not Deed.SAY_LATE:
+            return
         exchange.place.overdue()
         age_ms = (self._now_ns() - exchange.arrived_ns) // 1_000_000
         path = exchange.head.path.decode("ascii", "replace")
