@@ -6,7 +6,7 @@ and the last commit from what cores say and from the recorder pages they leave.
 
 from dataclasses import dataclass
 
-from hardcore.model.recorder import Page, Witness
+from hardcore.model.recorder import LifeState, Page, Witness
 
 
 @dataclass(slots=True)
@@ -67,7 +67,9 @@ class StoreKnowledge:
             return
         if page.beats.epoch and page.beats.epoch >= (self.epoch or 0):
             self.epoch, self.certain = page.beats.epoch, True
-            self.served = page.beats.epoch if self.proven is None else self.served
+            # One that died behind its fence and before its proof has served nobody.
+            served = page.beats.state not in {LifeState.STARTING, LifeState.SPARE}
+            self.served = page.beats.epoch if self.proven is None and served else self.served
         self.shown(page.witness)
 
     def shown(self, witness: Witness | None) -> None:

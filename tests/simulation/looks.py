@@ -60,6 +60,8 @@ def beats(life: Life) -> Beats:
 def _state(life: Life) -> LifeState:
     if life.waits:
         return LifeState.SPARE
+    if not life.completed_boot:
+        return LifeState.STARTING
     return LifeState.DRAINING if life.draining else LifeState.READY
 
 
