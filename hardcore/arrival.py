@@ -103,7 +103,7 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         url,
         generation,
         in_force,
-        leftovers.find_leftovers(folders, adopt=standing.wanted(folders) is Wanted.UP),
+        leftovers.find_leftovers(folders, adopt=standing.wanted(folders) is not Wanted.DOWN),
         abandoned,
         noted if any(one.id == noted.get("id") for one in abandoned) else {},
         aside,

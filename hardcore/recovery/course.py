@@ -192,9 +192,7 @@ def course(given: Given, wanted: Wanted, deaths_ns: tuple[int, ...]) -> Course:
         Deadline(int(policy.health_check_interval_ms * NS_PER_MS * LATE_INTERVALS)),
         Bench(plan.patience(policy)),
         Worry(policy.degraded_after_ms, policy.clean_after_ms),
-        safety(
-            policy.safe_retry_ms, policy.disk_floor_mb, policy.disk_slow_ms, held=wanted is Wanted.SAFE
-        ),
+        safety(policy.safe_retry_ms, policy.disk_floor_mb, policy.disk_slow_ms, held=wanted is Wanted.SAFE),
         Troubles(policy.clean_after_ms * NS_PER_MS),
         spare(policy),
         Court(plan.rules(policy)),
