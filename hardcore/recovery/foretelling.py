@@ -6,7 +6,7 @@ is judged by what the next core begins with. A disk, a queue or a log that compl
 would have the same.
 """
 
-from hardcore.model.actions import Alert, AlertStage
+from hardcore.model.actions import AlertStage
 from hardcore.model.forecasts import DIAGNOSES, Forecast, Resource
 from hardcore.model.observations import Sampled, Surveyed
 from hardcore.model.phases import Phase
@@ -17,7 +17,7 @@ from hardcore.recovery.course import Course
 from hardcore.recovery.foresight import Judgement, told_amount
 from hardcore.recovery.policy import Word
 from hardcore.recovery.story import Trouble
-from hardcore.recovery.telling import order
+from hardcore.recovery.telling import say
 from hardcore.sentinel.deaths import Death
 
 #: A switch that was given up is asked for again after so long.
@@ -81,7 +81,7 @@ def _tell(c: Course, forecast: Forecast | None) -> None:
         return
     about = _ABOUT[forecast.resource]
     if c.policy.asks(about, Word.SEND_ALERT):
-        order(c, Alert(about, f"{forecast.why}.", stage=AlertStage.FORECAST))
+        say(c, about, f"{forecast.why}.", AlertStage.FORECAST)
 
 
 def _did_not_help(c: Course, judged: Judgement) -> None:
@@ -91,7 +91,7 @@ def _did_not_help(c: Course, judged: Judgement) -> None:
             f"The core was changed because of its {judged.resource}, and the new one has begun no lower: "
             f"{told_amount(judged.resource, judged.lowest or 0)} after {told_amount(judged.resource, judged.before)}."
         )
-        order(c, Alert(about, text, stage=AlertStage.FORECAST))
+        say(c, about, text, AlertStage.FORECAST)
 
 
 def _switch(c: Course, now_ns: int) -> None:

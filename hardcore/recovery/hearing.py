@@ -11,7 +11,6 @@ word and the reading of the phase need no second rule.
 import dataclasses
 
 from hardcore.model import trials
-from hardcore.model.actions import Alert
 from hardcore.model.phases import SERVING, Phase
 from hardcore.model.recorder import Page
 from hardcore.model.trials import CourtMemory, SetAside, TrialAction
@@ -159,7 +158,7 @@ def _convicted(c: Course, convicted: SetAside, now_ns: int) -> None:
         c.deadline.due_ns = now_ns  # what it had given up over is explained: the slow retry is due
     if found.kind != DRILL_KIND and found.blame is not None and c.policy.asks(found.blame, Word.SEND_ALERT):
         text = f"What ended the core was found and is set aside (letter {letter.id}). It can't do it again."
-        order(c, Alert(found.blame, text))
+        telling.say(c, found.blame, text)
 
 
 def _mark_near(c: Course, page: Page, at_ns: int) -> None:
