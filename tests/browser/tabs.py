@@ -15,6 +15,8 @@ from playwright.sync_api import ConsoleMessage, Dialog, Error, Page
 OUTAGE: Final = re.compile(
     r"Failed to load resource: .*(status of (4(?!04)\d\d|503)|net::ERR_)|WebSocket connection to .* failed"
 )
+#: Where a page asks what became of a wish.
+LOOK_UP: Final = "/api/ledger/commands/"
 
 
 @dataclass
@@ -35,7 +37,9 @@ class Watch:
         page.on("dialog", self._dialog)
 
     def _console(self, message: ConsoleMessage) -> None:
-        if message.type in {"error", "warning"} and not OUTAGE.search(message.text):
+        if message.type not in {"error", "warning"} or OUTAGE.search(message.text):
+            return
+        if LOOK_UP not in message.location["url"]:  # a wish that is asked about and not there yet: 404 is the answer
             self.troubles.append(f"{message.type}: {message.text} ({message.location['url']})")
 
     def _error(self, error: Error) -> None:

@@ -403,10 +403,10 @@ def test_a_server_that_said_it_is_switched_off_is_not_taken_for_a_bad_network(
 ) -> None:
     page = open_ledger()
     gateway.say(down("OFF", phase="STOPPED"))
-    page.context.set_offline(True)
-    gateway.hang_up()
     # A socket that is tried again and fails: by then the line was found to be lost.
-    page.wait_for_event("console", lambda message: "WebSocket" in message.text)
+    with page.expect_console_message(lambda message: "WebSocket" in message.text):
+        page.context.set_offline(True)
+        gateway.hang_up()
     shows(page, "The server is switched off")
     assert page.get_by_text("No connection to the server").count() == 0
     page.context.set_offline(False)

@@ -126,7 +126,7 @@ def test_suspects_add_up_over_lines(tmp_path: Path) -> None:
 
 
 def test_a_suspect_that_is_not_in_the_ledger_is_not_done(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
+    with world(tmp_path, hold_ms=2000) as w:
         client = w.lose(KEY)
         second = w.core(2, _absent)
         w.feed.serve(second, incident="i1", suspects=(key_hash("k1"),))
@@ -145,7 +145,7 @@ def test_a_look_up_that_says_neither_leaves_the_outcome_unknown(tmp_path: Path) 
 
 
 def test_a_look_up_that_dies_with_its_core_is_made_again(tmp_path: Path) -> None:
-    with world(tmp_path) as w:
+    with world(tmp_path, hold_ms=2000) as w:
         client = w.lose(KEY)
         second = w.core(2, silent)
         w.feed.serve(second, suspects=(key_hash("k1"),))

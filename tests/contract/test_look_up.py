@@ -24,7 +24,7 @@ def _asked(w: World, path: str, key: str, body: object = None) -> Client:
 
 
 def test_only_the_very_request_that_was_carried_out_is_told_the_stored_answer(tmp_path: Path) -> None:
-    with started(tmp_path / "data", sock=tmp_path / "real") as core, world(tmp_path) as w:
+    with started(tmp_path / "data", sock=tmp_path / "real") as core, world(tmp_path, hold_ms=3000) as w:
         _known(ready(core))
         dying = w.serving(silent, epoch=0)
         same = _asked(w, POST, "K", moving(5, "a", "b"))
