@@ -16,6 +16,13 @@ from hardcore.crisis.limits import GatewayLimits
 NOWHERE = ""
 
 
+class Caller(Protocol):
+    """One that came when it was full, and may still ask a door."""
+
+    def give_back(self) -> None:
+        """It has been heard for long enough: turn it away."""
+
+
 class Guest(Protocol):
     """One open connection."""
 
@@ -42,7 +49,7 @@ class Census:
     now_ns: Callable[[], int]
     changed: Callable[[], None]
     unread: Burden  # answers that were written and not taken
-    door_callers: int = 0  # came when it was full, and may still ask a door
+    door_callers: dict[Caller, None] = field(default_factory=dict)  # the longest silent one first
     connections: dict[Guest, str] = field(default_factory=dict)  # and their addresses
     _by_address: dict[str, int] = field(default_factory=dict)
 

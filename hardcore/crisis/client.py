@@ -75,7 +75,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._watch.set(self._limits.keepalive_ms)
         full, crowded = self._census.is_full(address, self._limits), self._census.is_crowded(self._limits)
         self._census.enter(self, NOWHERE if full else address)
-        if full and self._census.door_callers < self._limits.door_callers_max:
+        if full and self._limits.door_callers_max:
             self._mode = Mode.LEAVING
             LateCaller(self, self._desk.doors, self._census, self._limits).take(transport)
         elif full:

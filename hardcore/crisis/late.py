@@ -2,8 +2,9 @@
 
 A monitor that is turned away by a flood would call a machine dead that is only busy, and what it then does is worse than
 the flood. So a few connections above the limit are heard out for one head, and no longer than a moment: who asks a
-door is answered and leaves; anybody else is told what all are told who find no place. Places that are kept free for
-this machine's own addresses were not chosen: the flood may come from there as well.
+door is answered and leaves; anybody else is told what all are told who find no place. When those few are too many as
+well, the one that has been silent longest makes room: a monitor speaks as soon as it is let in. Places that are kept free
+for this machine's own addresses were not chosen: the flood may come from there as well.
 """
 
 import asyncio
@@ -41,18 +42,23 @@ class LateCaller(asyncio.BufferedProtocol):
     def __init__(self, owner: Owner, doors: Doors, census: Census, limits: GatewayLimits) -> None:
         self._doors = doors
         self._census = census
+        self._limits = limits
         self._owner = owner
         self._parser = RequestParser(self, census.hosts, limits.header_bytes_max)
         self._head: RequestHead | None = None
         self._over = False  # it was answered, or given back
         self._transport: asyncio.Transport | None = None
-        self._alarm = Alarm(owner.loop, self._give_back)
-        self._alarm.set(limits.door_head_ms)
-        census.door_callers += 1
-        self._counted = True
+        self._alarm = Alarm(owner.loop, self._too_long)
 
     def take(self, transport: asyncio.BaseTransport) -> None:
-        """Hear this one from now on."""
+        """Hear this one from now on, in the place of the longest silent one if there are too many."""
+        callers = self._census.door_callers
+        if len(callers) >= self._limits.door_callers_max:
+            silent = next(iter(callers))
+            del callers[silent]
+            silent.give_back()
+        callers[self] = None
+        self._alarm.set(self._limits.door_head_ms)
         self._transport = cast("asyncio.Transport", transport)
         self._transport.set_protocol(self)
 
@@ -72,7 +78,7 @@ class LateCaller(asyncio.BufferedProtocol):
 
     def eof_received(self) -> bool:
         """Whoever says no more before a head is whole asks nothing."""
-        self._give_back()
+        self.give_back()
         return True
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -89,7 +95,7 @@ class LateCaller(asyncio.BufferedProtocol):
     def refused(self, problem: Problem, accept_language: str, *, no_body: bool) -> None:
         """It can't be read: it asks no door."""
         del problem, accept_language, no_body
-        self._give_back()
+        self.give_back()
 
     def came(self, data: bytes) -> None:
         """Pieces of a body are of no use to a door."""
@@ -102,25 +108,33 @@ class LateCaller(asyncio.BufferedProtocol):
     def _answer(self, head: RequestHead) -> None:
         transport, way = self._transport, OWN_PAGES.get(head.path)
         if way not in DOOR_ROUTES or transport is None or transport.is_closing():
-            self._give_back()
+            self.give_back()
             return
         assert way is not None
         self._over = True
+        self._census.door_callers.pop(self, None)
         answer = self._doors.answer(head, way, address_of(transport))
         transport.write(whole_bytes(head, answer.head, answer.body, close=True))
         transport.close()
-        self._alarm.clear()
+        self._alarm.set(self._limits.door_head_ms)
 
-    def _give_back(self) -> None:
+    def give_back(self) -> None:
         """Turn it away as everybody else who finds no place."""
         transport = self._transport
         if self._over or transport is None or transport.is_closing():
             return
         self._leave()
         transport.set_protocol(cast("asyncio.BaseProtocol", self._owner))
-        self._owner.turn_away(linger=True)
+        self._owner.turn_away(linger=not self._census.is_crowded(self._limits))
+
+    def _too_long(self) -> None:
+        """It says nothing, or does not take what it was told."""
+        if self._over and self._transport is not None:
+            self._transport.abort()
+        else:
+            self.give_back()
 
     def _leave(self) -> None:
-        self._census.door_callers -= self._counted
-        self._counted, self._over, self._transport = False, True, None
+        self._census.door_callers.pop(self, None)
+        self._over, self._transport = True, None
         self._alarm.close()

@@ -193,6 +193,22 @@ def test_a_flood_that_has_every_place_keeps_nobody_from_the_doors(tmp_path: Path
         )
 
 
+def test_hundreds_who_say_nothing_keep_nobody_from_the_doors(tmp_path: Path) -> None:
+    """At the limit as well: the newest is heard, in the place of the one that has been silent longest."""
+    with world(tmp_path, connections_max=300, door_callers_max=16, door_head_ms=60_000) as w:
+        w.serving()
+        silent_ones = [w.client().send(b"GET /half HTTP/1.1\r\n") for _ in range(300)]
+        until(lambda: w.feed.wait("stats")[-1]["connections"] == 300, "every place to be taken")
+        told: list[int] = []
+        for number in range(200):
+            silent_ones.append(w.client().send(b"GET /li"))
+            told.append(w.ask("GET", DOORS[number % len(DOORS)]).status)
+        assert told == [200] * 200
+        displaced = [client.read() for client in silent_ones[300:-16]]
+        assert {answer.status for answer in displaced} == {503}
+        assert {answer.json()["type"] for answer in displaced} == {"/problems/too-busy"}
+
+
 def test_late_callers_who_say_nothing_make_room_for_the_next(tmp_path: Path) -> None:
     with world(tmp_path, connections_max=1, door_callers_max=2, door_head_ms=50) as w:
         w.serving()
