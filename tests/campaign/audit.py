@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from postmortem import bundle
-from tests.campaign.faults import CORE, SENTINEL, Fault
+from tests.campaign.faults import CORE, GATEWAY, SENTINEL, Fault
 from tests.integration.clients import Clients, assert_exactly_once
 from tests.integration.house import START_S, House
 from tests.waiting import until
@@ -28,6 +28,8 @@ MEMORY_MORE_MAX_BYTES: Final = 64 << 20
 EVENTS_A_PAGE: Final = 500
 #: A switch that somebody asked for needs no diagnosis of a fault.
 ALWAYS_CALLED: Final = frozenset({"OPERATOR", "PLANNED_SWITCH"})
+#: Who of ours is told of by an incident of its own, whatever the core does meanwhile.
+LOST: Final = {SENTINEL: "SENTINEL_LOST", GATEWAY: "GATEWAY_LOST"}
 
 
 class Broken(Exception):  # noqa: N818  # it is a law that broke, not an error of ours
@@ -126,8 +128,13 @@ class Audit:
             )
             folder = self.house.folders.incidents / item["id"]
             until(partial(_reported, folder), f"(6) a report of {item['id']}", START_S)
-        told = [fault for fault in hit if fault.called]
-        hold(new or not told, f"(6) {[fault.name for fault in told]} left no incident")
+        for who, lost in LOST.items():
+            struck = [fault.name for fault in hit if lost in fault.called]
+            found = [item for item in new if item["diagnosis"] == lost]
+            hold(found or not struck, f"(6) {struck} ended the {who} and left no {lost}")
+        struck = [fault.name for fault in hit if fault.called - set(LOST.values())]
+        found = [item for item in new if item["diagnosis"] not in LOST.values()]
+        hold(found or not struck, f"(6) {struck} left no incident of the core")
         return [(item["diagnosis"], item["detected_ms"], item["outage_ms"]) for item in new]
 
     def _new(self, before: Before) -> list[dict[str, Any]]:

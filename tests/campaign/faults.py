@@ -17,8 +17,10 @@ from tests.integration.house import House
 
 #: A stop so short that nobody may be ended for it.
 SHORT_STOP_S: Final = 0.15
-#: A guard that was frozen and thaws: long enough for another to have taken its place.
-THAW_S: Final = 2.5
+#: A stop that nobody may be ended for either: shorter than the patience with a guard.
+LONGER_STOP_S: Final = 2.0
+#: A guard that was frozen and thaws: long enough for another to have taken its place (3.5 s of patience, and a start).
+THAW_S: Final = 8.0
 
 #: Who of ours may end.
 CORE, SPARE, GATEWAY, SENTINEL = "core", "spare", "gateway", "sentinel"
@@ -168,7 +170,7 @@ FAULTS: Final = (
     Fault(
         "thaw sentinel", stopped_for(SENTINEL, THAW_S), frozenset({SENTINEL}), frozenset({"SENTINEL_LOST"})
     ),
-    Fault("stop sentinel shortly", stopped_for(SENTINEL, SHORT_STOP_S)),
+    Fault("stop sentinel shortly", stopped_for(SENTINEL, LONGER_STOP_S)),
     Fault(
         "kill all",
         all_killed,
