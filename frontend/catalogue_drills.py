@@ -147,6 +147,26 @@ TOLD: Final[Mapping[str, Told]] = {
             "Another guard comes and goes on with the same server; no request waits for it.",
         ),
     ),
+    "leak": Told(
+        (
+            "장부 서버의 메모리를 조금씩 차지하고 돌려주지 않아요.",
+            "The server is made to take memory little by little and keep it.",
+        ),
+        (
+            "메모리가 바닥나기 전에 알아보고, 조용한 때에 예비 서버가 이어받아요. 종료되는 것은 없어요.",
+            "It is seen before the memory is gone, and the spare takes over in a calm moment; nothing breaks off.",
+        ),
+    ),
+    "stall": Told(
+        (
+            "장부 서버의 한 부분만 일하다 멈추게 해요.",
+            "One part of the server is made to stand still in the middle of its work.",
+        ),
+        (
+            "그 부분만 새로 시작해요. 장부는 그동안에도 응답해요.",
+            "That part alone is begun anew; the ledger answers all the while.",
+        ),
+    ),
     "restore": Told(
         (
             "장부의 새 사본과 가장 새로운 백업을 버릴 폴더에 복원해 봐요.",
@@ -193,6 +213,32 @@ ENDS: Final[Mapping[str, tuple[str, str]]] = {
     "sentinel_other": (
         "약속과 달라요. 장부 서버나 관문이 바뀌었거나 새 감시자가 알리지 않았어요. `hardcore incidents`를 보세요.",
         "Not as promised: the server or the gateway changed, or nobody told of it. See `hardcore incidents`.",
+    ),
+    "leak_kept": (
+        "약속대로예요. 메모리가 바닥나기 전에 다른 서버가 이어받았어요. 사건 번호: {incident}\n{summary}",
+        "As promised: another server took over before the memory was gone. Incident: {incident}\n{summary}",
+    ),
+    "leak_other": (
+        "약속과 달라요. 사건 번호: {incident}\n{summary}",
+        "Not as promised. Incident: {incident}\n{summary}",
+    ),
+    "leak_unseen": (
+        (
+            "{seconds}초 동안 아무도 알리지 않았어요. 메모리는 돌려줬어요. 가장 많이 쓴 메모리: {most_mb}MiB. "
+            "한도(memory_limit_mb): {limit_mb}MiB. --seconds나 --mb-per-s 값을 늘리거나 정책의 forecast_ 값을 줄여 보세요."
+        ),
+        (
+            "Nobody told of it within {seconds} s, and the memory is given back. The server held at most {most_mb} MiB of "
+            "{limit_mb} MiB (memory_limit_mb). Try more --seconds or --mb-per-s, or shorter forecast_ values in the policy."
+        ),
+    ),
+    "stall_kept": (
+        "약속대로예요. 그 부분만 새로 시작했고 장부 서버는 그대로예요. 사건 번호: {incident}\n{summary}",
+        "As promised: that part was begun anew, and the server is the same. Incident: {incident}\n{summary}",
+    ),
+    "stall_other": (
+        "약속과 달라요. 사건 번호: {incident}\n{summary}",
+        "Not as promised. Incident: {incident}\n{summary}",
     ),
     "none": ("없음", "none"),
     "restore_kept": (

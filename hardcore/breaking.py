@@ -4,6 +4,7 @@ What is broken already teaches nothing when broken, so a drill asks for a core t
 for no other drill. It is noted with the manager before the core hears of it: its next death is a drill, whoever finds it.
 The poison is told to no core in words: a request is armed, and whoever executes it dies of it, a trial as well.
 The guard's own death is made by itself, once its answer is out: it needs no other process that could mistake whom it kills.
+A leak that leads to nothing is given back by the guard, because whoever asked for it may have gone home.
 """
 
 import asyncio
@@ -14,7 +15,16 @@ import signal
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from hardcore.control.protocol import NAME_DIGITS, PEACE_S, PEACEFUL, Request, write_line
+from hardcore.control.protocol import (
+    LEAK_MB_PER_S,
+    LEAK_MB_PER_S_MAX,
+    LEAK_S,
+    NAME_DIGITS,
+    PEACE_S,
+    PEACEFUL,
+    Request,
+    write_line,
+)
 from hardcore.host import clock
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Life
@@ -22,7 +32,7 @@ from hardcore.house import Answer, House, refuse
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase
 from hardcore.recovery.budget import NS_PER_S
-from hardcore.recovery.drill import DRILL_GRACE_NS
+from hardcore.recovery.drill import LEAK_S_MAX, grace_ns
 
 CORE_ANSWER_S = 2.0
 #: An answer at our own door is out after this.
@@ -42,6 +52,20 @@ def _end_the_guard() -> Answer:
     return {"ok": True, "fault": "sentinel", "pid": os.getpid(), "since": clock.wall(clock.now_ns())}, []
 
 
+def _particulars(request: Request) -> dict[str, object]:
+    """Return what the order of a drill says beside its name."""
+    match request.fault:
+        case "oom":
+            return {"armed": True}  # said only once the core is confined
+        case "leak":
+            seconds, pace = request.seconds or LEAK_S, request.mb_per_s or LEAK_MB_PER_S
+            return {"seconds": min(seconds, LEAK_S_MAX), "mb_per_s": min(pace, LEAK_MB_PER_S_MAX)}
+        case "stall":
+            return {"component": request.component}
+        case _:
+            return {}
+
+
 class Breaking:
     """Breaks the core of a house. `others`: how many are connected, as the gateway says."""
 
@@ -50,6 +74,7 @@ class Breaking:
         self._others = others
         self._preparing = False
         self._peace_until_ns = 0
+        self._waited_ns = 0  # so long the drill that was begun last may take to show
 
     async def drill(self, request: Request) -> Answer:
         """Break it, or say why it is not broken."""
@@ -84,7 +109,7 @@ class Breaking:
                 phase=reading.phase,
             )
         now_ns = clock.now_ns()
-        waits = reading.drill_ns is not None and now_ns - reading.drill_ns <= DRILL_GRACE_NS
+        waits = reading.drill_ns is not None and now_ns - reading.drill_ns <= self._waited_ns
         if waits or now_ns < self._peace_until_ns:
             return _drill_is_on()
         if reading.safe is not None:
@@ -102,7 +127,16 @@ class Breaking:
                 f"Others are connected ({others}). Add --yes to break the core under them.",
                 count=others,
             )
-        return life
+        return self._knows(request) or life
+
+    def _knows(self, request: Request) -> Answer | None:
+        """Refuse a part that the core has not."""
+        known = [each.name for each in self._house.reading().components]
+        if request.fault != "stall" or request.component in known or (request.component and not known):
+            return None
+        names = ", ".join(known)
+        words = f"{request.component!r} is no part of this core; it has: {names}."
+        return refuse("component-unknown", words, component=request.component, names=names)
 
     async def _break(self, request: Request, life: Life) -> Answer:
         unable = await self._prepare(request.fault, life)
@@ -113,15 +147,33 @@ class Breaking:
             return fit
         if fit is not life:
             return refuse("core-refused", "The core has changed while its drill was prepared. Ask again.")
+        began_ns, particulars = clock.now_ns(), _particulars(request)
         if request.fault not in PEACEFUL:
-            self._house.feed(seen.DrillStarted(clock.now_ns(), request.fault, life.number))
-        refused = await self._tell_core(life, request.fault)
+            self._note(seen.DrillStarted(began_ns, request.fault, life.number))
+        refused = await self._tell_core(life, request.fault, particulars)
         if refused:
             self._house.feed(seen.DrillStarted(0, "", life.number))
             return refuse("core-refused", refused)
         if request.fault in PEACEFUL:
             self._peace_until_ns = clock.now_ns() + int(PEACE_S * NS_PER_S)
-        return {"ok": True, "fault": request.fault, "since": clock.wall(clock.now_ns())}, []
+        if isinstance(seconds := particulars.get("seconds"), int):
+            loop = asyncio.get_running_loop()
+            loop.call_later(seconds, lambda: self._house.begin(self._give_back(life, began_ns)))
+        return {"ok": True, "fault": request.fault, **particulars, "since": clock.wall(clock.now_ns())}, []
+
+    def _note(self, fact: seen.DrillStarted) -> None:
+        self._waited_ns = grace_ns(fact.fault)
+        self._house.feed(fact)
+
+    async def _give_back(self, life: Life, began_ns: int) -> None:
+        """Have the core let go of what it has leaked, unless another serves by now."""
+        if self._house.life() is not life:
+            return
+        if self._house.reading().drill_ns == began_ns:
+            self._house.feed(seen.DrillStarted(0, "", life.number))
+        failed = await self._tell_core(life, "leak", {"mb_per_s": 0})
+        if failed:
+            self._house.note("drill", leak_kept=failed)
 
     async def _end_spare(self) -> Answer:
         """Kill the core that waits: nobody but the guard may notice."""
@@ -130,7 +182,7 @@ class Breaking:
         if not reading.spare_ready or life is None or life.handle is None:
             why = reading.spare_fault or "it is being started"
             return refuse("no-spare", f"There is no spare core that waits ({why}).", why=why)
-        self._house.feed(seen.DrillStarted(clock.now_ns(), "spare", life.number))
+        self._note(seen.DrillStarted(clock.now_ns(), "spare", life.number))
         await self._house.in_hand(life.handle.kill_tree)
         return {"ok": True, "fault": "spare", "since": clock.wall(clock.now_ns())}, []
 
@@ -147,7 +199,7 @@ class Breaking:
         failed = await self._house.court.rules.arm(hashlib.sha256(key.encode()).hexdigest()[:NAME_DIGITS])
         if failed:
             return refuse("core-refused", failed)
-        self._house.feed(seen.DrillStarted(clock.now_ns(), "poison", life.number))
+        self._note(seen.DrillStarted(clock.now_ns(), "poison", life.number))
         return {"ok": True, "fault": "poison", "key": key, "since": clock.wall(clock.now_ns())}, []
 
     async def _prepare(self, fault: str, life: Life) -> str | None:
@@ -158,12 +210,10 @@ class Breaking:
             return await self._house.hold_lock(LOCK_HELD_S)
         return None
 
-    async def _tell_core(self, life: Life, fault: str) -> str:
+    async def _tell_core(self, life: Life, fault: str, particulars: Mapping[str, object]) -> str:
         """Have the core break itself; return why it would not, or an empty text."""
         path = self._house.folders.core_control(life.nonce)
-        order = {"verb": "drill", "fault": fault, "generation": self._house.generation}
-        if fault == "oom":
-            order["armed"] = True
+        order = {"verb": "drill", "fault": fault, "generation": self._house.generation, **particulars}
         try:
             told = await asyncio.wait_for(ask_core(path, order), CORE_ANSWER_S)
         except (OSError, ValueError, TimeoutError) as error:

@@ -4,6 +4,7 @@ Each fault is a real one, and each has one outcome that its table below promises
 otherwise is a finding: exit code 1, and the incident to look at. `gc` is the other kind of drill: it makes a
 healthy core look ill, and passes if nobody does anything about it. `spare` kills the core that waits: another one has
 to come, and the one that serves must not notice. `sentinel` kills the guard itself: another has to watch the same core.
+`leak` and `stall` show slowly, and end nobody: what comes of them is a planned switch, or a part that is begun anew.
 """
 
 import hashlib
@@ -22,9 +23,17 @@ import click
 from frontend.catalogue import spare_lack
 from frontend.catalogue_drills import done_words, end_words, promised_words
 from hardcore.asked import LOOK_EVERY_S, Asked, come_back, next_words, operator, status_of, until
-from hardcore.control.protocol import DRILLS, NAME_DIGITS, PEACE_S
+from hardcore.control.protocol import (
+    DRILLS,
+    LEAK_MB_PER_S,
+    LEAK_MB_PER_S_MAX,
+    LEAK_S,
+    NAME_DIGITS,
+    PEACE_S,
+)
 from hardcore.lines import wrapped
 from hardcore.looking_back import told_incident
+from hardcore.recovery.drill import LEAK_S_MAX
 from postmortem.dead_letters import spool
 
 #: The longest way back: a transaction's whole time, a full disk's first tries, a restart and its probation.
@@ -34,6 +43,8 @@ SPARE_S = 90.0
 #: As long as a gateway holds a request at most, and some more.
 SENT_S = 60.0
 SET_ASIDE = 422
+#: After a leak has reached its end: a forecast's last stretch, a switch in a calm moment, and its probation.
+LEAK_BACK_S = 60.0
 #: Noticed sooner than this is noticed by no watch: the core has said so itself.
 AT_ONCE_MS = 0.05
 
@@ -61,15 +72,31 @@ PROMISES: Mapping[str, Promise] = {
     "diskfull": Promise("DISK_FULL", "safe_mode"),
     "poison": Promise("CRASHED"),
     "gateway": Promise("GATEWAY_LOST"),
+    "leak": Promise("LEAK"),
+    "stall": Promise("COMPONENT_STALLED"),
 }
+#: A leak is foretold where the policy looks for long enough, and seen above the limit where it does not.
+LEAKS = frozenset({"LEAK", "MEMORY_PRESSURE"})
 
 
 @click.command()
 @click.argument("fault", metavar="FAULT", type=click.Choice([*DRILLS, "restore"]))
+@click.argument("component", required=False, default="")
 @click.option("--yes", is_flag=True, help="Even while others are connected.")
+@click.option("--seconds", type=click.IntRange(1, LEAK_S_MAX), help="How long a leak goes on.  [default 120]")
+@click.option("--mb-per-s", type=click.IntRange(1, LEAK_MB_PER_S_MAX), help="How fast it leaks.  [default 8]")
 @click.option("--scheduled", is_flag=True, hidden=True)
 @operator
-def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
+def drill(
+    asked: Asked,
+    fault: str,
+    component: str,
+    *,
+    yes: bool,
+    seconds: int | None,
+    mb_per_s: int | None,
+    scheduled: bool,
+) -> None:
     """Break the core on purpose, wait for it to come back, and tell how it went.
 
     \b
@@ -85,8 +112,11 @@ def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
     poison              a request that kills whoever carries it out: one death, then it is set aside
     gateway             who holds the connections is killed: another accepts on the same address
     sentinel            the guard itself is killed: another goes on with the same core
+    leak                memory is taken and kept: foretold, and another core takes over in a calm moment
+    stall COMPONENT     one part stands still: it alone is begun anew, and the ledger answers all the while
     restore             a copy and the newest backup are restored and proven; works with everything stopped
     """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
+    _fits(fault, component, leak_named=bool(seconds or mb_per_s))
     result = Result(asked, fault, scheduled=scheduled)
     promised = promised_words(fault, asked.lang)
     if fault == "restore":
@@ -94,7 +124,8 @@ def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
         _restores(result)
         return
     first = status_of(asked)
-    begun = asked.ask(verb="drill", fault=fault, yes=yes)
+    how = {"seconds": seconds or LEAK_S, "mb_per_s": mb_per_s or LEAK_MB_PER_S} if fault == "leak" else {}
+    begun = asked.ask(verb="drill", fault=fault, yes=yes, component=component, **how)
     asked.say("drill_begins", fault=fault, done=done_words(fault, asked.lang), promised=promised)
     match fault:
         case "spare":
@@ -105,10 +136,22 @@ def drill(asked: Asked, fault: str, *, yes: bool, scheduled: bool) -> None:
             _another_accepts(result, first)
         case "poison":
             _is_set_aside(result, first, str(begun["key"]))
+        case "leak":
+            _is_relieved(result, first, int(how["seconds"]))
+        case "stall":
+            _goes_on(result, first)
         case _ if fault in PROMISES:
             _comes_back(result, first)
         case _:
             _stays_calm(result, first.get("last_incident"))
+
+
+def _fits(fault: str, component: str, *, leak_named: bool) -> None:
+    """End with a sentence where what was named does not go with this drill."""
+    if bool(component) != (fault == "stall"):
+        raise click.UsageError("A part is named for `stall`, and for no other drill.")
+    if leak_named and fault != "leak":
+        raise click.UsageError("--seconds and --mb-per-s go with `leak` alone.")
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +216,44 @@ def _story_after(result: Result, first: Mapping[str, Any]) -> Mapping[str, Any]:
     if told["last_incident"] == before:
         result.fail(asked.words("drill_untold", next=next_words(told, asked.lang)))
     return told_incident(asked, str(told["last_incident"]))
+
+
+def _is_relieved(result: Result, first: Mapping[str, Any], seconds: int) -> None:
+    """Wait until another core has taken over from the one that leaks, or for as long as it leaks, and say what was seen."""
+    asked, before, most = result.asked, first["last_incident"], 0
+
+    def over(told: Mapping[str, Any]) -> bool:
+        nonlocal most
+        most = max(most, told["core"]["rss_bytes"] or 0)
+        return told["last_incident"] != before and told["incident"] is None
+
+    until(lambda: over(status_of(asked)), seconds + LEAK_BACK_S)
+    told = status_of(asked)
+    if told["last_incident"] == before:
+        limit_mb = asked.ask(verb="policy")["policy"]["memory_limit_mb"]
+        sentence = end_words(
+            "leak_unseen", asked.lang, seconds=seconds, most_mb=most >> 20, limit_mb=limit_mb
+        )
+        result.end({"incident": None, "story": None, "most_bytes": most}, sentence, ok=False)
+    story = told_incident(asked, str(told["last_incident"]))
+    kept = story["diagnosis"] in LEAKS and (story["planned"], story["outcome"]) == (True, "recovered")
+    sentence = end_words(
+        "leak_kept" if kept else "leak_other", asked.lang, incident=story["id"], summary=story["summary"]
+    )
+    promised = asdict(PROMISES["leak"])
+    result.end({"incident": story["id"], "promised": promised, "story": story}, sentence, ok=kept)
+
+
+def _goes_on(result: Result, first: Mapping[str, Any]) -> None:
+    """Wait until the part has been begun anew; the core must be the same all the while."""
+    asked, promise = result.asked, PROMISES["stall"]
+    story = _story_after(result, first)
+    same = status_of(asked)["core"]["pid"] == first["core"]["pid"]
+    kept = same and (story["diagnosis"], story["outcome"]) == (promise.diagnosis, promise.outcome)
+    sentence = end_words(
+        "stall_kept" if kept else "stall_other", asked.lang, incident=story["id"], summary=story["summary"]
+    )
+    result.end({"incident": story["id"], "promised": asdict(promise), "story": story}, sentence, ok=kept)
 
 
 def _is_set_aside(result: Result, first: Mapping[str, Any], key: str) -> None:

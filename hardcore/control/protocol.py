@@ -8,6 +8,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TypeGuard
 
 LINE_BYTES_MAX = 1 << 20
 REASON_CHARACTERS_MAX = 500
@@ -43,7 +44,7 @@ class Ask(StrEnum):
 #: Faults that this version can break the core with.
 DRILLS = (
     *("crash", "segv", "exit", "freeze", "block", "spin", "gil", "deadlock", "slow-tx"),
-    *("oom", "dblock", "diskfull", "gc", "spare", "poison", "sentinel", "gateway"),
+    *("oom", "dblock", "diskfull", "gc", "spare", "poison", "sentinel", "gateway", "leak", "stall"),
 )
 
 #: Drills of which nothing may come to the core that serves: it is made to look ill, or another is hit.
@@ -51,13 +52,17 @@ PEACEFUL = frozenset({"gc", "spare", "sentinel"})
 #: So long nothing may come of one: some collections over millions of objects, and the calm after them.
 PEACE_S = 12.0
 
+#: A leak of which nothing else was said, and the fastest.
+LEAK_S, LEAK_MB_PER_S = 120, 8
+LEAK_MB_PER_S_MAX = 1024
+
 
 @dataclass(frozen=True, slots=True)
 class Request:
     """One line from a client. `rule`: as it came, and `id` a rule's; `audited`: whoever asks keeps a record of it itself.
 
-    `component`: of a restart, the part that is meant alone; `on`: of the safe mode; `channel`: a number, or None for all;
-    `seconds`: how long alerts are muted, 0 for no longer.
+    `component`: of a restart or a drill, the part that is meant alone; `on`: of the safe mode; `channel`: a number, or
+    None for all; `seconds`: how long alerts are muted, 0 for no longer, or a core leaks `mb_per_s`.
     """
 
     ask: Ask
@@ -75,6 +80,7 @@ class Request:
     on: bool = False
     channel: int | None = None
     seconds: int = 0
+    mb_per_s: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +100,10 @@ def read_object(line: bytes) -> dict[str, object] | BadRequest:
     return value if isinstance(value, dict) else BadRequest("bad-json", "the line is not an object")
 
 
+def _counts(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
 def read_request(line: bytes) -> Request | BadRequest:
     """Return what a client asks."""
     value = read_object(line)
@@ -111,9 +121,9 @@ def read_request(line: bytes) -> Request | BadRequest:
         )
     if verb == Ask.SAFE_MODE and not isinstance(value.get("on"), bool):
         return BadRequest("bad-field", "on says whether the safe mode is to be on: true or false")
-    seconds = value.get("seconds", 0)
-    if isinstance(seconds, bool) or not isinstance(seconds, int) or seconds < 0:
-        return BadRequest("bad-field", "seconds is a number, 0 or more")
+    seconds, mb_per_s = value.get("seconds", 0), value.get("mb_per_s", 0)
+    if not _counts(seconds) or not _counts(mb_per_s):
+        return BadRequest("bad-field", "seconds and mb_per_s are numbers, 0 or more")
     if verb == Ask.DRILL and fault not in DRILLS:
         return BadRequest("unknown-drill", f"the drills are: {', '.join(DRILLS)}")
     return Request(
@@ -132,6 +142,7 @@ def read_request(line: bytes) -> Request | BadRequest:
         on=value.get("on") is True,
         channel=channel,
         seconds=seconds,
+        mb_per_s=mb_per_s,
     )
 
 

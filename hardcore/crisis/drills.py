@@ -15,8 +15,9 @@ LINE_BYTES_MAX = 64 << 10
 #: The sentinel asks the core in turn, for at most 2 s.
 ANSWER_S = 5.0
 
-#: Not a poisoned request: whoever asks for that one has to send it too, and only the command line does.
-_FAULTS = {fault.encode(): fault for fault in DRILLS if fault != "poison"}
+#: Not a poisoned request: whoever asks for that one has to send it too, and only the command line does; it also names
+#: the part that is to stand still, and how fast a core is to leak.
+_FAULTS = {fault.encode(): fault for fault in DRILLS if fault not in {"poison", "leak", "stall"}}
 
 
 @dataclass(frozen=True, slots=True)

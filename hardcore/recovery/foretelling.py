@@ -80,7 +80,8 @@ def _tell(c: Course, forecast: Forecast | None) -> None:
     if forecast is None:
         return
     about = _ABOUT[forecast.resource]
-    if c.policy.asks(about, Word.SEND_ALERT):
+    drilled = c.drill.explains(about, forecast.since_ns)
+    if c.policy.asks(about, Word.SEND_ALERT) and not drilled:
         say(c, about, f"{forecast.why}.", AlertStage.FORECAST)
 
 

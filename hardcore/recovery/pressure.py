@@ -39,8 +39,10 @@ def _press(c: Course, since_ns: int, rss_bytes: int, now_ns: int) -> None:
     pressed = Diagnosis.MEMORY_PRESSURE
     why = f"the core holds {rss_bytes >> 20} MiB of memory; {c.policy.memory_limit_mb} MiB are allowed"
     death = Death(pressed, Grade.CERTAIN, (Testimony("resources", Colour.YELLOW, why),))
+    drilled = c.drill.explains(pressed, now_ns)
     switched = c.policy.asks(pressed, Word.PLANNED_SWITCH) and succession.relieve(
         c, Trouble(death, since_ns), now_ns, limit_ns=now_ns
     )
     what = "Another core takes over in a calm moment." if switched else "The core goes on."
-    telling.alert(c, pressed, f"{why}. {what}")
+    if not drilled:
+        telling.alert(c, pressed, f"{why}. {what}")

@@ -75,7 +75,7 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
     c.blame, c.unseen = death.diagnosis, death.grade is Grade.UNKNOWN and trouble.exit is not None
     c.consent = planned or trouble.asked or (c.consent and c.phase is Phase.DRAINING)
     c.reader_tried = c.reader_tried and not planned  # a person's word is worth a try of its own
-    drill = c.drill.take(now_ns)
+    drill = c.drill.take(death.diagnosis, now_ns)
     if c.phase is Phase.PROBATION and not _goes_on(c):
         close(c, now_ns, recovered=True)  # a proven core had served: what comes now is another story
     joins = trouble.asked and c.story is not None and c.story.diagnosis is death.diagnosis
@@ -122,7 +122,7 @@ def open_trouble(c: Course, now_ns: int) -> None:
     joins = c.story is not None and (ours or c.story.diagnosis is death.diagnosis)
     if not joins:
         close(c, now_ns, recovered=True)
-        _begin(c, trouble, now_ns, down=False).drill = c.drill.take(now_ns)
+        _begin(c, trouble, now_ns, down=False).drill = c.drill.take(death.diagnosis, now_ns)
     story = _story(c)
     story.withheld = story.withheld or left
     story.blame(death.evidence, trouble.blamed)

@@ -18,8 +18,9 @@ from tests.waiting import until
 HANGS = {"freeze", "block", "spin", "gil", "deadlock", "slow-tx"}
 #: Nobody is ended: a restart would not help.
 LIVES_ON = {"dblock", "diskfull"}
-#: What depends on the machine, and what somebody has to send first: each has a test of its own.
-APART = {"oom", "poison"}
+#: What depends on the machine, what somebody has to send first, what is not the core's, and what shows slowly: each
+#: has a test of its own.
+APART = {"oom", "poison", "gateway", "leak", "stall"}
 POLICY = {"transaction_timeout_ms": 1500, "safe_retry_ms": 300}
 
 

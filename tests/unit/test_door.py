@@ -34,6 +34,7 @@ from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading
 from hardcore.rule_book import Doors
 from tests.unit.recovery.play import Play
+from tests.waiting import WAIT_S
 
 
 async def calm() -> None:
@@ -243,6 +244,40 @@ def test_a_drill_of_the_spare_ends_it_and_counts_on_nothing(house: House) -> Non
     assert [(fact.fault, fact.life) for fact in house.told if isinstance(fact, seen.DrillStarted)] == [
         ("spare", 2)
     ]
+
+
+@pytest.mark.parametrize("part", ["", "nobody"])
+def test_a_part_that_the_core_has_not_is_not_made_to_stand_still(house: House, part: str) -> None:
+    house.moment = dataclasses.replace(house.moment, components=(ComponentBeat("importer", 0, 0, 0, 0),))
+    answer = ask(house, Request(Ask.DRILL, fault="stall", component=part))
+    assert (answer["code"], answer["values"]) == (
+        "component-unknown",
+        {"component": part, "names": "importer"},
+    )
+    assert house.told == []
+
+
+def test_a_leak_is_asked_for_in_numbers_and_given_back_when_its_time_is_over(house: House) -> None:
+    orders: list[dict[str, object]] = []
+
+    async def hear(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        orders.append(json.loads(await reader.readline()))
+        writer.write(b'{"ok":true}\n')
+        writer.close()
+
+    async def leaked() -> None:
+        with tempfile.TemporaryDirectory(prefix="door-") as base:  # short, for the socket in it
+            house.core = Life(1, "0" * 16, Folders(house.folders.data, Path(base)))
+            house.folders = house.core.folders
+            async with await asyncio.start_unix_server(hear, house.folders.core_control("0" * 16)):
+                await door_of(house).answer(Request(Ask.DRILL, fault="leak", seconds=1, mb_per_s=5))
+                async with asyncio.timeout(WAIT_S):
+                    while len(orders) < 2:  # noqa: ASYNC110  # a clock decides, not an event of ours
+                        await asyncio.sleep(0.01)
+
+    asyncio.run(leaked())
+    assert [(one["fault"], one["mb_per_s"]) for one in orders] == [("leak", 5), ("leak", 0)]
+    assert [fact.fault for fact in house.told if isinstance(fact, seen.DrillStarted)] == ["leak"]
 
 
 def test_the_gateways_witness_is_taken_in(house: House) -> None:
