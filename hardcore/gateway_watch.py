@@ -12,7 +12,8 @@ from hardcore.host import clock, memory, vitals
 from hardcore.host.gateway_page import FILE_BYTES, GatewayPageReader, decode
 from hardcore.host.processes import Handle
 from hardcore.model.gateway import GatewayPage, GatewayPulse
-from hardcore.model.observations import Exit, ProcessSample
+from hardcore.model.looks import ProcessSample
+from hardcore.model.observations import Exit
 from hardcore.model.verdicts import Verdict
 from hardcore.sentinel.gateway_verdict import GatewayBench
 from hardcore.sentinel.patience import Patience

@@ -16,6 +16,7 @@ from hardcore.host.lives import Life
 from hardcore.host.survey import Survey
 from hardcore.model import observations as seen
 from hardcore.model.actions import LookAtStore, RestartComponent, SampleStacks, SetSafe
+from hardcore.model.looks import LockHolder
 from hardcore.model.verdicts import Diagnosis
 from hardcore.snapshot import stacks
 from hardcore.snapshot.subject import Tools
@@ -202,6 +203,6 @@ def _probed(life: Life, asked_ns: int, health: probe.Health | None) -> seen.Prob
     )
 
 
-def _holders(folders: Folders, core_pid: int) -> tuple[seen.LockHolder, ...] | str:
+def _holders(folders: Folders, core_pid: int) -> tuple[LockHolder, ...] | str:
     table = locks.read_table()
     return table if isinstance(table, str) else locks.writers_in(folders.data, core_pid, table)

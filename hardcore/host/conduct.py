@@ -17,7 +17,7 @@ from statistics import median
 from hardcore.host import vitals
 from hardcore.host.errand import Errand
 from hardcore.host.locks import name_of
-from hardcore.model.observations import Conduct
+from hardcore.model.looks import Conduct
 
 #: Findings of one kind that are told.
 TOLD_MAX = 8

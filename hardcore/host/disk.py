@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardcore.host.errand import Errand
-from hardcore.model.observations import DiskFacts
+from hardcore.model.looks import DiskFacts
 
 PROBE_NAME = ".disk-probe"
 PROBE_BYTES = 4096

@@ -17,7 +17,8 @@ from hardcore.host.processes import Handle
 from hardcore.host.recorder import PageReader, make_page
 from hardcore.host.said import LogEnd
 from hardcore.host.steps import BRAND
-from hardcore.model.observations import Exit, ProcessSample, Sampled
+from hardcore.model.looks import ProcessSample
+from hardcore.model.observations import Exit, Sampled
 from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, Page, SlotStage, Threads, Witness
 
 #: Files of so many dead lives are kept in the run folder, for whoever still reads them.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from hardcore.model.observations import LockHolder
+from hardcore.model.looks import LockHolder
 
 TABLE_BYTES_MAX = 1 << 20
 #: Holders of one lock that are named; a write lock has one, and a table read in the middle of a change two.

@@ -12,7 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from struct import Struct
 
-from hardcore.model.observations import LogCounts
+from hardcore.model.looks import LogCounts
 from hardcore.model.recorder import (
     Beats,
     Census,

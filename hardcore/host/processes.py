@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardcore.host.vitals import Wanted, process_sample, stat_fields
-from hardcore.model.observations import Exit, ProcessSample
+from hardcore.model.looks import ProcessSample
+from hardcore.model.observations import Exit
 
 
 @dataclass(frozen=True, slots=True)

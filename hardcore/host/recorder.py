@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardcore.host import page
-from hardcore.model.observations import LogCounts
+from hardcore.model.looks import LogCounts
 from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, Page, Threads, Witness
 
 #: How often a torn entry is read again before it counts as torn.

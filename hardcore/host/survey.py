@@ -15,7 +15,8 @@ from hardcore.host import clock, memory, vitals
 from hardcore.host.conduct import ConductWatch
 from hardcore.host.disk import DiskWatch
 from hardcore.host.lives import Life
-from hardcore.model.observations import Conduct, Surveyed
+from hardcore.model.looks import Conduct
+from hardcore.model.observations import Surveyed
 
 #: A write of ours that is not back yet is looked at again so soon: how long it took is known only from looking.
 PENDING_S = 0.5

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardcore.model.observations import ProcessSample, ThreadSample
+from hardcore.model.looks import ProcessSample, ThreadSample
 
 #: Threads of commands in flight that are looked at in one tick.
 DECIDING_MAX = 8

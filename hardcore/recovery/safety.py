@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import assert_never
 
-from hardcore.model.observations import DiskFacts, SafeSwitched, StoreFault
+from hardcore.model.looks import DiskFacts
+from hardcore.model.observations import SafeSwitched, StoreFault
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 

@@ -9,7 +9,8 @@ one is to be had at all is answered in words, so that a person can be told why t
 from dataclasses import dataclass
 from enum import StrEnum
 
-from hardcore.model.observations import ProcessSample, SpareReady, StartExtended
+from hardcore.model.looks import ProcessSample
+from hardcore.model.observations import SpareReady, StartExtended
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_MS, NS_PER_S, Budget

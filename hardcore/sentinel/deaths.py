@@ -9,7 +9,8 @@ Exit codes are those of `docs/wires.md` section 2.
 import re
 from dataclasses import dataclass
 
-from hardcore.model.observations import CoreExited, DiskFacts, Exit
+from hardcore.model.looks import DiskFacts
+from hardcore.model.observations import CoreExited, Exit
 from hardcore.model.recorder import LastWords
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
 from hardcore.sentinel.witnesses.disk import refusal

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 
 from hardcore.model.clocks import Clocks
 from hardcore.model.gateway import GatewayPulse
-from hardcore.model.observations import ProcessSample, Sampled
+from hardcore.model.looks import ProcessSample
+from hardcore.model.observations import Sampled
 from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Verdict
 from hardcore.sentinel.patience import Patience

@@ -7,7 +7,7 @@ table that can be read.
 
 from dataclasses import dataclass
 
-from hardcore.model.observations import ProcessSample
+from hardcore.model.looks import ProcessSample
 from hardcore.model.recorder import Threads
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Verdict
 from hardcore.sentinel.lasting import NS_PER_MS

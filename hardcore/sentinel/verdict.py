@@ -16,15 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import assert_never
 
-from hardcore.model.observations import (
-    Probed,
-    ProcessSample,
-    Sampled,
-    StacksSampled,
-    StoreLooked,
-    StoreTold,
-    Surveyed,
-)
+from hardcore.model.looks import ProcessSample
+from hardcore.model.observations import Probed, Sampled, StacksSampled, StoreLooked, StoreTold, Surveyed
 from hardcore.model.recorder import Beats, SlotStage
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Testimony, Verdict
 from hardcore.sentinel.diagnoses import (

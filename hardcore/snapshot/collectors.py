@@ -17,7 +17,7 @@ from typing import Any
 import psutil
 
 from hardcore.host.recorder import PageReader, PageUnusable
-from hardcore.model.observations import ProcessSample
+from hardcore.model.looks import ProcessSample
 from hardcore.model.recorder import CommandNote, Page
 from hardcore.snapshot import threads
 from hardcore.snapshot.blanking import blanked

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import assert_never
 
-from hardcore.model.observations import ProcessSample
+from hardcore.model.looks import ProcessSample
 from hardcore.snapshot import children, collectors, holders, memory, printed, stacks, tasks, threads
 from hardcore.snapshot.recipe import Piece, Step
 from hardcore.snapshot.subject import Haul, Subject, Tools

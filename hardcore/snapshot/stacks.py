@@ -14,7 +14,7 @@ from pathlib import Path
 from shutil import which
 from typing import Any
 
-from hardcore.model.observations import StackFrame, ThreadStack
+from hardcore.model.looks import StackFrame, ThreadStack
 from hardcore.snapshot import children
 from hardcore.snapshot.form import as_bytes
 from hardcore.snapshot.masking import MASK, mask_local, parts, short_path, visible

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hardcore.model.observations import ProcessSample
+from hardcore.model.looks import ProcessSample
 from hardcore.snapshot import recipe, storing
 from hardcore.snapshot.facts import ABANDONED, abandoned, left_open, served_again
 from hardcore.snapshot.form import as_bytes

@@ -8,6 +8,7 @@ from itertools import product
 import pytest
 
 from hardcore.model import observations as seen
+from hardcore.model.looks import DiskFacts
 from hardcore.model.phases import (
     LIVING,
     SERVING,
@@ -224,7 +225,7 @@ _FACTS: tuple[seen.Observation, ...] = (
     seen.LedgerAudited(_NS, 1, None, "not whole"),
     *(seen.StoreTold(_NS, 1, fault) for fault in (seen.StoreFault.FULL, seen.StoreFault.OK)),
     *(seen.SafeSwitched(_NS, 1, on, done=True) for on in (True, False)),
-    seen.Surveyed(_NS, 1, seen.DiskFacts(0, read_only=True, write_ns=None)),
+    seen.Surveyed(_NS, 1, DiskFacts(0, read_only=True, write_ns=None)),
     seen.StacksSampled(_NS, 1, ()),
     seen.OperatorAsked(_NS, seen.Verb.RESTART_HARD, image=True),
     seen.SpareReady(_NS, 1, "b", 4),

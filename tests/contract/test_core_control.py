@@ -20,7 +20,7 @@ import pytest
 from hardcore.host.core_control import give
 from hardcore.host.locks import read_table, writers_in
 from hardcore.host.recorder import PageReader, make_page
-from hardcore.model.observations import ThreadStack
+from hardcore.model.looks import ThreadStack
 from hardcore.model.recorder import CommandNote, Page, SlotStage
 from hardcore.snapshot.stacks import find_tools, sample
 from hardcore.snapshot.tasks import ask

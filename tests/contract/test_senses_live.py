@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import pytest
 
-from hardcore import executor as hands
+from hardcore import endings
 from hardcore.executor import Bounds, Executor
 from hardcore.host.folders import Folders
 from hardcore.host.ids import new_id
@@ -276,7 +276,7 @@ def test_a_core_that_was_confined_leaves_no_group_behind_and_its_death_says_that
 def test_fifty_lives_with_all_senses_on_leave_descriptors_and_threads_as_they_were(
     lived: Lived, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hands, "LIVES_KEPT_MAX", 1)
+    monkeypatch.setattr(endings, "LIVES_KEPT_MAX", 1)
 
     def held() -> tuple[int, int]:
         return len(list(Path("/proc/self/fd").iterdir())), len(list(Path("/proc/self/task").iterdir()))

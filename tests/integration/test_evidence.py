@@ -18,7 +18,8 @@ import pytest
 
 from hardcore.host.recorder import make_page
 from hardcore.model.actions import CloseIncident
-from hardcore.model.observations import CoreExited, Exit, ProcessSample
+from hardcore.model.looks import ProcessSample
+from hardcore.model.observations import CoreExited, Exit
 from hardcore.model.recorder import SlotStage
 from hardcore.recovery.flight import CODEC
 from hardcore.sentinel.deaths import judge_death

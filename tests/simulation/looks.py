@@ -10,7 +10,7 @@ from enum import Enum
 from random import Random
 from typing import Any
 
-from hardcore.model import observations as seen
+from hardcore.model.looks import ProcessSample, StackFrame, ThreadSample, ThreadStack
 from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, LifeState, Page, SlotStage, Threads
 from hardcore.model.verdicts import Diagnosis
 from tests.simulation.clock import NS_PER_MS
@@ -91,31 +91,31 @@ def notes(life: Life) -> tuple[CommandNote, ...]:
     return (*own, *_stuck(life, row_of(life)), *life.extra_notes)
 
 
-def process(life: Life, *, closer: bool) -> seen.ProcessSample:
+def process(life: Life, *, closer: bool) -> ProcessSample:
     """The process as the kernel shows it; threads only when somebody looks closer."""
     row, now_ns = row_of(life), life.world.clock.now_ns
     spent_ns = life.since_ns // 2 if row.quiet else now_ns // 2
     if not closer:
-        return seen.ProcessSample(row.state, spent_ns, life.rss_bytes, 4)
+        return ProcessSample(row.state, spent_ns, life.rss_bytes, 4)
     writer = _thread(row.writer, now_ns)
     deciding = ((THREADS.writer, writer),) if row.wait in {Wait.DECIDING, Wait.PROGRESS} else ()
-    return seen.ProcessSample(
+    return ProcessSample(
         row.state, spent_ns, life.rss_bytes, 4, None,
         _thread(row.loop, now_ns), writer, _thread(row.beat, now_ns), deciding,
         int(row.writer.state in {"R", "D"}),
     )  # fmt: skip
 
 
-def _thread(look: ThreadLook, now_ns: int) -> seen.ThreadSample:
+def _thread(look: ThreadLook, now_ns: int) -> ThreadSample:
     spent_ns = now_ns if look.burns else now_ns // 2_000 if look.wakes else 5
-    return seen.ThreadSample(
+    return ThreadSample(
         look.state, spent_ns, look.waits_in,
         now_ns if look.starves else now_ns // 5_000 if look.wakes or look.burns else 0,
         now_ns // (5 * NS_PER_MS) if look.wakes or look.burns else 7,
     )  # fmt: skip
 
 
-def stacks(life: Life) -> tuple[seen.ThreadStack, ...]:
+def stacks(life: Life) -> tuple[ThreadStack, ...]:
     """All threads' frames."""
     row = row_of(life)
     busy = not row.loop_works or row.loop.burns
@@ -124,24 +124,24 @@ def stacks(life: Life) -> tuple[seen.ThreadStack, ...]:
     loop = _frames("run", row.innermost if busy else "select", line)
     writer = _frames("write", row.innermost if not row.writer_works else "get", 20)
     threads = [
-        seen.ThreadStack(THREADS.loop, "loop", row.loop.burns, row.loop.burns, loop),
-        seen.ThreadStack(THREADS.writer, "writer", row.writer.burns, row.writer.burns, writer),
-        seen.ThreadStack(THREADS.beat, "beat", False, False, _frames("beat", "wait", 5)),
+        ThreadStack(THREADS.loop, "loop", row.loop.burns, row.loop.burns, loop),
+        ThreadStack(THREADS.writer, "writer", row.writer.burns, row.writer.burns, writer),
+        ThreadStack(THREADS.beat, "beat", False, False, _frames("beat", "wait", 5)),
     ]
     if row.cycle:
-        threads[1] = seen.ThreadStack(THREADS.writer, "writer", False, False, _waiting("accounts", WORKER))
-        threads.append(seen.ThreadStack(WORKER, "worker", False, False, _waiting("rates", THREADS.writer)))
+        threads[1] = ThreadStack(THREADS.writer, "writer", False, False, _waiting("accounts", WORKER))
+        threads.append(ThreadStack(WORKER, "worker", False, False, _waiting("rates", THREADS.writer)))
     return tuple(threads)
 
 
-def _frames(*functions: str | int) -> tuple[seen.StackFrame, ...]:
+def _frames(*functions: str | int) -> tuple[StackFrame, ...]:
     outer, inner, line = functions
-    return (seen.StackFrame(str(inner), "core.py", int(line)), seen.StackFrame(str(outer), "core.py", 1))
+    return (StackFrame(str(inner), "core.py", int(line)), StackFrame(str(outer), "core.py", 1))
 
 
-def _waiting(lock: str, holder: int) -> tuple[seen.StackFrame, ...]:
+def _waiting(lock: str, holder: int) -> tuple[StackFrame, ...]:
     names = (("lock_name", lock), ("held_by", str(holder)))
-    return (seen.StackFrame("wait_for_lock", "locks.py", 30, names), seen.StackFrame("decide", "core.py", 1))
+    return (StackFrame("wait_for_lock", "locks.py", 30, names), StackFrame("decide", "core.py", 1))
 
 
 def page(life: Life) -> Page | None:

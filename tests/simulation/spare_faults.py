@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from hardcore.model import observations as seen
+from hardcore.model.looks import LockHolder
 from hardcore.model.phases import Wanted
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Diagnosis
@@ -173,7 +174,7 @@ def _stuck_in_the_store(world: World) -> None:
         return
     core.in_kernel = True
     core.befall(conditions.FROZEN)
-    befall(world, holder=seen.LockHolder(1000 + core.serial, "core"))
+    befall(world, holder=LockHolder(1000 + core.serial, "core"))
 
     def lets_go() -> None:
         if world.store.holder is not None and world.store.holder.pid == 1000 + core.serial:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from hardcore.model import observations as seen
+from hardcore.model.looks import LockHolder
 from hardcore.model.verdicts import Diagnosis
 
 
@@ -44,7 +45,7 @@ class Store:
     keys: dict[str, int] = field(default_factory=dict)
     disk: Disk = Disk.WELL
     stalled_ns: int = 0
-    holder: seen.LockHolder | None = None
+    holder: LockHolder | None = None
     rot: Rot = Rot.NONE
     lethal: set[int] = field(default_factory=set)  # whoever starts from these events crashes
     parked: set[int] = field(default_factory=set)  # they are left out
@@ -65,7 +66,7 @@ class Store:
         """Whether anything is wrong with it."""
         return self.blocked or self.disk is not Disk.WELL or self.rot is not Rot.NONE
 
-    def befall(self, now_ns: int, disk: Disk, holder: seen.LockHolder | None = None) -> None:
+    def befall(self, now_ns: int, disk: Disk, holder: LockHolder | None = None) -> None:
         """Something begins or ends; when nothing blocks any more, what waited goes on."""
         self.disk, self.holder = disk, holder
         self.stalled_ns = now_ns if disk is Disk.STALLED else 0

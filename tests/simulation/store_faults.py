@@ -7,7 +7,7 @@ guard whether it was so.
 from collections.abc import Callable
 from functools import partial
 
-from hardcore.model import observations as seen
+from hardcore.model.looks import LockHolder
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.store import REFUSALS, Disk, Rot
 from tests.simulation.switches import Order
@@ -20,7 +20,7 @@ Fault = Callable[[World], None]
 def befall(
     world: World,
     disk: Disk = Disk.WELL,
-    holder: seen.LockHolder | None = None,
+    holder: LockHolder | None = None,
     rot: Rot | None = None,
 ) -> None:
     """Something befalls the ledger's store, or is over."""
@@ -101,7 +101,7 @@ def locked(world: World) -> None:
     """Another program holds the ledger's lock, while clients ask or while a core begins."""
     if world.store.ill:
         return
-    befall(world, Disk.WELL, seen.LockHolder(4711, "backup"))
+    befall(world, Disk.WELL, LockHolder(4711, "backup"))
     asked_meanwhile(world)
     if world.rng.random() < 0.3:
         later(world, 10, 2000, partial(end_the_present_one, world))
@@ -112,7 +112,7 @@ def locked_at_the_fence(world: World) -> None:
     """A core begins while another program holds the ledger's lock; for seconds, or till long into the quiet."""
     if world.store.ill:
         return
-    befall(world, Disk.WELL, seen.LockHolder(4711, "backup"))
+    befall(world, Disk.WELL, LockHolder(4711, "backup"))
     world.held_into_the_quiet = world.rng.random() < 0.3
     if (core := world.core) is not None:
         core.signal(9)

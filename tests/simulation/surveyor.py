@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hardcore.model import observations as seen
+from hardcore.model.looks import Conduct, DiskFacts
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.looks import stacks
 from tests.simulation.machine import Life
@@ -74,7 +75,7 @@ class Surveyor:
         took_ns, pending_ns = self._own_write.look(
             now_ns, None if stalled else self.guard.world.switches.own_write_ns
         )
-        disk = seen.DiskFacts(
+        disk = DiskFacts(
             free_bytes=0 if store.disk is Disk.FULL else 1 << 34,
             read_only=store.disk is Disk.READ_ONLY,
             write_ns=took_ns,
@@ -82,7 +83,7 @@ class Surveyor:
             fault=store.disk.value if store.disk in REFUSALS else "",
         )
         free = self.guard.world.free_bytes if self.guard.world.warm else None
-        self.guard.tell(seen.Surveyed(now_ns, life.number, disk, seen.Conduct(), life.oom_kills, free))
+        self.guard.tell(seen.Surveyed(now_ns, life.number, disk, Conduct(), life.oom_kills, free))
 
     def _probe(self, life: Life, now_ns: int) -> None:
         if life.condition.loop_works:

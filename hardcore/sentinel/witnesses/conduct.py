@@ -7,7 +7,8 @@ nobody is ever ended for it.
 
 from dataclasses import dataclass, field
 
-from hardcore.model.observations import Conduct, Surveyed
+from hardcore.model.looks import Conduct
+from hardcore.model.observations import Surveyed
 from hardcore.model.verdicts import Colour, Testimony
 
 #: So many facts of each kind are told, the rest are counted.

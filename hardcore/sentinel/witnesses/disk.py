@@ -8,7 +8,8 @@ a row, so that a file that came and went is no full disk.
 
 from dataclasses import dataclass
 
-from hardcore.model.observations import DiskFacts, Surveyed
+from hardcore.model.looks import DiskFacts
+from hardcore.model.observations import Surveyed
 from hardcore.model.verdicts import Colour, Diagnosis, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
 from hardcore.sentinel.seen_time import SeenTime

@@ -11,7 +11,7 @@ must not be held against the core as if it had lasted as long as the silence of 
 from dataclasses import dataclass, field
 from enum import Enum
 
-from hardcore.model.observations import ProcessSample, ThreadSample
+from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import Lasting
 from hardcore.sentinel.seen_time import SeenTime

@@ -11,7 +11,7 @@ looks like that, which tells "the one that has it is asleep" from a core that wa
 
 from dataclasses import dataclass, field
 
-from hardcore.model.observations import ProcessSample, ThreadSample
+from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS, Lasting

@@ -1,6 +1,6 @@
 """The witness of the resources: how much memory does the core hold? Worth saying, never a verdict by itself."""
 
-from hardcore.model.observations import ProcessSample
+from hardcore.model.looks import ProcessSample
 from hardcore.model.verdicts import Colour, Testimony
 
 

@@ -13,7 +13,8 @@ import re
 from collections import deque
 from dataclasses import dataclass, field
 
-from hardcore.model.observations import StackFrame, StacksSampled, ThreadStack
+from hardcore.model.looks import StackFrame, ThreadStack
+from hardcore.model.observations import StacksSampled
 from hardcore.model.verdicts import Colour, Testimony
 
 LOOKS_MAX = 4

@@ -8,7 +8,8 @@ holds the lock for a moment and is no outage.
 
 from dataclasses import dataclass
 
-from hardcore.model.observations import LockHolder, StoreFault, StoreLooked, StoreTold
+from hardcore.model.looks import LockHolder
+from hardcore.model.observations import StoreFault, StoreLooked, StoreTold
 from hardcore.model.recorder import Witness
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS

@@ -8,7 +8,7 @@ only once it has been looked at for a while. Reads have limits of their own and 
 
 from dataclasses import dataclass, field
 
-from hardcore.model.observations import ThreadSample
+from hardcore.model.looks import ThreadSample
 from hardcore.model.recorder import CommandNote, SlotStage
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS

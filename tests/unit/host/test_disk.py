@@ -12,7 +12,7 @@ import pytest
 
 from hardcore.host import clock, disk
 from hardcore.host.disk import DiskWatch
-from hardcore.model.observations import DiskFacts
+from hardcore.model.looks import DiskFacts
 from tests.waiting import WAIT_S, until
 
 

@@ -14,7 +14,8 @@ from hardcore.host import disk, processes
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.host.survey import Survey
-from hardcore.model.observations import DiskFacts, Surveyed
+from hardcore.model.looks import DiskFacts
+from hardcore.model.observations import Surveyed
 from tests.waiting import WAIT_S, until
 
 NEVER_S = 3600.0

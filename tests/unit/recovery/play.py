@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.phases import Phase, Wanted
 from hardcore.model.recorder import (
     Beats,
@@ -103,7 +104,7 @@ class Play:
         """A look at the spare."""
         beat_ns = self.now_ns - silent_ms * MS
         beats = Beats(loop_ns=beat_ns, thread_ns=beat_ns, state=LifeState.SPARE)
-        process = seen.ProcessSample(state, 1, 1 << 20, 3)
+        process = ProcessSample(state, 1, 1 << 20, 3)
         return self.tell(seen.Sampled(self.now_ns, self.spare, beats, Threads(1, 3, 2), process))
 
     def ask(
@@ -142,7 +143,7 @@ def proven(play: Play, epoch: int, seq: int = 7) -> list[orders.Action]:
 
 
 #: A loop that waits for something outside: the least conclusive of all silences.
-POLLS = seen.ThreadSample("S", 5, "poll_schedule_timeout")
+POLLS = ThreadSample("S", 5, "poll_schedule_timeout")
 
 
 def look(play: Play, silent_ms: int) -> list[orders.Action]:
@@ -154,7 +155,7 @@ def look(play: Play, silent_ms: int) -> list[orders.Action]:
         play.manager.handle_deadline(play.now_ns)
         given += play.tell()
     beats = Beats(loop_ns=play.now_ns - silent_ms * MS, thread_ns=play.now_ns, state=LifeState.READY)
-    process = seen.ProcessSample("S", 1, 1 << 20, 3, loop=POLLS, writer=POLLS)
+    process = ProcessSample("S", 1, 1 << 20, 3, loop=POLLS, writer=POLLS)
     return given + play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process))
 
 

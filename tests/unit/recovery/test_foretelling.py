@@ -3,6 +3,7 @@
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.forecasts import Resource
+from hardcore.model.looks import DiskFacts, ProcessSample
 from hardcore.model.phases import Phase
 from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.model.verdicts import Diagnosis
@@ -32,7 +33,7 @@ def _pass(
     seconds: int,
     rss_mib: float,
     grows: float = 0.0,
-    disk: seen.DiskFacts | None = None,
+    disk: DiskFacts | None = None,
     disk_grows: int = 0,
     fds: int = 40,
     fds_grow: int = 0,
@@ -48,7 +49,7 @@ def _pass(
             given += play.tell()
         held = int((rss_mib + grows * step / 10) * MIB)
         beats = Beats(loop_ns=play.now_ns, thread_ns=play.now_ns, state=LifeState.READY, completed=step)
-        process = seen.ProcessSample("S", 1, held, 3, fds=fds + fds_grow * step // 10)
+        process = ProcessSample("S", 1, held, 3, fds=fds + fds_grow * step // 10)
         given += play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process))
         if play.spare:
             given += play.glance()
@@ -56,7 +57,7 @@ def _pass(
             now = (
                 None
                 if disk is None
-                else seen.DiskFacts(
+                else DiskFacts(
                     disk.free_bytes - disk_grows * step // 10, False, 1, size_bytes=disk.size_bytes
                 )
             )
@@ -153,7 +154,7 @@ def test_descriptors_run_out_as_memory_does() -> None:
 
 def test_a_disk_that_fills_is_told_of_and_no_core_is_changed_for_it() -> None:
     play = _spared(QUICK)
-    disk = seen.DiskFacts(8 << 30, False, 1, size_bytes=20 << 30)
+    disk = DiskFacts(8 << 30, False, 1, size_bytes=20 << 30)
     given = _pass(play, 50, 200, disk=disk, disk_grows=140 * MIB, calm=True)
     assert [one.diagnosis for one in _forecasts(given)] == [Diagnosis.DISK_FULL]
     assert "Drain" not in kinds(given)

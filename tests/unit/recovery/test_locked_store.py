@@ -2,13 +2,14 @@
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.model.looks import LockHolder
 from hardcore.model.phases import HAState, Phase
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy, Word
 from tests.unit.recovery.play import MS, Play, S, a_page, kinds
 
 UNPROVEN = seen.Proof("none", 0, 7, "h7")
-BACKUP = seen.LockHolder(4711, "backup")
+BACKUP = LockHolder(4711, "backup")
 LOCKED = Diagnosis.DB_LOCKED
 
 
@@ -16,7 +17,7 @@ def _only_told() -> Policy:
     return Policy(actions={LOCKED: frozenset({Word.SEND_ALERT})})
 
 
-def _meets_the_lock(play: Play, *holders: seen.LockHolder) -> list[orders.Action]:
+def _meets_the_lock(play: Play, *holders: LockHolder) -> list[orders.Action]:
     """The core that was started waits at its fence, says so, and leaves; then the look at the lock comes back."""
     play.tell(seen.CoreSpawned(play.now_ns, play.life, 9))
     play.now_ns += 2 * S

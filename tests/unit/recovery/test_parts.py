@@ -4,6 +4,7 @@ import dataclasses
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.model.looks import ProcessSample
 from hardcore.model.phases import SERVING
 from hardcore.model.recorder import Beats, ComponentBeat, LifeState, Threads
 from hardcore.model.verdicts import Diagnosis
@@ -27,7 +28,7 @@ def _look(play: Play, *parts: ComponentBeat, rss_bytes: int = 1 << 20) -> list[o
     if due_ns is not None and due_ns <= play.now_ns:
         play.manager.handle_deadline(play.now_ns)
     beats = Beats(loop_ns=play.now_ns, thread_ns=play.now_ns, state=LifeState.READY)
-    process = seen.ProcessSample("S", 1, rss_bytes, 3, loop=POLLS, writer=POLLS)
+    process = ProcessSample("S", 1, rss_bytes, 3, loop=POLLS, writer=POLLS)
     told = seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process)
     return play.tell(dataclasses.replace(told, components=parts))
 

@@ -4,6 +4,7 @@ import pytest
 
 from hardcore.model import observations as seen
 from hardcore.model.clocks import Clocks
+from hardcore.model.looks import Conduct, ProcessSample
 from hardcore.model.phases import Phase
 from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.recovery import plan
@@ -57,7 +58,7 @@ def test_probation_ends_as_soon_as_the_core_is_well() -> None:
 
 def test_a_worry_that_comes_to_nothing_does_not_keep_a_core_on_probation_for_ever() -> None:
     play = _again()
-    strange = seen.Conduct(children=("a shell",))
+    strange = Conduct(children=("a shell",))
     looks = (play.policy.probation_ms * MS + plan.patience_max_ns(play.policy)) // (100 * MS)
     for _ in range(looks - 1):
         play.tell(seen.Surveyed(play.now_ns, play.life, conduct=strange))
@@ -88,7 +89,7 @@ def _silent_in_held_interpreter(
         loop_ns=silent_ns if loop_ns is None else loop_ns, thread_ns=silent_ns, state=LifeState.READY
     )
     clocks = Clocks(play.now_ns + slept_ms * MS, play.now_ns + slept_ms * MS)
-    process = seen.ProcessSample("R", play.now_ns // 2, 1 << 20, 3)
+    process = ProcessSample("R", play.now_ns // 2, 1 << 20, 3)
     play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process, clocks=clocks))
     due_ns = play.manager.next_deadline_ns()
     if due_ns is not None and due_ns <= play.now_ns:

@@ -5,6 +5,7 @@ import pytest
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.actions import AlertStage
+from hardcore.model.looks import DiskFacts, ProcessSample
 from hardcore.model.phases import Face, HAState, Phase
 from hardcore.model.recorder import Beats, LifeState, Threads, Witness
 from hardcore.model.verdicts import Diagnosis
@@ -14,8 +15,8 @@ from tests.unit.recovery.play import MS, PROOF, Play, S, a_page, kinds
 
 FULL, CORRUPT, READ_ONLY = Diagnosis.DISK_FULL, Diagnosis.STORE_CORRUPT, Diagnosis.DISK_READ_ONLY
 UNPROVEN = seen.Proof("none", 0, 7, "h7")
-ROOM = seen.DiskFacts(free_bytes=1 << 30, read_only=False, write_ns=MS)
-NO_ROOM = seen.DiskFacts(free_bytes=1 << 20, read_only=False, write_ns=MS)
+ROOM = DiskFacts(free_bytes=1 << 30, read_only=False, write_ns=MS)
+NO_ROOM = DiskFacts(free_bytes=1 << 20, read_only=False, write_ns=MS)
 
 
 def _running() -> Play:
@@ -34,13 +35,13 @@ def _audited(play: Play, fault: str = "event 5 is not what its hash says") -> li
     return play.tell(seen.LedgerAudited(play.now_ns, play.life, None, fault))
 
 
-def _look(play: Play, disk: seen.DiskFacts | None = None) -> list[orders.Action]:
+def _look(play: Play, disk: DiskFacts | None = None) -> list[orders.Action]:
     """A tick of the watch on a core that is well, after a look at the disk."""
     play.now_ns += 100 * MS
     if disk is not None:
         play.tell(seen.Surveyed(play.now_ns, play.life, disk))
     beats = Beats(loop_ns=play.now_ns, thread_ns=play.now_ns, state=LifeState.READY)
-    process = seen.ProcessSample("S", 1, 1 << 20, 3)
+    process = ProcessSample("S", 1, 1 << 20, 3)
     return play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 2, 3), process))
 
 
@@ -267,7 +268,7 @@ def test_a_commit_that_failed_on_a_disk_that_refuses_us_too_is_followed_by_a_cor
     fault: str, reason: Diagnosis
 ) -> None:
     play = _running()
-    _look(play, seen.DiskFacts(1 << 30, read_only=False, write_ns=MS, fault=fault))
+    _look(play, DiskFacts(1 << 30, read_only=False, write_ns=MS, fault=fault))
     given = play.die(seen.Exit(code=74), a_page(4, words="COMMIT_FAILED"))
     assert (play.spawned().safe, "KeepBudget" in kinds(given)) == (reason, False)
 

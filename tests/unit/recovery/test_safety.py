@@ -2,7 +2,8 @@
 
 import pytest
 
-from hardcore.model.observations import DiskFacts, SafeSwitched, StoreFault
+from hardcore.model.looks import DiskFacts
+from hardcore.model.observations import SafeSwitched, StoreFault
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.budget import NS_PER_S as S
 from hardcore.recovery.safety import (

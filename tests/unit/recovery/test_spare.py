@@ -1,6 +1,7 @@
 """The spare: when there is one, when it may take over, when it is given up."""
 
 from hardcore.model import observations as seen
+from hardcore.model.looks import ProcessSample
 from hardcore.model.recorder import Beats, LifeState
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.spare import (
@@ -18,7 +19,7 @@ from hardcore.recovery.spare import (
 from tests.unit.recovery.play import MS, S
 
 PLENTY = 8 << 30
-SLEEPS = seen.ProcessSample("S", 1, 1 << 20, 3)
+SLEEPS = ProcessSample("S", 1, 1 << 20, 3)
 T0 = 100 * S
 
 
@@ -96,7 +97,7 @@ def test_a_beat_from_the_future_is_none() -> None:
 
 
 def test_one_that_is_stopped_or_can_not_be_seen_may_not() -> None:
-    for process in (None, seen.ProcessSample("T", 1, 1, 3), seen.ProcessSample("D", 1, 1, 3)):
+    for process in (None, ProcessSample("T", 1, 1, 3), ProcessSample("D", 1, 1, 3)):
         one = _waiting()
         one.looked(T0 + MS, _beats(T0 + MS), process)
         assert not one.fit(T0 + MS)

@@ -6,6 +6,7 @@ import pytest
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
+from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.phases import Phase
 from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.model.verdicts import Diagnosis
@@ -25,8 +26,8 @@ def _overdue(play: Play) -> list[orders.Action]:
         deciding("k"), started_ns=began_ns, stage_ns=began_ns, limit_ns=S, thread=3, command_id="c-slow"
     )
     beats = Beats(loop_ns=play.now_ns, thread_ns=play.now_ns, submitted=1, state=LifeState.READY)
-    sleeps = seen.ThreadSample("S", 5, "futex_wait_queue")
-    process = seen.ProcessSample("S", 1, 1 << 20, 3, writer=sleeps, deciding=((3, sleeps),))
+    sleeps = ThreadSample("S", 5, "futex_wait_queue")
+    process = ProcessSample("S", 1, 1 << 20, 3, writer=sleeps, deciding=((3, sleeps),))
     return play.tell(seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process, (note,)))
 
 

@@ -10,7 +10,9 @@ from typing import Any
 
 from hardcore.model import observations as seen
 from hardcore.model import recorder as words
+from hardcore.model.clocks import Clocks
 from hardcore.model.codec import Codec, Undecodable
+from hardcore.model.looks import ProcessSample, StackFrame, ThreadSample, ThreadStack
 
 FOLDER = Path(__file__).parent / "traces"
 Fact = seen.Sampled | seen.StacksSampled
@@ -18,11 +20,11 @@ CODEC = Codec(
     [
         seen.Sampled,
         seen.StacksSampled,
-        seen.ThreadStack,
-        seen.StackFrame,
-        seen.ThreadSample,
-        seen.ProcessSample,
-        seen.Clocks,
+        ThreadStack,
+        StackFrame,
+        ThreadSample,
+        ProcessSample,
+        Clocks,
         words.Beats,
         words.Threads,
         words.Witness,

@@ -2,7 +2,8 @@ import signal
 
 import pytest
 
-from hardcore.model.observations import DiskFacts, Exit
+from hardcore.model.looks import DiskFacts
+from hardcore.model.observations import Exit
 from hardcore.model.recorder import LastWords
 from hardcore.model.verdicts import Diagnosis, Grade
 from hardcore.sentinel.deaths import SIGNAL_NAMES, describe, judge_death, own_fault

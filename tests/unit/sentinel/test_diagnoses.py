@@ -5,12 +5,8 @@ from typing import Any
 
 import pytest
 
-from hardcore.model.observations import (
-    Probed,
-    StackFrame,
-    StacksSampled,
-    ThreadStack,
-)
+from hardcore.model.looks import StackFrame, ThreadStack
+from hardcore.model.observations import Probed, StacksSampled
 from hardcore.model.verdicts import Colour, Diagnosis, Grade
 from hardcore.sentinel.verdict import TABLE
 from tests.unit.sentinel import traces

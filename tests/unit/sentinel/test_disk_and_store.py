@@ -1,11 +1,5 @@
-from hardcore.model.observations import (
-    DiskFacts,
-    LockHolder,
-    StoreFault,
-    StoreLooked,
-    StoreTold,
-    Surveyed,
-)
+from hardcore.model.looks import DiskFacts, LockHolder
+from hardcore.model.observations import StoreFault, StoreLooked, StoreTold, Surveyed
 from hardcore.model.recorder import Witness
 from hardcore.sentinel.seen_time import SeenTime
 from hardcore.sentinel.witnesses import disk as disk_witness

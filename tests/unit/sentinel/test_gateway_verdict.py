@@ -6,7 +6,7 @@ import pytest
 
 from hardcore.model.clocks import Clocks
 from hardcore.model.gateway import GatewayPulse
-from hardcore.model.observations import ProcessSample, ThreadSample
+from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.verdicts import Colour, Diagnosis, Verdict
 from hardcore.sentinel.gateway_verdict import GatewayBench
 from hardcore.sentinel.patience import Patience

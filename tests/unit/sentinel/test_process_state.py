@@ -1,4 +1,4 @@
-from hardcore.model.observations import ProcessSample, ThreadSample
+from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.verdicts import Colour
 from hardcore.sentinel.witnesses import process_state
 from hardcore.sentinel.witnesses.process_state import ProcessFacts, ProcessState, Sleep

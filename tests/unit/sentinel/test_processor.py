@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from hardcore.model.observations import ProcessSample, ThreadSample
+from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.recorder import Beats
 from hardcore.sentinel.witnesses import processor as witness
 from hardcore.sentinel.witnesses.processor import Processor, ProcessorFacts

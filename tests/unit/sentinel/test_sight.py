@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from hardcore.model.observations import DiskFacts, Probed, Sampled, Surveyed, ThreadSample
+from hardcore.model.looks import DiskFacts, ThreadSample
+from hardcore.model.observations import Probed, Sampled, Surveyed
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Verdict
 from hardcore.sentinel.verdict import Bench
 from tests.unit.sentinel import traces

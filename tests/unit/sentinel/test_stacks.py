@@ -1,6 +1,7 @@
 import pytest
 
-from hardcore.model.observations import StackFrame, StacksSampled, ThreadStack
+from hardcore.model.looks import StackFrame, ThreadStack
+from hardcore.model.observations import StacksSampled
 from hardcore.model.verdicts import Colour
 from hardcore.sentinel.witnesses import stacks as witness
 from hardcore.sentinel.witnesses.stacks import StackFacts, Stacks, find_cycle

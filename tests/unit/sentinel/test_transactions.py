@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from hardcore.model.observations import ThreadSample
+from hardcore.model.looks import ThreadSample
 from hardcore.model.recorder import CommandNote
 from hardcore.sentinel.seen_time import SeenTime
 from hardcore.sentinel.witnesses import transactions as witness

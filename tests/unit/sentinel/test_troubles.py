@@ -5,7 +5,8 @@ from typing import Any
 
 import pytest
 
-from hardcore.model.observations import DiskFacts, LockHolder, StoreFault, StoreLooked, StoreTold, Surveyed
+from hardcore.model.looks import DiskFacts, LockHolder
+from hardcore.model.observations import StoreFault, StoreLooked, StoreTold, Surveyed
 from hardcore.model.recorder import SlotStage
 from hardcore.model.verdicts import Colour, Diagnosis, Grade
 from tests.unit.sentinel import traces

@@ -2,7 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from hardcore.model.observations import Sampled, ThreadSample
+from hardcore.model.looks import ThreadSample
+from hardcore.model.observations import Sampled
 from hardcore.model.recorder import SlotStage
 from hardcore.model.verdicts import GREEN, Colour, Diagnosis, Grade
 from hardcore.sentinel.verdict import Bench

@@ -1,6 +1,7 @@
 """Witnesses that are never part of a red verdict's reason: conduct, memory, resources; and collections."""
 
-from hardcore.model.observations import Conduct, ProcessSample, Surveyed
+from hardcore.model.looks import Conduct, ProcessSample
+from hardcore.model.observations import Surveyed
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Verdict
 from hardcore.sentinel.lasting import Lasting

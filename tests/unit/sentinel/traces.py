@@ -4,16 +4,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
+from hardcore.model.clocks import Clocks
+from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.observations import (
-    Clocks,
     Probed,
-    ProcessSample,
     Sampled,
     StacksSampled,
     StoreLooked,
     StoreTold,
     Surveyed,
-    ThreadSample,
 )
 from hardcore.model.recorder import Beats, CommandNote, LifeState, SlotStage, Threads, Witness
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Verdict
