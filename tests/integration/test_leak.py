@@ -1,13 +1,13 @@
-"""A core that leaks is told of before its limit and changed for another in a quiet moment; nobody notices."""
+"""What shows slowly ends nobody: a core that leaks is changed for another, a part that stands still is begun anew."""
 
-import asyncio
 import json
-import os
-from pathlib import Path
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
-from hardcore.host import core_control
-from tests.integration.house import WITH_SPARE, House, whole
-from tests.integration.houses import MakeHouse
+import pytest
+
+from tests.integration.house import WITH_SPARE, House
 
 #: Hours in seconds: a stretch of a second, a horizon of a minute.
 QUICK = {
@@ -17,36 +17,58 @@ QUICK = {
     "forecast_horizon_sec": 60,
     "memory_limit_mb": 400,
 }
-ANSWER_S = 10.0
 
 
-def test_a_core_that_leaks_is_changed_for_another_before_its_limit_and_no_request_fails(
-    new_house: MakeHouse,
-) -> None:
-    house = new_house(**WITH_SPARE, **QUICK).up()
-    house.open_accounts()
+@pytest.fixture(scope="module")
+def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    """The house of this module; the part that stands still comes first, because it changes no core."""
+    house = House(tmp_path_factory.mktemp("slow") / "data", {**WITH_SPARE, **QUICK})
+    try:
+        house.up()
+        house.open_accounts()
+        yield house
+    finally:
+        house.end()
+
+
+def drilled(house: House, *words: str) -> Any:
+    done = house.cli("drill", *words, "--yes", "--json")
+    assert done.code == 0, done
+    return json.loads(done.out)["story"]
+
+
+def test_a_part_that_stands_still_is_begun_anew_alone_and_its_drill_counts_on_nothing(house: House) -> None:
     before = house.spared()["core"]
-    _leak(house, 8)
-    statuses = [house.book(f"beside-{one}").status for one in range(20)]
-    house.until(lambda s: s["forecasts"] and s["forecasts"][0]["resource"] == "memory", "a forecast")
-    story = whole(house, 1)
+    story = drilled(house, "stall", "notifier")
+    after = house.running()
+    assert after["core"]["pid"] == before["pid"]
+    assert after["budget"]["used"] == 0
+    assert (story["diagnosis"], story["outcome"], story["drill"]) == (
+        "COMPONENT_STALLED",
+        "recovered",
+        "stall",
+    )
+    assert house.book("after-the-stall").status == 201
+
+
+def test_a_core_that_leaks_is_changed_for_another_before_its_limit_and_no_request_fails(house: House) -> None:
+    before = house.spared()["core"]
+    count = len(house.booked())
+    with ThreadPoolExecutor(1) as beside:
+        drill = beside.submit(drilled, house, "leak", "--seconds", "60")
+        statuses = [house.book(f"beside-{one}").status for one in range(20)]
+        story = drill.result()
     after = house.running()["core"]
     assert after["pid"] != before["pid"]
     assert after["epoch"] == before["epoch"] + 1
     assert after["rss_bytes"] < QUICK["memory_limit_mb"] << 20
     statuses += [house.book(f"after-{one}").status for one in range(5)]
     assert statuses == [201] * 25
-    assert len(house.booked()) == len(set(house.booked())) == 25
-    assert (story["diagnosis"], story["planned"], story["outcome"]) == ("LEAK", True, "recovered")
-    assert any("MiB" in one["text"] for one in story["evidence"]), story["evidence"]
-
-
-def _leak(house: House, mb_per_s: int) -> None:
-    """Have the core that serves take so much a second and keep it."""
-    generation = json.loads((house.folders.run / "generation").read_text("utf-8"))["generation"]
-    around = Path(f"/proc/{house.status()['core']['pid']}/environ").read_bytes().split(b"\0")
-    (control,) = (
-        os.fsdecode(one.partition(b"=")[2]) for one in around if one.startswith(b"HARDCORE_CONTROL=")
+    assert len(house.booked()) == len(set(house.booked())) == count + 25
+    assert (story["diagnosis"], story["planned"], story["outcome"], story["drill"]) == (
+        "LEAK",
+        True,
+        "recovered",
+        "leak",
     )
-    order = {"verb": "drill", "fault": "leak", "mb_per_s": mb_per_s, "seconds": 120, "generation": generation}
-    assert asyncio.run(core_control.give(Path(control), order, ANSWER_S)) == ""
+    assert any("MiB" in one["text"] for one in story["evidence"]), story["evidence"]

@@ -14,7 +14,7 @@ from hardcore.model.recorder import (
     Witness,
 )
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery.drill import DRILL_GRACE_NS
+from hardcore.recovery.drill import DRILL_GRACE_NS, PendingDrill
 from hardcore.recovery.policy import Policy, Word
 from tests.unit.recovery.play import MS, PROOF, Play, S, a_page, deciding, kinds
 
@@ -225,6 +225,22 @@ def test_a_drill_without_effect_excuses_no_later_death() -> None:
     play.tell(seen.DrillStarted(play.now_ns, "crash", play.life))
     play.now_ns += DRILL_GRACE_NS + 1
     assert "KeepBudget" in kinds(play.die())
+
+
+@pytest.mark.parametrize("fault", ["leak", "stall"])
+def test_a_drill_that_shows_slowly_excuses_nothing_but_what_it_leads_to(fault: str) -> None:
+    play = Play().begin().running()
+    play.tell(seen.DrillStarted(play.now_ns, fault, play.life))
+    assert "KeepBudget" in kinds(play.die())
+
+
+def test_a_drill_that_shows_slowly_is_waited_for_and_its_effect_is_its_own_once() -> None:
+    pending = PendingDrill()
+    pending.start(seen.DrillStarted(0, "leak", 1))
+    late_ns = DRILL_GRACE_NS * 10
+    assert pending.take(Diagnosis.CRASHED, late_ns) is None
+    assert pending.explains(Diagnosis.LEAK, late_ns)
+    assert [pending.take(Diagnosis.LEAK, late_ns) for _ in range(2)] == ["leak", None]
 
 
 def test_a_drill_is_one_lifes() -> None:
