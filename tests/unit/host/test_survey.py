@@ -38,9 +38,11 @@ def facts() -> "queue.SimpleQueue[Surveyed]":
 
 
 @pytest.fixture
-def survey(tmp_path: Path, facts: "queue.SimpleQueue[Surveyed]") -> Iterator[Survey]:
+def survey(tmp_path: Path, life: Life, facts: "queue.SimpleQueue[Surveyed]") -> Iterator[Survey]:
+    """Give a survey that watches `life`, and ends before it: nobody looks by a number that was given back."""
     troubles: list[str] = []
     made = Survey(tmp_path, tmp_path, NEVER_S, facts.put, troubles.append)
+    made.watch(life)
     yield made
     assert made.close(WAIT_S)
     assert troubles == []
@@ -49,10 +51,9 @@ def survey(tmp_path: Path, facts: "queue.SimpleQueue[Surveyed]") -> Iterator[Sur
 def test_a_life_is_surveyed_under_its_number_with_disk_and_conduct(
     survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]"
 ) -> None:
-    survey.watch(life)
     survey.begin()
     told = facts.get(timeout=WAIT_S)
-    assert told.life == 7
+    assert told.life == life.number
     assert told.disk is not None
     assert told.disk.free_bytes > 0
     assert told.disk.size_bytes >= told.disk.free_bytes
@@ -64,9 +65,8 @@ def test_a_life_is_surveyed_under_its_number_with_disk_and_conduct(
 
 
 def test_who_asks_need_not_wait_for_the_next_round(
-    survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]"
+    survey: Survey, facts: "queue.SimpleQueue[Surveyed]"
 ) -> None:
-    survey.watch(life)
     survey.begin()
     facts.get(timeout=WAIT_S)
     survey.ask()
@@ -79,7 +79,6 @@ def test_of_a_core_that_is_gone_the_disk_alone_is_told(
     assert life.handle is not None
     life.handle.kill_tree()
     os.waitpid(life.handle.pid, 0)
-    survey.watch(life)
     survey.begin()
     told = facts.get(timeout=WAIT_S)
     assert told.conduct is None
@@ -87,7 +86,7 @@ def test_of_a_core_that_is_gone_the_disk_alone_is_told(
 
 
 def test_a_disk_that_hangs_keeps_nobody_from_hearing_of_the_rest_and_is_told_by_its_length(
-    survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]", monkeypatch: pytest.MonkeyPatch
+    survey: Survey, facts: "queue.SimpleQueue[Surveyed]", monkeypatch: pytest.MonkeyPatch
 ) -> None:
     let_go = threading.Event()
 
@@ -96,7 +95,6 @@ def test_a_disk_that_hangs_keeps_nobody_from_hearing_of_the_rest_and_is_told_by_
         return ""
 
     monkeypatch.setattr(disk, "write_once", hang)
-    survey.watch(life)
     survey.begin()
 
     def stalled() -> bool:
@@ -112,7 +110,7 @@ def test_a_disk_that_hangs_keeps_nobody_from_hearing_of_the_rest_and_is_told_by_
 
 
 def test_a_write_that_was_under_way_is_told_when_it_is_back_however_rarely_we_survey(
-    survey: Survey, life: Life, facts: "queue.SimpleQueue[Surveyed]", monkeypatch: pytest.MonkeyPatch
+    survey: Survey, facts: "queue.SimpleQueue[Surveyed]", monkeypatch: pytest.MonkeyPatch
 ) -> None:
     let_go = threading.Event()
 
@@ -121,7 +119,6 @@ def test_a_write_that_was_under_way_is_told_when_it_is_back_however_rarely_we_su
         return ""
 
     monkeypatch.setattr(disk, "write_once", hang)
-    survey.watch(life)
     survey.begin()
 
     def told() -> DiskFacts:
