@@ -22,6 +22,7 @@ from bench import (
     culprits,
     dashboard,
     deaths,
+    doors,
     faults,
     forecasts,
     gateway_lost,
@@ -116,6 +117,11 @@ PARTS: dict[str, Part] = {
         "the guard itself is lost, until it is watched again",
         lambda folder: watchers.measure(folder, kills=20, alone=5, stops=3),
         lambda folder: watchers.measure(folder, kills=1, alone=1, stops=1),
+    ),
+    "doors": Part(
+        "how soon a monitor is answered while everything else goes wrong",
+        lambda folder: doors.measure(folder, asks=200, half_open=1000),
+        lambda folder: doors.measure(folder, asks=5, half_open=100),
     ),
     "dashboard": Part(
         "each page of the dashboard, with all that is ever kept",

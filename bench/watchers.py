@@ -2,7 +2,8 @@
 
 It is watched again when the next sentinel's own page shows the first beat of the loop that decides: from then on a core
 that dies is seen. Three ways: the launcher starts it, the agents in gateway and core do because there is no launcher, and
-the agents end one that stands still. Meanwhile a client asks all the time; it may not notice, and the core stays.
+the agents end one that stands still. Each loss is to be the first: a sentinel that lived for a moment only is followed after a pause, and the
+agents act a few times in a minute only. Meanwhile a client asks all the time; it may not notice, and the core stays.
 """
 
 import os
@@ -19,6 +20,7 @@ from bench.instance import ONE_ACCOUNT, Watched, fill
 from examples.guarded import GuardError, Held
 from examples.line import Line
 from hardcore.host.sentinel_page import SentinelBeat, read_page
+from hardcore.launcher import SHORT_LIFE_S
 
 NS_PER_MS = 1e6
 WATCHED_MS_MAX = 1000
@@ -64,6 +66,7 @@ def _unwatched_ms(instance: Watched, number: signal.Signals) -> float:
     instance.quiet()
     before = _page(instance)
     assert before is not None, "one that answers at its door has a page"
+    time.sleep(max(0.0, SHORT_LIFE_S - (time.monotonic_ns() - before.began_ns) / 1e9))
     sentinel = _hold(before.pid)
     hit_ns = sentinel.hit(number)
     sentinel.let_go()

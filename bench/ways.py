@@ -117,8 +117,8 @@ def worker(folder: Path, core: Path) -> Iterator[int]:
 
 
 @asynccontextmanager
-async def gateway(folder: Path, core: Path, epoch: int) -> AsyncIterator[int]:
-    """The gateway before the core; its port."""
+async def gateway(folder: Path, core: Path, epoch: int, **limits: int) -> AsyncIterator[int]:
+    """The gateway before the core, with limits that differ from its own; its port."""
     control = folder / f"control-{core.stem}.sock"
     served = asyncio.Event()
     lines = [
@@ -127,21 +127,28 @@ async def gateway(folder: Path, core: Path, epoch: int) -> AsyncIterator[int]:
         {"type": "phase", "generation": 1, "phase": "RUNNING", "state": "OPERATIONAL", "face": "FORWARD"},
     ]
 
+    over = asyncio.Event()
+    over.set()
+
     async def greet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        over.clear()
         writer.write(b"".join(json.dumps(line).encode() + b"\n" for line in lines))
         async for line in reader:
             if json.loads(line).get("type") == "served":
                 served.set()
         writer.close()
+        over.set()
 
     server = await asyncio.start_unix_server(greet, str(control))
     listener = socket.create_server(("127.0.0.1", 0), backlog=512)
     fd = listener.fileno()
     argv = [sys.executable, "-m", "hardcore.crisis", "--listen-fd", str(fd), "--control", str(control)]
+    environment = {**os.environ, "HARDCORE_LIMITS": json.dumps(limits)}
     try:
-        with process(argv, pass_fds=(fd,)):
+        with process(argv, pass_fds=(fd,), env=environment):
             await asyncio.wait_for(served.wait(), START_S)
             yield int(listener.getsockname()[1])
     finally:
         server.close()
         listener.close()
+        await over.wait()  # the gateway is gone, so its line is at its end
