@@ -39,7 +39,7 @@ def write_agents(folders: Folders, guard: Guard, policy: Policy) -> None:
     """Leave word for the agents under this policy. Raises OSError where the run folder takes none."""
     starter = str(Path(__file__).with_name("starter.py"))
     said = folders.run / "sentinel.out"  # in memory: a disk that hangs must not keep us from leaving word
-    logs.rotate(said)
+    logs.cut(said)
     argv = [sys.executable, "-I", "-S", starter, str(said)]
     argv += [sys.executable, "-I", "-m", "hardcore.runtime", "--data", str(folders.data)]
     argv += ["--listen-fd", _LISTENER, "--url", guard.url]

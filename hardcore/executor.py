@@ -84,7 +84,8 @@ class Executor:
         self._tell = tell
         self._publish = publish
         self._still_ours = still_ours
-        self._log = logs.LogThread(logs.LogFile(folders.logs / "sentinel.log", folders.run))
+        own = logs.LogFile(folders.logs / "sentinel.log", folders.run)
+        self._log = logs.LogThread(own, folders.logs_of_others())
         self.bounds = bounds
         self.listen_fd: int | None = None  # kept by each core for the guard that its agent may have to start
         self.tools = find_tools()
@@ -411,7 +412,7 @@ class Executor:
     async def _keep(self, order: orders.KeepBudget) -> None:
         await self._handover.calm()
         async with self._keeping:  # in their order: an older count must not be written over a newer one
-            await self.in_hand(deaths.write_deaths, self._folders, order.deaths_ns)
+            await self.in_hand(deaths.write_deaths, self._folders, order.deaths_ns, order.shut)
 
 
 def _said(error: BaseException) -> str:

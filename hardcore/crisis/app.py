@@ -14,7 +14,6 @@ import os
 import resource
 import signal
 import socket
-import sys
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -22,7 +21,7 @@ from pathlib import Path
 
 import uvloop
 
-from hardcore.crisis import agent
+from hardcore.crisis import agent, log_lines
 from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
 from hardcore.crisis.client import ClientConnection
@@ -208,7 +207,7 @@ def main(arguments: Sequence[str]) -> int:
     _allow_files()
     for deaf in (signal.SIGINT, signal.SIGHUP):
         signal.signal(deaf, signal.SIG_IGN)
-    logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="gateway: %(message)s")
+    log_lines.begin()
     options = _options(arguments)
     limits = limits_from(os.environ.get("HARDCORE_LIMITS", ""))
     if isinstance(limits, list):

@@ -68,6 +68,12 @@ class Folders:
         """Bounded logs."""
         return self.data / "logs"
 
+    def logs_of_others(self) -> tuple[Path, ...]:
+        """The logs that processes of ours append to by themselves, there and where they go while the disk refuses."""
+        names = ("core", "gateway", "postmortem", "drill", "alerts", "court")
+        places = (self.logs, self.run)
+        return (*(place / f"{name}.log" for place in places for name in names), self.run / "sentinel.out")
+
     @property
     def quarantine(self) -> Path:
         """What is set aside and which rules are in force; the guard alone writes it."""

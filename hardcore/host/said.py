@@ -33,6 +33,8 @@ class LogEnd:
         """Return the last thing said in one line, or an empty text if that is not to be had at once."""
         try:
             end = os.fstat(self._fd).st_size
+            if end < self._from:
+                self._from = 0  # it was cut since
             begin = max(self._from, end - TAIL_BYTES_MAX)
             tail = _read_now(self._fd, max(0, end - begin), begin)
         except OSError:

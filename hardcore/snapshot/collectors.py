@@ -10,6 +10,7 @@ import stat
 import time
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -194,16 +195,27 @@ def collect_log(subject: Subject, haul: Haul, until_ns: int) -> None:
 
 
 def _tail(path: Path) -> str:
+    end, begins_before = _end_of(path, LOG_BYTES_MAX)
+    if end is None:
+        return "(not a plain file)"
+    if not begins_before:
+        with suppress(OSError):  # none older, as long as it has never been cut
+            older, begins_before = _end_of(path.with_name(f"{path.name}.1"), LOG_BYTES_MAX - len(end))
+            end = (older or b"") + end
+    # The first line of a tail is cut somewhere, perhaps between a secret's name and its value.
+    lines = end.decode("utf-8", "replace").splitlines()[1 if begins_before else 0 :]
+    # Unfolded before it is masked: inside a JSON text no mask would know where a word begins.
+    return "\n".join(mask_line(one) for line in lines for one in unfolded(line))
+
+
+def _end_of(path: Path, count: int) -> tuple[bytes | None, bool]:
+    """Return the last `count` bytes of a file, and whether it begins before them; None: it is no plain file."""
     handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         info = os.fstat(handle)
         if not stat.S_ISREG(info.st_mode):
-            return "(not a plain file)"
-        start = max(0, info.st_size - LOG_BYTES_MAX)
-        text = os.pread(handle, LOG_BYTES_MAX, start).decode("utf-8", "replace")
+            return None, False
+        start = max(0, info.st_size - count)
+        return os.pread(handle, count, start), start > 0
     finally:
         os.close(handle)
-    # The first line of a tail is cut somewhere, perhaps between a secret's name and its value.
-    lines = text.splitlines()[1:] if start else text.splitlines()
-    # Unfolded before it is masked: inside a JSON text no mask would know where a word begins.
-    return "\n".join(mask_line(one) for line in lines for one in unfolded(line))
