@@ -3,17 +3,18 @@
 Every command asks the running sentinel or reads the files it leaves; none does anything behind its back. What
 is printed is for a person, or with `--json` for a program; a refusal is one sentence with the next step, and
 never a traceback. Exit codes: 0 fine, 1 failed, 2 usage, 3 on the way, 4 needs a person.
+
+Here are the words of every day; each of the others has a room of its own, which is loaded when its word is said: a person
+and a test wait for what they asked, and not for all that could be asked.
 """
 
 import contextlib
-import json
+import importlib
 import os
-import subprocess
 import sys
 import time
-import urllib.request
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 import click
 
@@ -21,33 +22,55 @@ from frontend.catalogue import text
 from frontend.catalogue_operator import operator_text
 from hardcore import __version__, standing
 from hardcore import up as starting
-from hardcore.alert_words import alerts
 from hardcore.asked import WAIT_S as STOP_S
 from hardcore.asked import Asked, come_back, is_held, next_words, operator, options, status_of, until
 from hardcore.crisis.history import estimate_score
-from hardcore.drilling import drill
-from hardcore.examination import doctor
 from hardcore.host import leftovers
 from hardcore.host.files import read_json, take_lock
 from hardcore.host.folders import Folders
-from hardcore.letter_words import dlq
-from hardcore.log_words import logs
-from hardcore.looking_back import incidents, replay
 from hardcore.model.phases import Wanted
-from hardcore.policy_words import policy
-from hardcore.reading_only import safe_mode
-from hardcore.restarting import restart
-from hardcore.service_words import service
-from hardcore.snapshot_words import snapshot
 from hardcore.status_page import PROVEN, printed_status
 from hardcore.up import held
 
 STATE_CODES = {"OPERATIONAL": 0, "STARTING": 3, "DEGRADED": 3, "RECOVERY": 3, "SAFE_MODE": 3}
 NEEDS_A_PERSON = 4
-VERIFY_TIMEOUT_S = 600.0
+
+#: Words with a room of their own, and the name there.
+ELSEWHERE: Final = {
+    "alerts": ("hardcore.alert_words", "alerts"),
+    "dlq": ("hardcore.letter_words", "dlq"),
+    "doctor": ("hardcore.examination", "doctor"),
+    "drill": ("hardcore.drilling", "drill"),
+    "incidents": ("hardcore.looking_back", "incidents"),
+    "logs": ("hardcore.log_words", "logs"),
+    "policy": ("hardcore.policy_words", "policy"),
+    "replay": ("hardcore.looking_back", "replay"),
+    "restart": ("hardcore.restarting", "restart"),
+    "safe-mode": ("hardcore.reading_only", "safe_mode"),
+    "service": ("hardcore.service_words", "service"),
+    "snapshot": ("hardcore.snapshot_words", "snapshot"),
+    "verify": ("hardcore.verifying", "verify"),
+}
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class Words(click.Group):
+    """All words: those of this file, and those elsewhere."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all."""
+        return sorted({*super().list_commands(ctx), *ELSEWHERE})
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return the command of a name, loaded if it is elsewhere; None: there is none."""
+        if cmd_name not in ELSEWHERE:
+            return super().get_command(ctx, cmd_name)
+        room, name = ELSEWHERE[cmd_name]
+        command = getattr(importlib.import_module(room), name)
+        assert isinstance(command, click.Command), "the table names commands"
+        return command
+
+
+@click.group(cls=Words, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="hardcore")
 @options
 @click.pass_context
@@ -202,65 +225,6 @@ def resume(asked: Asked, *, accept_ledger: bool) -> None:
     if told["phase"] not in PROVEN:
         asked.fail(asked.words("not_back", next=next_words(told, asked.lang)))
     asked.tell({"ok": True, "phase": told["phase"]})
-
-
-@main.command()
-@click.option("--quick", is_flag=True, help="Only what came after the newest good checkpoint.")
-@operator
-def verify(asked: Asked, *, quick: bool) -> None:
-    """Prove the whole ledger: chain, sums, balances, keys. Works with everything stopped."""
-    told = (None if quick else _verify_served(asked)) or _verify_alone(asked, quick=quick)
-    asked.tell(told)
-    if told.get("ok"):
-        asked.say("verify_ok", events=told["events"])
-        return
-    if not asked.json:
-        reason = told.get("reason") or ""
-        click.echo(text("verify_bad", asked.lang, seq=told.get("first_bad_seq"), reason=reason), err=True)
-    sys.exit(1)
-
-
-def _verify_served(asked: Asked) -> dict[str, Any] | None:
-    """Ask the serving core; None if none serves."""
-    told = status_of(asked)
-    if not told["core"]["ready"] or not told["url"]:
-        return None
-    request = urllib.request.Request(f"{told['url']}/api/ledger/verify")  # noqa: S310  # our own loopback URL
-    try:
-        with urllib.request.urlopen(request, timeout=VERIFY_TIMEOUT_S) as answer:  # noqa: S310  # as above
-            found: dict[str, Any] = json.load(answer)
-            return found
-    except (OSError, ValueError):
-        return None
-
-
-def _verify_alone(asked: Asked, *, quick: bool) -> dict[str, Any]:
-    argv = [sys.executable, "-I", "-m", "core", "verify", "--data", str(asked.folders.data), "--json"]
-    argv += ["--quick"] if quick else []
-    done = subprocess.run(argv, capture_output=True, text=True, check=False)
-    try:
-        found: dict[str, Any] = json.loads(done.stdout)
-    except ValueError:
-        why = (done.stderr.strip().splitlines() or ["no answer"])[-1]
-        asked.fail(text("verify_failed", asked.lang, why=why))
-    return found
-
-
-for command in (
-    alerts,
-    incidents,
-    dlq,
-    replay,
-    drill,
-    doctor,
-    policy,
-    restart,
-    safe_mode,
-    logs,
-    snapshot,
-    service,
-):
-    main.add_command(command)
 
 
 if __name__ == "__main__":

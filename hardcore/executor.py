@@ -11,17 +11,17 @@ import functools
 import signal
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hardcore.bounds import Bounds
 from hardcore.clearing import Clearing
 from hardcore.court_room import CourtRoom
 from hardcore.endings import Endings
 from hardcore.handover import Handover
 from hardcore.host import clock, deaths, lives, logs, memory, processes
 from hardcore.host.folders import Folders
-from hardcore.host.lives import CoreLimits, Life, Terms
+from hardcore.host.lives import Life, Terms
 from hardcore.host.steps import Steps
 from hardcore.investigating import Investigators
 from hardcore.model import actions as orders
@@ -46,14 +46,6 @@ HALT_S = 1.0
 LOG_S = 1.0
 #: A core says WATCHDOG=1 at least twice in this time; its silence is judged by the recorder, not by this.
 WATCHDOG_USEC = 2_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class Bounds:
-    """The numbers of the policy that the hands need: what a core is told, and what a memory image may cost."""
-
-    core: CoreLimits
-    image: ImageLimits
 
 
 class Executor:

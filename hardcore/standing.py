@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardcore.executor import Bounds
+from hardcore.bounds import Bounds
 from hardcore.host import clock, files, leftovers
 from hardcore.host.folders import Folders
 from hardcore.host.ids import new_id

@@ -10,7 +10,8 @@ from typing import TypeVar
 import pytest
 
 from hardcore import endings
-from hardcore.executor import Bounds, Executor
+from hardcore.bounds import Bounds
+from hardcore.executor import Executor
 from hardcore.host.folders import Folders
 from hardcore.host.ids import new_id
 from hardcore.host.lives import CoreLimits, Life

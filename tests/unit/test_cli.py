@@ -1,13 +1,16 @@
 """The status as a person reads it: aligned in both languages, and never without an answer."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
+import click
 import pytest
 
 from frontend.catalogue import text
 from hardcore import quarantine_file, status
-from hardcore.cli import STATE_CODES
+from hardcore.cli import ELSEWHERE, STATE_CODES, main
 from hardcore.host.folders import Folders
 from hardcore.model import verdicts
 from hardcore.model.phases import HAState
@@ -42,6 +45,31 @@ def test_only_a_working_ledger_is_a_success() -> None:
         HAState.SAFE_MODE: 3,
         HAState.MANUAL_INTERVENTION: 4,
         HAState.SHUTDOWN: 4,
+    }
+
+
+def test_every_word_that_is_told_of_is_found_and_says_what_it_does() -> None:
+    with click.Context(main) as context:
+        words = {name: main.get_command(context, name) for name in main.list_commands(context)}
+        assert set(ELSEWHERE) <= set(words)
+        assert all(word is not None and word.name == name and word.help for name, word in words.items())
+        assert main.get_command(context, "no-such-word") is None
+
+
+def test_a_word_is_loaded_when_it_is_said_and_no_hands_with_it() -> None:
+    said = "import sys, hardcore.cli; print(*sys.modules)"
+    loaded = set(
+        subprocess.run(
+            [sys.executable, "-c", said], capture_output=True, text=True, check=True
+        ).stdout.split()
+    )
+    assert "hardcore.cli" in loaded
+    assert not loaded & {room for room, _name in ELSEWHERE.values()}
+    assert not loaded & {
+        "hardcore.executor",
+        "hardcore.recovery.failover",
+        "postmortem.cli",
+        "urllib.request",
     }
 
 
