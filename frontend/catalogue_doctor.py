@@ -67,6 +67,50 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
         "감시자가 있지만 대답하지 않아요. `hardcore up` 창을 확인하세요.",
         "The sentinel is there but does not answer. Look at the `hardcore up` window.",
     ),
+    "agents": (
+        "감시자가 사라지면 장부 서버와 관문이 새 감시자를 불러요.",
+        "Should the sentinel be lost, the core and the gateway bring another.",
+    ),
+    "agents_blind": (
+        "감시자가 사라져도 알 수 없어요. 없거나 맞지 않는 파일: {files}. `hardcore down` 뒤에 `hardcore up`을 해 주세요.",
+        "Should the sentinel be lost, nobody would know: {files} is missing or another's. Do `hardcore down`, then `hardcore up`.",
+    ),
+    "agents_forbidden": (
+        "감시자가 사라져도 런처만 새로 불러요 (정책의 SENTINEL_LOST에 REBOOT_PROCESS가 없어요).",
+        "Should the sentinel be lost, only the launcher brings another (SENTINEL_LOST has no REBOOT_PROCESS in the policy).",
+    ),
+    "alerts": (
+        "문제가 생기면 알릴 곳: {count}곳",
+        "Told of trouble: {count} (`hardcore alerts test` tries them)",
+    ),
+    "alerts_nobody": (
+        "문제가 생겨도 아무에게도 알리지 않아요 (정책의 alerts가 비어 있어요). docs/alerts.md 참고",
+        "Nobody is told of trouble (`alerts` in the policy is empty). See docs/alerts.md.",
+    ),
+    "alerts_failing": (
+        "마지막 알림이 가지 못했어요. 알림 번호: {channels}. `hardcore alerts test`로 확인하세요.",
+        "The last alert did not get through by channel {channels}. See `hardcore alerts test`.",
+    ),
+    "alerts_muted": (
+        "알림을 꺼 두었어요. 남은 시간: {minutes}분",
+        "Alerts are muted for {minutes} more minutes.",
+    ),
+    "checkpoints": (
+        "다시 켤 때 쓸 수 있는 장부 확인점: {count}개",
+        "Checkpoints of the ledger that a start may go by: {count}",
+    ),
+    "checkpoints_none": (
+        "장부 확인점이 아직 없어요. 거래가 쌓이면 저절로 생겨요.",
+        "There is no checkpoint of the ledger yet; they come by themselves once something is booked.",
+    ),
+    "own_files": (
+        "감시자의 기록 파일을 모두 읽을 수 있어요.",
+        "What the guard keeps for itself can be read.",
+    ),
+    "own_files_broken": (
+        "읽을 수 없는 기록 파일이 있어요: {files} ({path}). 감시자는 그 내용 없이 다시 시작해요. 원인이 디스크인지 확인하세요.",
+        "Not readable in {path}: {files}. The guard goes on without what stood there. Check the disk.",
+    ),
     "spare_waits": (
         "예비 서버가 기다리고 있어요 (pid {pid}).",
         "A spare core waits (pid {pid}).",

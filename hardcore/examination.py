@@ -9,6 +9,7 @@ guard does works without what is only worth knowing; a `bad` is what would lose 
 import os
 import resource
 import sys
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ import click
 from frontend.catalogue_doctor import doctor_text
 from hardcore import standing
 from hardcore.asked import Asked, ask_policy, is_held, operator, status_of
-from hardcore.host import capability, clock, disk, files, memory
+from hardcore.host import capability, clock, disk, files, memory, muting
 from hardcore.host.folders import Folders
 from hardcore.lines import wrapped
 from hardcore.model.verdicts import Colour
@@ -31,6 +32,8 @@ FREE_BYTES_GOOD = 1 << 30
 FILES_MIN = 1024
 MB = 1 << 20
 DUMP_MS = 1000
+#: None of the guard's own small files is larger.
+OWN_FILE_BYTES_MAX = 4 << 20
 #: File systems that live in memory: what lies there is gone when the machine is switched off.
 _IN_MEMORY = frozenset({"tmpfs", "ramfs"})
 #: File systems on which SQLite's locks can't be trusted.
@@ -89,6 +92,9 @@ def examine(folders: Folders) -> list[Finding]:
         _policy,
         _guard,
         _spare,
+        _alerts,
+        _checkpoints,
+        _own_files,
         _evidence,
         _limits,
     )
@@ -165,6 +171,22 @@ def _guard(folders: Folders) -> Iterable[Finding]:
     yield _found("guard", Colour.GREEN, "guard", state=told["state"], pid=told["sentinel"]["pid"])
     if told["start_fault"]:
         yield _found("core", Colour.RED, "core_unstartable", why=told["start_fault"])
+    yield _watched(folders, told["sentinel"]["pid"])
+
+
+def _watched(folders: Folders, pid: int) -> Finding:
+    """Say whether the sentinel itself would be missed: its agents go by what it has left word of, and by its page."""
+    word = files.read_json(folders.agents, OWN_FILE_BYTES_MAX)
+    who = word.get("sentinel")
+    pages = (folders.sentinel_page, folders.gateway_page)
+    lacking = [page.name for page in pages if not page.is_file()]
+    if not isinstance(who, dict) or who.get("pid") != pid:
+        lacking.append(folders.agents.name)
+    if lacking:
+        return _found("agents", Colour.YELLOW, "agents_blind", files=", ".join(lacking))
+    if word.get("sentinel_lost") is not True:
+        return _found("agents", Colour.YELLOW, "agents_forbidden")
+    return _found("agents", Colour.GREEN, "agents")
 
 
 def _spare(folders: Folders) -> Iterable[Finding]:
@@ -187,6 +209,49 @@ def _spare(folders: Folders) -> Iterable[Finding]:
     room = free >= policy.spare_memory_mb * MB
     text, colour = ("spare_room", Colour.GREEN) if room else ("spare_little", Colour.YELLOW)
     yield _found("spare", colour, text, free_mb=free // MB, floor_mb=policy.spare_memory_mb)
+
+
+def _alerts(folders: Folders) -> Iterable[Finding]:
+    """Say whether anybody would be told: whom the policy names, how it went last, and whether it is muted."""
+    policy = standing.policy_at_next_start(folders).policy
+    if not policy.alerts:
+        yield _found("alerts", Colour.YELLOW, "alerts_nobody")
+        return
+    until_ms = muting.muted_until_ms(folders)
+    if until_ms > time.time() * 1000:
+        yield _found("alerts muted", Colour.YELLOW, "alerts_muted", minutes=_minutes_until(until_ms))
+    told = files.read_json(folders.alerts, OWN_FILE_BYTES_MAX).get("channels")
+    channels = [one for one in told if isinstance(one, dict)] if isinstance(told, list) else []
+    failing = [str(one.get("number")) for one in channels if one.get("ok") is False]
+    if failing:
+        yield _found("alerts", Colour.YELLOW, "alerts_failing", channels=", ".join(failing))
+    else:
+        yield _found("alerts", Colour.GREEN, "alerts", count=len(policy.alerts))
+
+
+def _minutes_until(until_ms: int) -> int:
+    return max(1, round((until_ms - time.time() * 1000) / 60_000))
+
+
+def _checkpoints(folders: Folders) -> Iterable[Finding]:
+    """Count the checkpoints that a start may go by. Whether one is whole is judged by whoever uses it."""
+    count = sum(1 for _ in folders.checkpoints.glob("*.json"))
+    yield _found("checkpoints", Colour.GREEN, "checkpoints" if count else "checkpoints_none", count=count)
+
+
+def _own_files(folders: Folders) -> Iterable[Finding]:
+    """Find what the guard keeps for itself and could not read at its next start: it would begin anew without a word."""
+    kept = (
+        *(folders.history, folders.counters, folders.alerts, folders.refused_paths, folders.calendar),
+        *(folders.state / name for name in ("wanted.json", "alerts_muted.json", "recoveries.json")),
+    )
+    broken = [one.name for one in kept if one.exists() and not files.read_json(one, OWN_FILE_BYTES_MAX)]
+    if broken:
+        yield _found(
+            "own files", Colour.YELLOW, "own_files_broken", files=", ".join(broken), path=folders.state
+        )
+    else:
+        yield _found("own files", Colour.GREEN, "own_files")
 
 
 def _evidence(folders: Folders) -> Iterable[Finding]:

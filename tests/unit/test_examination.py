@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from hardcore.examination import Finding, examine
+from hardcore.examination import Finding, _watched, examine
+from hardcore.host import muting
 from hardcore.host.folders import Folders
 from hardcore.model.verdicts import Colour
 
@@ -47,3 +48,47 @@ def test_whether_a_spare_can_be_kept_is_known_before_it_is_needed(
     (tmp_path / "failover_policy.json").write_text(policy)
     spare = _findings(tmp_path)["spare"]
     assert (spare.colour, spare.text) == (colour, text)
+
+
+def _told(tmp_path: Path) -> Folders:
+    channel = '{"kind": "ntfy", "url": "https://ntfy.example.org/a-household"}'
+    (tmp_path / "failover_policy.json").write_text(f'{{"alerts": [{channel}]}}')
+    folders = Folders(tmp_path, tmp_path / "run")
+    folders.state.mkdir()
+    return folders
+
+
+def test_whether_anybody_would_be_told_is_known_before_it_is_needed(tmp_path: Path) -> None:
+    assert _findings(tmp_path)["alerts"].text == "alerts_nobody"
+    folders = _told(tmp_path)
+    assert _findings(tmp_path)["alerts"].text == "alerts"
+    folders.alerts.write_text('{"channels": [{"number": 1, "ok": false}]}')
+    assert _findings(tmp_path)["alerts"].text == "alerts_failing"
+
+
+def test_alerts_that_are_muted_are_worth_knowing(tmp_path: Path) -> None:
+    folders = _told(tmp_path)
+    assert "alerts muted" not in _findings(tmp_path)
+    muting.mute(folders, 600)
+    assert dict(_findings(tmp_path)["alerts muted"].values) == {"minutes": 10}
+
+
+def test_a_file_of_the_guards_own_that_can_not_be_read_is_named(tmp_path: Path) -> None:
+    folders = _told(tmp_path)
+    assert _findings(tmp_path)["own files"].colour is Colour.GREEN
+    folders.counters.write_text("{")
+    folders.history.write_text('{"version": 1, "changes": []}')
+    assert dict(_findings(tmp_path)["own files"].values)["files"] == "counters.json"
+
+
+def test_who_would_miss_the_sentinel_is_known_before_it_is_lost(tmp_path: Path) -> None:
+    folders = Folders(tmp_path, tmp_path / "run")
+    folders.run.mkdir()
+    assert _watched(folders, 7).text == "agents_blind"
+    for page in (folders.sentinel_page, folders.gateway_page):
+        page.write_bytes(b"")
+    folders.agents.write_text('{"sentinel": {"pid": 7}, "sentinel_lost": true}')
+    assert _watched(folders, 7).text == "agents"
+    assert dict(_watched(folders, 8).values) == {"files": "agents.json"}
+    folders.agents.write_text('{"sentinel": {"pid": 7}, "sentinel_lost": false}')
+    assert _watched(folders, 7).text == "agents_forbidden"
