@@ -67,7 +67,7 @@ def _keep_safe(c: Course, now_ns: int, why: str) -> None:
         return  # nothing runs, or will
     c.wanted, c.safety.held, c.why = Wanted.SAFE, True, why
     if c.phase in phases.SERVING:
-        heed(c, c.safety.hold(now_ns), now_ns, asked=True)
+        heed(c, c.safety.want(now_ns, reads_only=True), now_ns, asked=True)
 
 
 def _keep_safe_no_more(c: Course, now_ns: int, why: str) -> None:
@@ -75,7 +75,7 @@ def _keep_safe_no_more(c: Course, now_ns: int, why: str) -> None:
         return
     c.wanted, c.safety.held, c.why = Wanted.UP, False, why
     if c.phase in phases.SERVING:
-        heed(c, c.safety.release(now_ns), now_ns, asked=True)
+        heed(c, c.safety.want(now_ns, reads_only=False), now_ns, asked=True)
     elif c.awaits is not None:
         readiness.serve(c, c.awaits, now_ns)
 

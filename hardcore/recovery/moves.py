@@ -31,7 +31,7 @@ from hardcore.recovery.curiosity import Curiosity
 from hardcore.recovery.policy import Word
 from hardcore.recovery.reading import Transition
 from hardcore.recovery.repair import Repair
-from hardcore.recovery.safety import Deed
+from hardcore.recovery.safety import RETRY_NS_MAX, Deed
 from hardcore.recovery.spare import Behind, SpareState
 from hardcore.recovery.suspicion import Growth
 from hardcore.recovery.telling import BOOTING, order
@@ -84,7 +84,7 @@ def heed(c: Course, deed: Deed, now_ns: int, *, asked: bool = False) -> None:
         case Deed.LOOK:
             order(c, LookAtStore(c.life))
         case Deed.RENEW if mandate.watches_only(c) and not asked:
-            c.safety.postpone(now_ns)  # it would end a core
+            c.safety.due_ns = now_ns + RETRY_NS_MAX  # it would end a core: it is asked for again later
         case Deed.RENEW:
             c.trying, c.consent = reason, True
             fire(c, Trigger.RENEW, now_ns, f"{reason}: whether a core may write again is tried")
@@ -317,7 +317,8 @@ def _release_again(c: Course, now_ns: int) -> None:
     """Have requests go to the core, which is watched from now on; what is known of it stays known."""
     assert c.epoch is not None, "a core that is ready has said its epoch"
     if c.safety.held and not c.safety.on:
-        heed(c, c.safety.hold(now_ns), now_ns)  # it was asked for while the core was being drained
+        # It was asked for while the core was being drained.
+        heed(c, c.safety.want(now_ns, reads_only=True), now_ns)
     c.bench = Bench(plan.patience(c.policy))
     c.held_ns = None
     c.heard_ns = c.looked_ns = now_ns

@@ -97,7 +97,7 @@ def probed(c: Course, fact: seen.Probed) -> None:
 def surveyed(c: Course, fact: seen.Surveyed) -> None:
     """Take in what was looked at beside the watch."""
     if fact.disk is not None:
-        c.safety.surveyed(fact.disk)
+        c.safety.disk = fact.disk
 
 
 def lacking(c: Course, fact: seen.GatewayWitnessed) -> None:

@@ -63,10 +63,10 @@ class Deed(StrEnum):
 class Safety:
     """The switch of the present core. Times are monotonic; `due_ns` is when `ring` wants to be called.
 
-    `since_ns` is when the core last said which it is.
-    `reason` is why it serves reads only, `goal` why it was told to and `asked` why it last was. `locked` outlives a core: a ledger that is known
-    to be damaged is read only until the operator says `resume`, whichever core serves it. So does `held`: the operator
-    wants reads only.
+    `since_ns` is when the core last said which it is. `reason` is why it serves reads only, `goal` why it was told to
+    and `asked` why it last was. `locked` outlives a core: a ledger that is known to be damaged is read only until the
+    operator says `resume`, whichever core serves it. So does `held`: the operator wants reads only. `disk` is the
+    newest look at the disk while this core serves.
     """
 
     retry_ns: int
@@ -80,10 +80,10 @@ class Safety:
     due_ns: int | None = None
     asked: Diagnosis | None = None
     since_ns: int = 0
+    disk: DiskFacts | None = None
     _started: bool = False
     _wait_ns: int = 0
     _looking: bool = False
-    _disk: DiskFacts | None = None
 
     @property
     def on(self) -> bool:
@@ -100,11 +100,6 @@ class Safety:
         """Whether it serves reads only, or was told to, though nobody wanted that."""
         return self.on and self.goal is not BY_OPERATOR
 
-    @property
-    def disk(self) -> DiskFacts | None:
-        """The newest look at the disk while this core serves; None: there was none."""
-        return self._disk
-
     def begin(self, reason: Diagnosis | None, now_ns: int) -> Deed:
         """Another core serves; `reason`: it was started to read only, because of this. Return what has to be done."""
         self.leave()
@@ -112,38 +107,15 @@ class Safety:
         if reason is not None:
             self._started = True
             self._enter(reason, now_ns)
-        return self.hold(now_ns) if self.held else Deed.NOTHING
+        return self._hold(now_ns) if self.held else Deed.NOTHING
 
-    def hold(self, now_ns: int) -> Deed:
-        """The operator wants reads only until `release`."""
-        self.held = True
-        match self.mode:
-            case Mode.OFF:
-                self.goal = self.asked = BY_OPERATOR
-            case Mode.LEAVING:
-                self.asked = self.goal
-            case Mode.ON:
-                self._plan(now_ns)
-                return Deed.NOTHING
-            case Mode.ENTERING:
-                return Deed.NOTHING
-            case _:
-                assert_never(self.mode)
-        self.mode, self.due_ns = Mode.ENTERING, now_ns + ANSWER_NS
-        return Deed.ORDER_ON
+    def want(self, now_ns: int, *, reads_only: bool) -> Deed:
+        """The operator wants reads only until the opposite is said; or everything served again.
 
-    def release(self, now_ns: int) -> Deed:
-        """The operator wants everything served again. What else speaks against that goes on to do so."""
-        self.held = False
-        if self.mode is Mode.OFF or self.goal is not BY_OPERATOR:
-            if self.mode is Mode.ON:
-                self._plan(now_ns)
-            return Deed.NOTHING
-        if self.mode is Mode.ENTERING and self.reason is None:
-            self._left(now_ns)
-            self.asked = BY_OPERATOR
-            return Deed.ORDER_OFF
-        return self.try_to_write(now_ns)
+        What else speaks against that goes on to do so.
+        """
+        self.held = reads_only
+        return self._hold(now_ns) if reads_only else self._release(now_ns)
 
     def enter(self, reason: Diagnosis, now_ns: int) -> Deed:
         """Have the core serve reads only. A damaged ledger overrules the other reasons, and stays."""
@@ -200,10 +172,6 @@ class Safety:
         self._left(now_ns)
         return Deed.NOTHING
 
-    def surveyed(self, disk: DiskFacts) -> None:
-        """Take in the newest look at the disk."""
-        self._disk = disk
-
     def ring(self, now_ns: int, *, quiet: bool) -> Deed:
         """Return what has to be done at this moment, if the time for something has come.
 
@@ -248,18 +216,41 @@ class Safety:
         self.mode, self.due_ns = Mode.LEAVING, now_ns + ANSWER_NS
         return Deed.ORDER_OFF
 
-    def postpone(self, now_ns: int) -> None:
-        """Nobody may try now: it is asked for again later."""
-        self.due_ns = now_ns + RETRY_NS_MAX
-
     def leave(self) -> None:
         """The core serves everything again, or is gone."""
         self.mode, self.reason, self.goal = Mode.OFF, None, None
-        self.due_ns, self._started, self._disk, self._looking = None, False, None, False
+        self.due_ns, self._started, self.disk, self._looking = None, False, None, False
 
     def forget(self) -> None:
         """The trouble is over: the next one begins with the first pause."""
         self._wait_ns = 0
+
+    def _hold(self, now_ns: int) -> Deed:
+        match self.mode:
+            case Mode.OFF:
+                self.goal = self.asked = BY_OPERATOR
+            case Mode.LEAVING:
+                self.asked = self.goal
+            case Mode.ON:
+                self._plan(now_ns)
+                return Deed.NOTHING
+            case Mode.ENTERING:
+                return Deed.NOTHING
+            case _:
+                assert_never(self.mode)
+        self.mode, self.due_ns = Mode.ENTERING, now_ns + ANSWER_NS
+        return Deed.ORDER_ON
+
+    def _release(self, now_ns: int) -> Deed:
+        if self.mode is Mode.OFF or self.goal is not BY_OPERATOR:
+            if self.mode is Mode.ON:
+                self._plan(now_ns)
+            return Deed.NOTHING
+        if self.mode is Mode.ENTERING and self.reason is None:
+            self._left(now_ns)
+            self.asked = BY_OPERATOR
+            return Deed.ORDER_OFF
+        return self.try_to_write(now_ns)
 
     def _enter(self, reason: Diagnosis, now_ns: int) -> None:
         self.mode, self.reason, self.goal, self.since_ns = Mode.ON, reason, reason, now_ns
@@ -283,9 +274,8 @@ class Safety:
         return Deed.ORDER_ON
 
     def _plan(self, now_ns: int) -> None:
-        held = (
-            self.held and not self._started
-        )  # whoever was started to read only makes room for one that is told to
+        # Whoever was started to read only makes room for one that is told to.
+        held = self.held and not self._started
         again = self.goal in PASSING or self.goal is BY_OPERATOR
         self.due_ns = now_ns + self._wait_ns if again and not (self.locked or held) else None
 
@@ -297,7 +287,7 @@ class Safety:
         return Deed.ORDER_ON
 
     def _well(self) -> bool:
-        disk = self._disk
+        disk = self.disk
         if disk is None:
             return True
         slow = max(disk.write_ns or 0, disk.pending_ns) >= self.slow_ns

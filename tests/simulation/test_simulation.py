@@ -260,7 +260,7 @@ MUTANTS: dict[str, Mutation] = {
     "a mode keeps nobody from a start": _instead(mandate, "withheld", _always(value=False)),
     "a mode keeps nobody from a kill": _instead(mandate, "watches_only", _always(value=False)),
     "whoever is ready is sent clients": _serve_at_once,
-    "a new guard forgets that reads only are wanted": _instead(Safety, "hold", _always(Deed.NOTHING)),
+    "a new guard forgets that reads only are wanted": _instead(Safety, "_hold", _always(Deed.NOTHING)),
 }
 
 

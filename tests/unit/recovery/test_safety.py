@@ -160,10 +160,10 @@ def test_a_disk_that_is_the_reason_again_soon_is_not_tried_as_early_as_at_first(
 )
 def test_no_try_is_made_while_the_disk_is_seen_to_be_ill(disk: DiskFacts) -> None:
     switch = _on()
-    switch.surveyed(disk)
+    switch.disk = disk
     at_ns, deed = _ring(switch)
     assert deed is Deed.NOTHING
-    switch.surveyed(WELL)
+    switch.disk = WELL
     assert _ring(switch) == (at_ns + LOOK_AGAIN_NS, Deed.ORDER_OFF)
 
 
