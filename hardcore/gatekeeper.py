@@ -23,17 +23,18 @@ from pathlib import Path
 from typing import Any
 
 from hardcore.executor import Executor
-from hardcore.gateway_watch import GatewayWatch, Remains
-from hardcore.host import build, clock, files, leftovers, lives, logs, processes, refused_paths
+from hardcore.gateway_watch import GatewayWatch, Remains, end_of_orphan, remains_before
+from hardcore.host import build, clock, leftovers, lives, logs, processes, refused_paths
 from hardcore.host.first_answer import is_answered
 from hardcore.host.folders import Folders
-from hardcore.host.gateway_page import make_page
+from hardcore.host.gateway_page import make_page, set_aside
 from hardcore.host.processes import Handle, gone
 from hardcore.model.observations import Exit
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony, Verdict
 from hardcore.recovery.budget import NS_PER_S, Budget, backoff_ns
 from hardcore.recovery.plan import patience
 from hardcore.recovery.policy import Policy, Word
+from hardcore.sentinel.gateway_end import may_be_of_reading
 from hardcore.side_incident import Loss, SideIncident
 
 #: Deaths of the gateway in a minute that are answered without a pause.
@@ -47,8 +48,8 @@ DIALS_S = 2.0
 ANSWER_S = 5.0
 #: Counting what a gateway died over waits no longer for a disk: the next one is wanted.
 COUNTED_S = 0.5
-#: The launcher writes down how an orphan ended about as soon as we see that it did.
-STATUS_S, STATUS_LOOKS = 0.05, 10
+#: Between two questions to a new gateway that was not there for the first.
+ASK_AGAIN_S = 0.05
 _LISTENER = "--listen-fd"
 _LOST = Diagnosis.GATEWAY_LOST
 _MS = 1_000_000
@@ -80,18 +81,40 @@ class Gatekeeper:
         self._known = refused_paths.Deaths()
         self._tasks: set[asyncio.Task[None]] = set()
 
-    async def begin(self, older: Sequence[Handle]) -> None:
-        """Go on with a gateway that an earlier guard left, if it is as ours would be; else start one."""
+    async def begin(self, older: Sequence[Handle], *, lost: bool = False) -> None:
+        """Go on with a gateway that an earlier guard left, if it is as ours would be; else start one.
+
+        `lost`: the guard before was not told to end, so a gateway that is gone with it was lost as well.
+        """
         self._known = await self._executor.in_hand(refused_paths.read, self._folders.refused_paths)
         self._keep(self._watch_on())
         async with self._starting:
             kept = await self._chosen(older)
             if kept is not None:
                 self._hold(kept)
-        if kept is None:
-            await self.start()
-        else:
+        if kept is not None:
             await self._confirm(kept)
+            return
+        if lost and not older:
+            await self._tell_of_before()
+        await self.start()
+
+    async def _tell_of_before(self) -> None:
+        """Tell of a gateway that died while nobody watched, with the guard that had watched it."""
+        remains = await self._executor.in_hand(remains_before, self._folders.gateway_page)
+        if remains is None or remains.page is None:
+            return
+        pulse, now_ns = remains.page.pulse, clock.now_ns()
+        fault_ns = min(now_ns, max(pulse.loop_ns, pulse.thread_ns))
+        how = await end_of_orphan(self._folders.exits, remains.pid, fault_ns)
+        fact = Testimony(
+            "page", Colour.RED, "the gateway of the guard before is gone, and nobody watched it end"
+        )
+        loss = Loss(_LOST, Grade.CERTAIN, (fact,), fault_ns, now_ns)
+        self._story.open(loss, alerts=self._alerts(), text=f"The gateway has ended ({_ending(how)}).")
+        self._story.died(fault_ns, how)
+        refused = await self._reckon(remains, how, None)
+        self._executor.begin(self._keep_evidence(remains, how, fault_ns, refused))
 
     async def _chosen(self, older: Sequence[Handle]) -> Handle | None:
         kept: Handle | None = None
@@ -290,22 +313,40 @@ class Gatekeeper:
     async def _replace(self, remains: Remains, how: Exit, at_ns: int) -> None:
         """Tell of a death, count what it was over, start the next one."""
         verdict, self._killed = self._killed, None
-        ended = _ending(how)
+        drill, self._drill = self._drill, None
         if verdict is None:
-            fact = Testimony("pidfd", Colour.RED, f"the gateway's process ended: {ended}")
-            loss = Loss(_LOST, Grade.CERTAIN, (fact,), at_ns, at_ns, self._drill)
-            self._story.open(loss, alerts=self._alerts(), text=f"The gateway has ended ({ended}).")
-        self._drill = None
+            fact = Testimony("pidfd", Colour.RED, f"the gateway's process ended: {_ending(how)}")
+            loss = Loss(_LOST, Grade.CERTAIN, (fact,), at_ns, at_ns, drill)
+            self._story.open(loss, alerts=self._alerts(), text=f"The gateway has ended ({_ending(how)}).")
+        if how == Exit() and remains.parsing:
+            how = await end_of_orphan(self._folders.exits, remains.pid, at_ns)
         self._story.died(at_ns, how)
-        refused: tuple[str, ...] = ()
-        # Whoever was stopped from outside did not die over what it was reading.
-        if remains.parsing and (verdict is None or verdict.diagnosis is not Diagnosis.FROZEN):
-            refused = await self._count(remains.parsing)
-        self._again(ended)
-        if verdict is None and self.policy.asks(_LOST, Word.SNAPSHOT):
-            how = await self._told_by_launcher(remains.pid, at_ns) if how == Exit() else how
-            found = remains.files(at_ns, "died", how, refused)
-            await self._story.take(remains.pid, -1, self.policy.snapshot_budget_ms, living=False, found=found)
+        refused = await self._reckon(remains, how, verdict, drill=drill is not None)
+        self._again(_ending(how))
+        if verdict is None:
+            await self._keep_evidence(remains, how, at_ns, refused)
+
+    async def _keep_evidence(self, remains: Remains, how: Exit, at_ns: int, refused: tuple[str, ...]) -> None:
+        if not self.policy.asks(_LOST, Word.SNAPSHOT):
+            return
+        how = await end_of_orphan(self._folders.exits, remains.pid, at_ns) if how == Exit() else how
+        found = remains.files(at_ns, "died", how, refused)
+        await self._story.take(remains.pid, -1, self.policy.snapshot_budget_ms, living=False, found=found)
+
+    async def _reckon(
+        self, remains: Remains, how: Exit, verdict: Verdict | None, *, drill: bool = False
+    ) -> tuple[str, ...]:
+        """Count a death over what was being read, if that can have caused it; return what is refused for it from now on."""
+        with suppress(OSError):  # then a guard that begins meanwhile tells of it once more
+            await self._executor.in_hand(set_aside, self._folders.gateway_page)
+        guilty = may_be_of_reading(
+            how,
+            verdict.diagnosis if verdict is not None else None,
+            drill=drill,
+            oom_kills=remains.oom_kills,
+            grown_bytes=remains.grown_bytes,
+        )
+        return await self._count(remains.parsing) if guilty and remains.parsing else ()
 
     async def _count(self, parsing: frozenset[str]) -> tuple[str, ...]:
         """Count a death over these paths; return those of them that are refused from now on."""
@@ -321,17 +362,6 @@ class Gatekeeper:
             self._executor.note("gateway", refuses=list(refused))
         return refused
 
-    async def _told_by_launcher(self, pid: int, at_ns: int) -> Exit:
-        """Return how a gateway ended that is no child of ours; an empty one if nobody says."""
-        for _ in range(STATUS_LOOKS):
-            told = files.read_json(self._folders.exits / str(pid))
-            match told:
-                case {"status": int(status), "at_ns": int(when)} if when >= at_ns - NS_PER_S:
-                    return Exit(code=status) if status >= 0 else Exit(signal=-status)
-                case _:
-                    await asyncio.sleep(STATUS_S)
-        return Exit()
-
     async def _await_answer(self, handle: Handle) -> None:
         """Close the incident with the first answer of the new gateway."""
         while self.handle is handle and self._story.id is not None:
@@ -339,7 +369,7 @@ class Gatekeeper:
                 self._story.step("serving", clock.now_ns())
                 self._story.close(self._outcome(), clock.now_ns(), "The gateway serves again.")
             else:
-                await asyncio.sleep(STATUS_S)
+                await asyncio.sleep(ASK_AGAIN_S)
 
     def _await_operator(self, text: str) -> None:
         if not self._awaits:

@@ -4,23 +4,27 @@ The eyes of the gatekeeper: nothing is decided here and nobody is touched. A gat
 all the same; then only the kernel's word counts, and what that alone can show (`sentinel/gateway_verdict`).
 """
 
+import asyncio
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from hardcore.host import clock, memory, vitals
+from hardcore.host import clock, files, memory, processes, vitals
 from hardcore.host.gateway_page import FILE_BYTES, GatewayPageReader, decode
-from hardcore.host.processes import Handle
+from hardcore.host.processes import Handle, Identity
 from hardcore.model.gateway import GatewayPage, GatewayPulse
 from hardcore.model.looks import ProcessSample
 from hardcore.model.observations import Exit
 from hardcore.model.verdicts import Verdict
+from hardcore.recovery.budget import NS_PER_S
 from hardcore.sentinel.gateway_verdict import GatewayBench
 from hardcore.sentinel.patience import Patience
 from hardcore.snapshot.form import as_bytes
 
 #: Threads cost some reads each: only beats that are this late are worth them.
 STALE_NS = 250_000_000
+#: The launcher writes down how an orphan ended about as soon as we see that it did.
+STATUS_S, STATUS_LOOKS = 0.05, 10
 _MS = 1_000_000
 
 
@@ -34,6 +38,7 @@ class Remains:
     page: GatewayPage | None
     sample: ProcessSample | None
     oom_kills: int | None
+    grown_bytes: int = 0  # more memory than when we saw it first
 
     @property
     def parsing(self) -> frozenset[str]:
@@ -68,6 +73,32 @@ class Remains:
         return {"beats": asdict(self.page.pulse), "requests": requests}
 
 
+def remains_before(path: Path) -> Remains | None:
+    """Return what a gateway has left of which only its page is known; None: no page tells of one, or it lives."""
+    reader = GatewayPageReader(path)
+    raw = reader.raw()
+    reader.close()
+    page = decode(raw)
+    if page is None or not page.pulse.pid:
+        return None
+    living = processes.find(Identity(page.pulse.pid, page.pulse.start))
+    if living is not None:
+        living.close()
+        return None
+    return Remains(page.pulse.pid, page.pulse.start, raw, page, None, None)
+
+
+async def end_of_orphan(exits: Path, pid: int, since_ns: int) -> Exit:
+    """Return how a gateway ended that is no child of ours, as its launcher has written it; empty if nobody says."""
+    for _ in range(STATUS_LOOKS):
+        match files.read_json(exits / str(pid)):
+            case {"status": int(status), "at_ns": int(when)} if when >= since_ns - NS_PER_S:
+                return Exit(code=status) if status >= 0 else Exit(signal=-status)
+            case _:
+                await asyncio.sleep(STATUS_S)
+    return Exit()
+
+
 class GatewayWatch:
     """Looks at the gateway behind `handle`, whose page is at `path`. `due_ns`: from then on it has to beat."""
 
@@ -78,11 +109,13 @@ class GatewayWatch:
         self._bench = GatewayBench(patience, due_ns)
         self._oom = memory.oom_counter(handle.pid)
         self._sample: ProcessSample | None = None
+        self._first: ProcessSample | None = None
 
     def look(self) -> Verdict:
         """Return what is to be said of it now."""
         self.pulse = self._read()
         self._sample = self.handle.sample(self._wanted(clock.now_ns()))
+        self._first = self._first or self._sample
         at_ns, others = clock.together()
         return self._bench.judge(at_ns, self.pulse, self._sample, others)
 
@@ -99,7 +132,8 @@ class GatewayWatch:
         if page is not None and (page.pulse.pid, page.pulse.start) != (who.pid, who.start):
             page, raw = None, b""  # it ended before it had a page of its own
         oom_kills = self._oom.risen() if self._oom is not None else None
-        return Remains(who.pid, who.start, raw, page, self._sample, oom_kills)
+        grown_bytes = self._sample.rss_bytes - self._first.rss_bytes if self._sample and self._first else 0
+        return Remains(who.pid, who.start, raw, page, self._sample, oom_kills, grown_bytes)
 
     def close(self) -> None:
         """Give the page back."""

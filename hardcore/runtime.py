@@ -114,7 +114,8 @@ class Runtime:
         loop.add_reader(self.listener.fileno(), self.listener.hear)
         await self.control.start()
         self._begin()
-        self.executor.begin(self.gatekeeper.begin(self.setup.leftovers.gateways))
+        lost = self.setup.before.unwatched_ns is not None
+        self.executor.begin(self.gatekeeper.begin(self.setup.leftovers.gateways, lost=lost))
         self.executor.begin(self.senses.examine())
         self.executor.begin(self.executor.outbox.resume(self.url))
         self.senses.begin_survey(self.policy.survey_interval_ms / 1000)
@@ -135,7 +136,7 @@ class Runtime:
         await self.executor.finish()
         with suppress(OSError):  # everything is stopped; what can't be tidied up is left
             self.setup.folders.switch.unlink(missing_ok=True)
-            for word in (self.folders.sentinel_page, self.folders.agents):
+            for word in (self.folders.sentinel_page, self.folders.agents, self.folders.gateway_page):
                 word.unlink(missing_ok=True)  # nobody was lost, and nobody is to come
             lives.sweep(self.setup.folders, set(), keep=1)  # the last page is the next start's witness
         return 0

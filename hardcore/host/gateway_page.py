@@ -55,9 +55,14 @@ def make_page(path: Path) -> None:
         raise
     finally:
         os.close(fd)
+    set_aside(path)
+    made.replace(path)
+
+
+def set_aside(path: Path) -> None:
+    """Keep the page at `path`, if there is one, as that of the gateway before: its loss is told once."""
     with suppress(FileNotFoundError):
         path.replace(last_of(path))
-    made.replace(path)
 
 
 class GatewayPageReader:

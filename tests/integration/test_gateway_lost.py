@@ -8,6 +8,7 @@ import socket
 from typing import Any
 from urllib.parse import urlsplit
 
+from hardcore.host import refused_paths
 from postmortem import bundle
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import START_S, House, Victim, whole
@@ -93,10 +94,13 @@ def test_a_gateway_that_stands_still_is_ended_with_its_evidence_and_replaced(hou
     assert after["gateway"]["refused_paths"] == []
 
 
-def test_the_drill_of_a_gateways_death_is_kept(house: House) -> None:
+def test_the_drill_of_a_gateways_death_is_kept_and_no_path_is_suspect_of_it(house: House) -> None:
     core = house.status()["core"]["pid"]
-    done = house.cli("drill", "gateway", "--yes", "--json")
+    with contextlib.closing(half_sent(house, "POST /api/slow")):
+        done = house.cli("drill", "gateway", "--yes", "--json")
     assert done.code == 0, done
+    known = refused_paths.read(house.folders.refused_paths)
+    assert not any(named("POST", "/api/slow") in paths for _, paths in known.deaths)
     assert (done.told["story"]["diagnosis"], done.told["story"]["drill"]) == ("GATEWAY_LOST", "gateway")
     assert house.status()["core"]["pid"] == core
 
@@ -107,7 +111,7 @@ def test_a_path_that_two_gateways_died_over_is_refused_and_no_other(house: House
             contextlib.closing(half_sent(house, f"POST /api/poison{query}")),
             contextlib.closing(half_sent(house, f"GET {innocent}")),
         ):
-            another(house, house.hit("gateway"))
+            another(house, house.hit("gateway", signal.SIGSEGV))
     assert house.status()["gateway"]["refused_paths"] == [named("POST", "/api/poison")]
     refused = house.ask("POST", "/api/poison?c=3", {"other": "body"})
     assert (refused.status, refused.body["type"]) == (400, "/problems/refused-path")
@@ -118,6 +122,27 @@ def test_a_path_that_two_gateways_died_over_is_refused_and_no_other(house: House
     (newest, *_) = house.incidents()
     until((house.folders.incidents / newest["id"] / "report.md").exists, "the report", START_S)
     assert in_the_box(house, newest["id"])["refused_paths"] == [named("POST", "/api/poison")]
+
+
+def test_a_gateway_that_died_with_its_guard_is_told_of_by_the_next_one(house: House) -> None:
+    count = len(house.incidents())
+    core, gateway, sentinel = house.status()["core"]["pid"], house.hold("gateway"), house.hold("sentinel")
+    with contextlib.closing(half_sent(house, "POST /api/both")):
+        sentinel.hit(signal.SIGSTOP)  # it must not see it
+        gateway.hit(signal.SIGSEGV)
+        until(lambda: gateway.gone, "the gateway to be gone", START_S)
+        sentinel.hit(signal.SIGKILL)
+    house.until(lambda s: s["sentinel"]["pid"] != sentinel.pid, "another guard")
+    another(house, gateway)
+    until(lambda: len(house.incidents()) == count + 2, "both losses to be told of", START_S)
+    house.running()
+    stories = {one["diagnosis"]: one["id"] for one in house.incidents()[:2]}
+    assert set(stories) == {"GATEWAY_LOST", "SENTINEL_LOST"}
+    told = in_the_box(house, stories["GATEWAY_LOST"])
+    assert (told["pid"], told["ended"]) == (gateway.pid, "died")
+    known = refused_paths.read(house.folders.refused_paths)
+    assert named("POST", "/api/both") in known.deaths[-1][1]
+    assert house.status()["core"]["pid"] == core
 
 
 def test_a_gateway_that_a_policy_leaves_to_a_person_comes_back_on_his_word(new_house: MakeHouse) -> None:
