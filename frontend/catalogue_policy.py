@@ -127,6 +127,10 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "{safe_retry_ms} ms 뒤에 다시 써 보고, 안 되면 간격을 두 배씩 1분까지 늘려요 (safe_retry_ms).",
         "A try to write is made after {safe_retry_ms} ms, then at doubling pauses up to a minute (safe_retry_ms).",
     ),
+    "tries-slowly": _text(
+        "1분 뒤에 쓸 수 있는지 스스로 해 보고, 안 되면 간격을 두 배씩 {slow_retry_sec}초까지 늘려요 (slow_retry_sec).",
+        "A try to write is made after a minute, then at doubling pauses up to {slow_retry_sec} s (slow_retry_sec).",
+    ),
     "reads-until-resume": _text(
         "`hardcore resume`을 할 때까지 그대로 있어요.",
         "It stays so until `hardcore resume`.",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hardcore.host import clock, files
 from hardcore.host.folders import Folders
+from hardcore.model.verdicts import Diagnosis
 
 DEATHS_MAX = 1024
 
@@ -33,12 +34,19 @@ def read_deaths(folders: Folders, window_ns: int) -> tuple[int, ...]:
     return tuple(now_ns - min(window_ns, max(0, time.time_ns() - stamp)) for stamp in whole)
 
 
-def write_deaths(folders: Folders, deaths_ns: tuple[int, ...]) -> None:
-    """Write the deaths that count down, so that a successor of this guard knows them."""
+def read_shut(folders: Folders) -> Diagnosis | None:
+    """Return why the policy has shut the service down, or None if it has not. A word that is not known says nothing."""
+    shut = files.read_json(_path(folders)).get("shut")
+    return Diagnosis(shut) if shut in {str(one) for one in Diagnosis} else None
+
+
+def write_deaths(folders: Folders, deaths_ns: tuple[int, ...], shut: Diagnosis | None = None) -> None:
+    """Write the deaths that count down, and why the policy has shut the service down, for a successor of this guard."""
     offset_ns = time.time_ns() - clock.now_ns()
     entry = {
         "boot_id": clock.boot_id(),
         "deaths": [{"monotonic_ns": at, "wall_ns": at + offset_ns} for at in deaths_ns],
+        "shut": shut,
     }
     files.write_json(_path(folders), entry)
 

@@ -222,9 +222,13 @@ class Alert:
 
 @dataclass(frozen=True, slots=True)
 class KeepBudget:
-    """Write the deaths that count down, so that a successor of this sentinel knows them."""
+    """Write the deaths that count down, so that a successor of this sentinel knows them.
+
+    `shut`: why the policy has shut the service down, so that only a person starts it again; None: it has not.
+    """
 
     deaths_ns: tuple[int, ...]
+    shut: Diagnosis | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,8 @@ class SentinelBegan:
     found_frozen: bool = (
         False  # the guard before did not die by itself: it was found to stand still, and ended
     )
+    drilled: bool = False  # the guard before has ended itself, for a drill
+    shut: Diagnosis | None = None  # why the policy had shut the service down; only a person starts it again
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from hardcore.model import observations as seen
 from hardcore.model import phases
 from hardcore.model.phases import Phase, Wanted
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
-from hardcore.recovery import chronicle, mandate, parts, plan, readiness, relief, succession
+from hardcore.recovery import chronicle, mandate, parts, plan, readiness, relief, succession, telling
 from hardcore.recovery.course import Course
 from hardcore.recovery.moves import dismiss, fire, heed
 from hardcore.recovery.story import Trouble
@@ -24,9 +24,14 @@ def obey(c: Course, fact: seen.OperatorAsked) -> None:
     why = fact.reason or "the operator asked for it"
     if fact.verb is not seen.Verb.RESTART_COMPONENT:
         chronicle.come(c, fact.at_ns)
+    if c.shut and c.phase is not Phase.FATAL:
+        _undo(c, fact)
     match fact.verb:
         case seen.Verb.STOP:
             c.wanted, c.safety.held = Wanted.DOWN, False
+            if c.shut:
+                c.shut = False  # whoever starts the service after this has come
+                telling.keep(c, c.budget)
             dismiss(c, fact.at_ns)
             fire(c, Trigger.STOP, fact.at_ns, why)
         case seen.Verb.RESUME:
@@ -36,6 +41,7 @@ def obey(c: Course, fact: seen.OperatorAsked) -> None:
             if c.phase in phases.SERVING:
                 relief.resumed(c, fact.at_ns)
                 parts.resumed(c, fact.at_ns)
+                succession.resumed(c, fact.at_ns)
                 if _is_left_to_a_person(c):
                     chronicle.end_judged(c, fact.at_ns, why)
                     return
@@ -59,6 +65,13 @@ def obey(c: Course, fact: seen.OperatorAsked) -> None:
             _keep_safe_no_more(c, fact.at_ns, why)
         case _:
             assert_never(fact.verb)
+
+
+def _undo(c: Course, fact: seen.OperatorAsked) -> None:
+    """A person wants something else of a service that the policy is just shutting down: that holds."""
+    if fact.verb in {seen.Verb.RESUME, seen.Verb.RESTART, seen.Verb.RESTART_HARD, seen.Verb.STOP}:
+        c.shut, c.hopeless = False, None
+        telling.keep(c, c.budget)
 
 
 def _keep_safe(c: Course, now_ns: int, why: str) -> None:

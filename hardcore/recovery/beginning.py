@@ -24,10 +24,13 @@ def begin(c: Course, fact: seen.SentinelBegan) -> None:
     hearing.inherit(c, fact.court, fact.suspects, fact.at_ns)
     c.store.saw(fact.page)
     c.store.certain = False  # a core of the earlier guard may have raised it since
+    c.shut, c.hopeless = fact.shut is not None, fact.shut
     if fact.adoptable is not None:
         _adopt(c, fact, fact.adoptable)
         if c.wanted is Wanted.DOWN:
             fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
+        elif fact.shut is not None:
+            _shut_again(c, fact.shut, fact.at_ns)
     elif c.wanted is Wanted.DOWN and not fact.leftovers:
         fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
     elif fact.leftovers or (fact.page is not None and fact.page.beats.state is LifeState.READY):
@@ -36,6 +39,8 @@ def begin(c: Course, fact: seen.SentinelBegan) -> None:
         death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found, *_unwatched(fact)))
         c.pending = Trouble(death, _since(fact), asked=True)
         fire(c, Trigger.FOUND, fact.at_ns, "processes of an earlier guard were found")
+    elif fact.shut is not None:
+        fire(c, Trigger.HOPELESS, fact.at_ns, f"{fact.shut}: the policy has shut the service down")
     else:
         fire(c, Trigger.START, fact.at_ns, "the guard is up")
 
@@ -47,10 +52,20 @@ def _adopt(c: Course, fact: seen.SentinelBegan, page: Page) -> None:
     c.epoch = page.beats.epoch
     why = "the guard was gone; its core was found serving and goes on"
     found = Testimony("run folder", Colour.YELLOW, why)
+    if fact.drilled:
+        c.drill.start(seen.DrillStarted(fact.at_ns, "sentinel", c.life))
     c.pending = Trouble(
         Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found, *_unwatched(fact))), _since(fact)
     )
     fire(c, Trigger.FOUND_NEW if _is_new(c, fact) else Trigger.FOUND_SERVING, fact.at_ns, why)
+
+
+def _shut_again(c: Course, why: Diagnosis, now_ns: int) -> None:
+    """The guard before died while it shut the service down: its core is told to leave again."""
+    c.hopeless = why
+    said = Testimony("policy", Colour.RED, f"{why}: the policy has shut the service down")
+    c.pending = Trouble(Death(why, Grade.CERTAIN, (said,)), now_ns, asked=True)
+    fire(c, Trigger.SHUTDOWN, now_ns, said.why)
 
 
 def _unwatched(fact: seen.SentinelBegan) -> tuple[Testimony, ...]:

@@ -16,6 +16,7 @@ from hardcore.recovery.course import HISTORY_MAX, Course
 from hardcore.recovery.moves import fire, heed
 from hardcore.recovery.policy import HUNG, NEVER_REBOOT, Word
 from hardcore.recovery.reading import StateChange
+from hardcore.recovery.safety import Deed
 from hardcore.recovery.spare import Lack
 from hardcore.recovery.story import Trouble
 from hardcore.recovery.transitions import Trigger
@@ -123,20 +124,34 @@ def _call(c: Course, wrong: Diagnosis | Phase) -> None:
 def _shut_down(c: Course, about: Diagnosis, why: str, now_ns: int) -> None:
     if c.phase in phases.SERVING:
         c.shut, c.hopeless = True, about
+        telling.keep(c, c.budget)
         said = Testimony("policy", Colour.RED, f"{about}, and {why}: the policy shuts the service down")
         c.pending = Trouble(Death(about, Grade.CERTAIN, (said,)), now_ns, asked=True)
         fire(c, Trigger.SHUTDOWN, now_ns, said.why)
     elif c.phase is Phase.FATAL:
         c.shut, c.deadline.due_ns = True, None
+        telling.keep(c, c.budget)
 
 
 def _start_anew(c: Course, about: Diagnosis, why: str, now_ns: int) -> None:
     if c.phase in phases.SERVING:
         if c.verdict.colour is Colour.RED and c.verdict.diagnosis is about:
             end_judged(c, now_ns, f"{about}, and {why}")
+        elif c.safety.trouble is about:
+            _try_to_write(c, about, why, now_ns)
     elif c.phase is Phase.FATAL:
         c.consent = True
         fire(c, Trigger.DEADLINE, now_ns, f"{about}, and {why}: the policy has another try made")
+
+
+def _try_to_write(c: Course, about: Diagnosis, why: str, now_ns: int) -> None:
+    """Have the core that reads only find out whether it may write, or another one, if it was started so."""
+    deed = c.safety.try_to_write(now_ns)
+    if deed is Deed.RENEW:
+        c.trying, c.consent = about, True
+        fire(c, Trigger.RENEW, now_ns, f"{about}, and {why}: a core that may write is tried")
+    else:
+        heed(c, deed, now_ns, asked=True)
 
 
 def _read_only(c: Course, about: Diagnosis, why: str, now_ns: int) -> None:

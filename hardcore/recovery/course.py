@@ -147,6 +147,9 @@ class Course:
     consent: bool = True  # a person asked for what comes next, whatever the mode
     left: bool = False  # a core that is gone is not replaced, because of the mode
     shut: bool = False  # the policy shut the service down: only a person starts it again
+    offered: Trouble | None = (
+        None  # what another core would help against, where the mode leaves that to a person
+    )
     relieved_ns: tuple[int, ...] = ()  # when the last switches were done that no person asked for
     calm: Calm = field(default_factory=Calm)
     state: HAState = HAState.STARTING  # as it was last told
@@ -192,7 +195,13 @@ def course(given: Given, wanted: Wanted, deaths_ns: tuple[int, ...]) -> Course:
         Deadline(int(policy.health_check_interval_ms * NS_PER_MS * LATE_INTERVALS)),
         Bench(plan.patience(policy)),
         Worry(policy.degraded_after_ms, policy.clean_after_ms),
-        safety(policy.safe_retry_ms, policy.disk_floor_mb, policy.disk_slow_ms, held=wanted is Wanted.SAFE),
+        safety(
+            policy.safe_retry_ms,
+            policy.disk_floor_mb,
+            policy.disk_slow_ms,
+            policy.slow_retry_sec,
+            held=wanted is Wanted.SAFE,
+        ),
         Troubles(policy.clean_after_ms * NS_PER_MS),
         spare(policy),
         Court(plan.rules(policy)),

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery import plan
-from hardcore.recovery.policy import FORECAST, LIVING, Policy, Word
+from hardcore.recovery.policy import FORECAST, LIVING, NEVER_REBOOT, Policy, Word
 from hardcore.recovery.safety import PASSING
 from hardcore.recovery.trial import FROM_INSIDE
 
@@ -43,6 +43,7 @@ class Said(StrEnum):
     EVIDENCE_LEFT = "evidence-left"
     READS_ONLY = "reads-only"
     TRIES_TO_WRITE = "tries-to-write"
+    TRIES_SLOWLY = "tries-slowly"
     READS_UNTIL_RESUME = "reads-until-resume"
     GOES_ON = "goes-on"
     LEFT_ALONE = "left-alone"
@@ -122,7 +123,7 @@ _OVERDUE = {
     Word.SHUTDOWN: Said.OVERDUE_STOP,
 }
 #: Deeds after which a person is waited for.
-_WAITING = frozenset({Said.WAITS, Said.LEFT_ALONE, Said.READS_UNTIL_RESUME})
+_WAITING = frozenset({Said.WAITS, Said.LEFT_ALONE, Said.TRIES_SLOWLY, Said.READS_UNTIL_RESUME})
 
 
 def explain(policy: Policy, diagnosis: Diagnosis) -> tuple[Line, ...]:
@@ -183,8 +184,7 @@ def _deeds(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
         lines.append(_evidence(policy, diagnosis, ended=ended))
     if policy.asks(diagnosis, Word.SAFE_MODE_ENTER):
         lines.append(Line(Said.READS_ONLY))
-        tries = _line(policy, Said.TRIES_TO_WRITE, "safe_retry_ms")
-        lines.append(tries if diagnosis in PASSING else Line(Said.READS_UNTIL_RESUME))
+        lines.append(_tries(policy, diagnosis))
     elif policy.asks(diagnosis, Word.SHUTDOWN):
         lines.append(Line(Said.SHUT_DOWN))
     elif ended and diagnosis is not Diagnosis.COMPONENT_STALLED:
@@ -220,6 +220,15 @@ def _suspects(diagnosis: Diagnosis) -> Line:
     if diagnosis is Diagnosis.OUT_OF_MEMORY:
         return Line(Said.SUSPECTS_GROWN)
     return Line(Said.SUSPECTS_TOUCHED if diagnosis in FROM_INSIDE else Said.SUSPECTS_NOBODY)
+
+
+def _tries(policy: Policy, diagnosis: Diagnosis) -> Line:
+    """Say when a core that reads only tries to write again."""
+    if diagnosis in PASSING:
+        return _line(policy, Said.TRIES_TO_WRITE, "safe_retry_ms")
+    if diagnosis in NEVER_REBOOT or not policy.slow_retry_sec:
+        return Line(Said.READS_UNTIL_RESUME)
+    return _line(policy, Said.TRIES_SLOWLY, "slow_retry_sec")
 
 
 def _line(policy: Policy, said: Said, *names: str) -> Line:

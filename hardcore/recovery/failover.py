@@ -32,7 +32,7 @@ from hardcore.recovery import (
 from hardcore.recovery.beginning import begin
 from hardcore.recovery.budget import NS_PER_MS
 from hardcore.recovery.course import LATER_MAX, Course, Given, course
-from hardcore.recovery.moves import fire
+from hardcore.recovery.moves import ask_again, fire
 from hardcore.recovery.policy import Policy
 from hardcore.recovery.reading import Reading, Transition
 from hardcore.recovery.spare import SpareState
@@ -101,6 +101,8 @@ class FailoverManager:
                 succession.counted(c, fact)
             case seen.PolicyRead():
                 mandate.adopt(c, fact)
+                if c.phase is Phase.FATAL and not mandate.watches_only(c):
+                    ask_again(c, Trigger.READS_ONLY, fact.at_ns)
                 if c.phase is Phase.BACKOFF and mandate.withheld(c):
                     fire(c, Trigger.WITHHELD, fact.at_ns, f"mode {c.policy.mode}")
             case (

@@ -53,14 +53,11 @@ def adopt(c: Course, fact: PolicyRead) -> None:
     c.worry.after_ms, c.worry.clean_ms = policy.degraded_after_ms, policy.clean_after_ms
     c.troubles.clean_ns = policy.clean_after_ms * NS_PER_MS
     c.court.rules = plan.rules(policy)
-    numbers = safety(policy.safe_retry_ms, policy.disk_floor_mb, policy.disk_slow_ms)
-    c.safety.retry_ns, c.safety.floor_bytes, c.safety.slow_ns = (
-        numbers.retry_ns,
-        numbers.floor_bytes,
-        numbers.slow_ns,
-    )
+    numbers = safety(policy.safe_retry_ms, policy.disk_floor_mb, policy.disk_slow_ms, policy.slow_retry_sec)
+    c.safety.retry_ns, c.safety.floor_bytes = numbers.retry_ns, numbers.floor_bytes
+    c.safety.slow_ns, c.safety.slow_try_ns_max = numbers.slow_ns, numbers.slow_try_ns_max
     wants = spare(policy)
     c.spare.wanted, c.spare.floor_bytes = wants.wanted, wants.floor_bytes
     c.spare.startup_ns, c.spare.late_ns = wants.startup_ns, wants.late_ns
-    if c.phase is Phase.FATAL and c.left and not watches_only(c):
+    if c.phase is Phase.FATAL and c.left and not (watches_only(c) or c.shut):
         c.deadline.due_ns = fact.at_ns  # it was left alone because of the mode, and the mode is another

@@ -31,7 +31,7 @@ from hardcore.recovery.curiosity import Curiosity
 from hardcore.recovery.policy import Word
 from hardcore.recovery.reading import Transition
 from hardcore.recovery.repair import Repair
-from hardcore.recovery.safety import RETRY_NS_MAX, Deed
+from hardcore.recovery.safety import RETRY_NS_MAX, SLOW, Deed
 from hardcore.recovery.spare import Behind, SpareState
 from hardcore.recovery.suspicion import Growth
 from hardcore.recovery.telling import BOOTING, order
@@ -72,6 +72,12 @@ def fire(c: Course, trigger: Trigger, now_ns: int, reason: str) -> None:
             return
 
 
+def ask_again(c: Course, question: Trigger, now_ns: int) -> None:
+    """Ask one of the questions of an arrival once more: what it rests on has changed."""
+    if _holds(c, question, now_ns):
+        fire(c, question, now_ns, _why(c, question))
+
+
 def heed(c: Course, deed: Deed, now_ns: int, *, asked: bool = False) -> None:
     """Do what the switch between reading only and writing asks for. `asked`: a person wants it."""
     reason = c.safety.goal or c.safety.asked
@@ -107,9 +113,9 @@ def _holds(c: Course, question: Trigger, now_ns: int) -> bool:
         case Trigger.WITHHELD:
             return mandate.withheld(c)
         case Trigger.READS_ONLY:
-            return not c.shut and plan.may_read(c.policy, _reads_for(c), tried=c.reader_tried)
+            return not c.shut and _may_read(c)
         case Trigger.HOPELESS:
-            return c.hopeless is not None and (c.shut or not plan.passes(c.policy, c.hopeless))
+            return c.shut or (c.hopeless is not None and not plan.passes(c.policy, c.hopeless))
         case Trigger.SPARE_READY:
             unhurried = c.phase is Phase.BACKOFF and c.delay_ns > 0
             # One that is still being made has no kill waiting for it: it would begin beside the spare.
@@ -140,12 +146,18 @@ def _reads_for(c: Course) -> Diagnosis | None:
     return c.hopeless or (Diagnosis.STORE_CORRUPT if c.safety.locked else None)
 
 
+def _may_read(c: Course) -> bool:
+    """Whether a core is started to read only; after a try to write that failed one reads as before."""
+    again = c.trying in SLOW and c.trying is c.hopeless and not c.reader_tried
+    return again or plan.may_read(c.policy, _reads_for(c), tried=c.reader_tried)
+
+
 def _enter(c: Course, phase: Phase, now_ns: int) -> None:
     c.phase, c.since_ns = phase, now_ns
     if phase is Phase.BACKOFF:
         c.delay_ns = hearing.pause_ns(c, plan.pause_ns(c.policy, c.tries, c.given.jitter()), now_ns)
     if phase is Phase.FATAL:
-        c.left = mandate.withheld(c)
+        c.left = mandate.withheld(c) and c.hopeless is None
         c.hopeless = c.hopeless or c.blame
     elif phase is not Phase.STOPPED:
         c.left = False
@@ -217,7 +229,9 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
         case Step.RELEASE_AGAIN:
             _release_again(c, now_ns)
         case Step.SETTLED:
-            c.tries = 0
+            c.tries, c.trying = 0, None
+            if c.story is None and not c.safety.troubled:
+                c.safety.forget()  # a try to write that nobody was told of has come off
             hearing.settle(c)
         case Step.CLOSE:
             telling.close_if_over(c, now_ns, after)
@@ -225,7 +239,7 @@ def _do(c: Course, name: Step, after: Phase, now_ns: int) -> None:
             _alert_about(c, after)
         case Step.FORGET:
             c.tries, c.hopeless, c.safety.locked = 0, None, False
-            c.consent, c.shut = True, False
+            c.consent, c.shut, c.trying = True, False, None
             telling.keep(c, Budget(c.budget.limit, c.budget.window_ns))
         case Step.HALT:
             dismiss(c, now_ns)
@@ -287,7 +301,7 @@ def _born(c: Course, life: int, reader: Diagnosis | None) -> None:
     c.hopeless = None
     c.term_sent = c.image_asked = False
     c.growth, c.curiosity, c.repair = Growth(), Curiosity(), Repair()
-    c.pressed_ns = c.awaits = c.ask_again_ns = None
+    c.offered = c.pressed_ns = c.awaits = c.ask_again_ns = None
     c.reader, c.reader_tried = reader, reader is not None
 
 
@@ -301,7 +315,8 @@ def _challenge(c: Course) -> tuple[int | None, tuple[Witness, ...]]:
 
 
 def _release(c: Course, now_ns: int) -> None:
-    c.trying = c.outlasted_ns = None
+    c.trying = c.trying if c.trying in SLOW and c.reader is None else None
+    c.outlasted_ns = None
     c.switch_fault = ""  # it was about a core that is gone
     c.audit.begin(c.story.id if c.story else None)
     heed(c, c.safety.begin(c.reader, now_ns), now_ns)

@@ -5,6 +5,7 @@ have lasted, because a large request comes and goes; the time counts only while 
 """
 
 from hardcore.model.observations import Sampled
+from hardcore.model.phases import Phase
 from hardcore.model.verdicts import Colour, Diagnosis, Grade, Testimony
 from hardcore.recovery import succession, telling
 from hardcore.recovery.budget import NS_PER_S
@@ -30,7 +31,7 @@ def watch(c: Course, tick: Sampled) -> None:
         c.pressed_ns = None
     elif c.pressed_ns is None or tick.at_ns - last_ns > GAP_NS:
         c.pressed_ns = tick.at_ns
-    elif tick.at_ns - c.pressed_ns >= LASTED_NS:
+    elif tick.at_ns - c.pressed_ns >= LASTED_NS and c.phase is not Phase.PROBATION and c.switching is None:
         _press(c, c.pressed_ns, tick.process.rss_bytes, tick.at_ns)
 
 

@@ -4,8 +4,9 @@ The core is told (`SetSafe`) or was started so; it may also have switched itself
 longer. What it says of itself counts, not what it was told: an order may be lost, or carried out late. For a
 disk's reasons a try to write is made by itself, at doubling pauses and only while the disk witness has nothing
 against it; for a lock of somebody else's, when a look at the lock finds it free: a try ends the reading for some
-seconds. For any other reason a person has to say so. A mode that is left when the disk looks well again was not
-chosen: only a write that was taken proves that writes are taken.
+seconds. For any other reason that the policy answers so a try is made after a minute and then at doubling pauses up to
+`slow_retry_sec`, while nobody complains: such a try may cost a start. A damaged ledger alone waits for a person. A mode
+that is left when the disk looks well again was not chosen: only a write that was taken proves that writes are taken.
 
 A person may want reads only as well (`held`). That outlives every core, is left by that person alone, and while it
 holds nothing is tried: a try is a moment in which a write is taken.
@@ -24,6 +25,8 @@ from hardcore.recovery.budget import NS_PER_MS, NS_PER_S
 ANSWER_NS = 5 * NS_PER_S
 #: The pauses between two tries double up to this.
 RETRY_NS_MAX = 60 * NS_PER_S
+#: For reasons that say nothing of when they are over, the first pause is so long.
+SLOW_TRY_NS = 60 * NS_PER_S
 #: While the disk is not well, it is looked at again after this.
 LOOK_AGAIN_NS = NS_PER_S
 
@@ -33,6 +36,8 @@ DISK = frozenset({Diagnosis.DISK_FULL, Diagnosis.DISK_READ_ONLY, Diagnosis.DISK_
 PASSING = DISK | {Diagnosis.DB_LOCKED}
 #: What a person's own wish is called.
 BY_OPERATOR = Diagnosis.OPERATOR
+#: Reasons that say nothing of when they are over: a try is dear, and is made seldom.
+SLOW = frozenset(Diagnosis) - PASSING - {Diagnosis.STORE_CORRUPT, BY_OPERATOR}
 #: What a core's own word about its store means.
 TOLD = {
     StoreFault.FULL: Diagnosis.DISK_FULL,
@@ -72,6 +77,7 @@ class Safety:
     retry_ns: int
     floor_bytes: int
     slow_ns: int
+    slow_try_ns_max: int = 0  # 0: for a reason that does not pass by itself nothing is tried
     mode: Mode = Mode.OFF
     reason: Diagnosis | None = None
     goal: Diagnosis | None = None
@@ -184,7 +190,7 @@ class Safety:
         if self.mode is Mode.LEAVING:
             self._failed(now_ns)
             return Deed.NOTHING
-        if not self._well():
+        if not (self._well() and (quiet or self.goal in PASSING)):
             self.due_ns = now_ns + LOOK_AGAIN_NS
             return Deed.NOTHING
         if self.goal is Diagnosis.DB_LOCKED and not self._looking:
@@ -209,7 +215,8 @@ class Safety:
         if self.held and not self._started:
             return self._keep_to_the_operator(now_ns)
         self._looking = False
-        self._wait_ns = min(2 * (self._wait_ns or self.retry_ns), RETRY_NS_MAX)
+        first_ns, most_ns = self._pauses()
+        self._wait_ns = min(2 * (self._wait_ns or first_ns), most_ns)
         if self._started:
             self.due_ns = None
             return Deed.RENEW
@@ -253,8 +260,13 @@ class Safety:
         return self.try_to_write(now_ns)
 
     def _enter(self, reason: Diagnosis, now_ns: int) -> None:
+        served_ns, slow = now_ns - self.since_ns, reason not in PASSING
         self.mode, self.reason, self.goal, self.since_ns = Mode.ON, reason, reason, now_ns
-        self._wait_ns = self._wait_ns or self.retry_ns
+        first_ns, _ = self._pauses()
+        anew = slow and not self._started and served_ns > self._wait_ns  # it has written for long meanwhile
+        self._wait_ns = (
+            first_ns if anew else max(self._wait_ns, first_ns) if slow else self._wait_ns or first_ns
+        )
         self._plan(now_ns)
 
     def _left(self, now_ns: int) -> None:
@@ -273,10 +285,20 @@ class Safety:
         self.mode, self.due_ns = Mode.ENTERING, now_ns + ANSWER_NS
         return Deed.ORDER_ON
 
+    def _slowly(self) -> bool:
+        """Whether a reason that says nothing of its end is tried all the same."""
+        return self.goal in SLOW and self.slow_try_ns_max > 0
+
+    def _pauses(self) -> tuple[int, int]:
+        """Return the first pause before a try and the longest one."""
+        if self._slowly():
+            return SLOW_TRY_NS, max(SLOW_TRY_NS, self.slow_try_ns_max)
+        return self.retry_ns, RETRY_NS_MAX
+
     def _plan(self, now_ns: int) -> None:
         # Whoever was started to read only makes room for one that is told to.
         held = self.held and not self._started
-        again = self.goal in PASSING or self.goal is BY_OPERATOR
+        again = self.goal in PASSING or self.goal is BY_OPERATOR or self._slowly()
         self.due_ns = now_ns + self._wait_ns if again and not (self.locked or held) else None
 
     def _ask_again(self, now_ns: int, *, quiet: bool) -> Deed:
@@ -294,6 +316,9 @@ class Safety:
         return not (disk.read_only or disk.fault or slow or disk.free_bytes < self.floor_bytes)
 
 
-def safety(retry_ms: int, floor_mb: int, slow_ms: int, *, held: bool = False) -> Safety:
+def safety(
+    retry_ms: int, floor_mb: int, slow_ms: int, slow_retry_s: int = 0, *, held: bool = False
+) -> Safety:
     """Return the switch with the numbers of a policy. `held`: the operator wants reads only."""
-    return Safety(retry_ms * NS_PER_MS, floor_mb << 20, slow_ms * NS_PER_MS, held=held)
+    slowest_ns = slow_retry_s * NS_PER_S
+    return Safety(retry_ms * NS_PER_MS, floor_mb << 20, slow_ms * NS_PER_MS, slowest_ns, held=held)

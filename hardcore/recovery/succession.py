@@ -130,11 +130,15 @@ def relieve(c: Course, trouble: Trouble, now_ns: int, *, limit_ns: int | None = 
     """Have the core changed for another in a calm moment, because of `trouble`; return whether that will be done.
 
     `limit_ns`: when whatever grows reaches its limit, so that no calm is waited for any more; None: nobody knows. It is
-    not done by a guard that only watches, beside another switch, or more often in a day than the policy says.
+    not done by a guard that only watches (a person's `resume` does it), beside another switch, or more often in a day
+    than the policy says.
     """
     lately = tuple(at_ns for at_ns in c.relieved_ns if now_ns - at_ns < DAY_NS)
     busy = c.switching is not None or c.phase not in _KEEPING or c.wanted is Wanted.DOWN
-    if busy or mandate.watches_only(c) or c.reader is not None or c.safety.troubled:
+    if busy or c.reader is not None or c.safety.troubled:
+        return False
+    if mandate.watches_only(c):
+        c.offered = trouble
         return False
     if len(lately) >= c.policy.forecast_switches_max:
         return False
@@ -145,6 +149,15 @@ def relieve(c: Course, trouble: Trouble, now_ns: int, *, limit_ns: int | None = 
     )
     tend(c, now_ns)
     return True
+
+
+def resumed(c: Course, now_ns: int) -> None:
+    """A person says of a core that is worth another one, where the mode leaves that to a person: do it, and now."""
+    trouble, c.offered = c.offered, None
+    if trouble is None or c.switching is not None or c.phase not in _KEEPING:
+        return
+    c.switching = Switching(trouble, telling.worst(trouble.death), "", c.born)
+    tend(c, now_ns)
 
 
 def counted(c: Course, fact: seen.GatewayCounted) -> None:
@@ -192,6 +205,10 @@ def next_ns(c: Course) -> int | None:
 
 def _switch_if_ready(c: Course, now_ns: int) -> None:
     wish = c.switching
+    if wish is not None and wish.ours and not wish.drains and mandate.watches_only(c):
+        # It was not begun, and the mode leaves it to a person now.
+        c.switching, c.offered = None, wish.trouble
+        return
     if wish is None or c.phase not in _KEEPING or (wish.again_ns is not None and now_ns < wish.again_ns):
         return
     wish.again_ns = None

@@ -12,7 +12,7 @@ from hardcore.recovery import mandate, plan
 from hardcore.recovery.budget import NS_PER_S, Budget
 from hardcore.recovery.course import Course
 from hardcore.recovery.policy import Word
-from hardcore.recovery.safety import DISK, PASSING
+from hardcore.recovery.safety import DISK, PASSING, SLOW
 from hardcore.recovery.story import Story, Trouble, begin
 from hardcore.sentinel.deaths import Death
 
@@ -50,8 +50,8 @@ def say(c: Course, diagnosis: Diagnosis, text: str, stage: AlertStage = AlertSta
     if mandate.is_mute(c):
         return
     incident = c.story.id if c.story is not None else None
-    if c.story is not None and stage is AlertStage.OPENED:
-        c.story.alerted = True
+    if c.story is not None and stage is not AlertStage.FORECAST:
+        c.story.alerted = True  # whoever was told of it, however, is told what became of it
     order(c, Alert(diagnosis, text, incident, stage))
 
 
@@ -136,9 +136,11 @@ def open_trouble(c: Course, now_ns: int) -> None:
 def open_unwatched(c: Course, now_ns: int) -> None:
     """Open an incident that stopped nobody: the pending trouble is a guard's, not the core's."""
     trouble = _take(c)
-    _begin(c, trouble, now_ns, down=False)
-    _story(c).blame(trouble.death.evidence, ())
-    alert(c, trouble.death.diagnosis, f"{worst(trouble.death)}.")
+    story = _begin(c, trouble, now_ns, down=False)
+    story.drill = c.drill.take(trouble.death.diagnosis, now_ns)
+    story.blame(trouble.death.evidence, ())
+    if story.drill is None:
+        alert(c, trouble.death.diagnosis, f"{worst(trouble.death)}.")
 
 
 def open_aside(c: Course, trouble: Trouble, now_ns: int) -> None:
@@ -179,7 +181,8 @@ def close(c: Course, now_ns: int, *, recovered: bool) -> None:
     c.story = None
     c.stage_max = 0
     c.troubles.clear()
-    c.safety.forget()
+    if not c.safety.troubled:
+        c.safety.forget()
 
 
 def close_switch(c: Course, why: str, now_ns: int) -> None:
@@ -210,7 +213,7 @@ def left_to_a_person(c: Course) -> Diagnosis | None:
 def keep(c: Course, budget: Budget) -> None:
     """Let this be the budget from now on."""
     c.budget = budget
-    order(c, KeepBudget(budget.deaths_ns))
+    order(c, KeepBudget(budget.deaths_ns, c.hopeless if c.shut else None))
 
 
 def suspected_of(c: Course) -> Diagnosis | None:
@@ -275,7 +278,10 @@ def _count(c: Course, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
         keep(c, c.budget.after_death(now_ns))
     locked = Diagnosis.STORE_CORRUPT if c.safety.locked else None
     spent = c.budget.spent(now_ns)
-    c.hopeless = c.reader or locked or plan.hopeless(c.policy, diagnosis, spent=spent)
+    failed = c.trying if c.trying in SLOW else None  # the try has shown that reading goes on
+    c.hopeless = c.reader or locked or failed or plan.hopeless(c.policy, diagnosis, spent=spent)
     if spent and plan.passes(c.policy, c.hopeless):
         c.hopeless = Diagnosis.CRASH_LOOP  # readers that die count as any other
     c.shut = c.hopeless is not None and c.policy.asks(c.hopeless, Word.SHUTDOWN)
+    if c.shut:
+        keep(c, c.budget)

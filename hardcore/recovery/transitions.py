@@ -165,6 +165,7 @@ TABLE: Mapping[Phase, Mapping[Trigger, Row]] = {
             (S.ADOPT, S.OPEN_UNWATCHED, S.KILL_LEFTOVERS, S.RELEASE, S.CLOSE),
         ),
         T.FOUND_NEW: (P.PROBATION, (S.ADOPT, S.OPEN_UNWATCHED, S.KILL_LEFTOVERS, S.RELEASE)),
+        T.HOPELESS: (P.FATAL, (S.DISMISS, S.ALERT)),
         T.STOP: (P.STOPPED, (S.HALT,)),
     },
     P.ADOPTING: {

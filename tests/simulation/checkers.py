@@ -402,7 +402,7 @@ class Checkers:
             life.safe or again or self._found or guard.manager.wanted is not Wanted.SAFE,
             "nobody is sent to a core that takes writes while the operator wants reads only",
         )
-        self._consent.serves()
+        self._consent.serves(again=order.life == self._released)
         told = life.unfenced or self._passed_on_seq <= len(self.world.store.commits)
         again, self._released = order.life == self._released, order.life
         hold(told or again, "no ledger is served that lacks what a client was told of")

@@ -329,7 +329,7 @@ class Guard:
                 assert life is not None, "released is a core that exists"
                 self.world.gateway.release(action, life)
             case orders.KeepBudget():
-                self.world.disk_deaths_ns = action.deaths_ns
+                self.world.disk_deaths_ns, self.world.disk_shut = action.deaths_ns, action.shut
             case orders.Halt():
                 self._end()
             case orders.SampleStacks(life=number):

@@ -49,6 +49,7 @@ class World:
         self.held_into_the_quiet = False
         self.disk_wanted = Wanted.UP
         self.disk_deaths_ns: tuple[int, ...] = ()
+        self.disk_shut: Diagnosis | None = None
         self.disk_court: CourtMemory | None = None
         self.cases: dict[str, Request] = {}  # on the disk
         self.aside = Aside()  # the rules on the disk
@@ -104,7 +105,9 @@ class World:
         suspects = self._suspected(before) if before is not None and self.warm else ()
         since_ns = found.served_ns if found is not None else None
         memory = guard.courtroom.take_up(self.disk_court)
-        began = seen.SentinelBegan(self.clock.now_ns, others, last, own, suspects, since_ns, memory)
+        began = seen.SentinelBegan(
+            self.clock.now_ns, others, last, own, suspects, since_ns, memory, shut=self.disk_shut
+        )
         guard.hear(began)
 
     def _adoptable(self, before: Guard) -> Life | None:
