@@ -69,11 +69,14 @@ _OPENING: Final[Mapping[Kind, str]] = MappingProxyType(
     {"recovering": "R1", "planned": "R2", "stopped_trying": "R8", "off": "OFF"}
 )
 _IMPORT: Final = re.compile(r'^import [^"]*"\./[\w.]+\.js";\n', flags=re.MULTILINE)
-#: The spaces before a line, and what stands behind code for its reader.
-_AROUND: Final = re.compile(r"^ +|  +// .*$| +$", flags=re.MULTILINE)
+#: The spaces before a line, and what stands behind code for its reader; spaces between two brackets at its end.
+_AROUND: Final = re.compile(r"^ +|  +// .*$| +$|(?<=\)) (?=[{]$)", flags=re.MULTILINE)
 #: Spaces around an operator; none of our strings has one (a test sees to it).
-OPERATOR: Final = re.compile(r" (=>|[=!]==|&&|\|\||\?\?|[<>]=?|[=?:*/]) ")
-_LOOSE: Final = re.compile(r"(?<=[;,{}])\s+|\s+(?=[{}])|(?<=\w:) ")
+OPERATOR: Final = re.compile(r" (=>|[=!]==|&&|\|\||\?\?|[<>]=?|[-+]=|[=?:*/]) ")
+_LOOSE: Final = re.compile(r"(?<=[;,{}])\s+|;?\s+(?=})|\s+(?={)|(?<=\w:) ")
+#: Spaces inside braces and behind words that a bracket follows; none of our strings has one either.
+BRACKET: Final = re.compile(r"(?<={) (?=[a-z.])|(?<=[a-z;)\"]) (?=})|(?<=\bif) (?=\()|(?<=\bfor) (?=\()")
+_GAP: Final = re.compile(r"\n{2,}")
 _COMMENT: Final = re.compile(r"^ *//[^\n]*\n|^ */\*.*?\*/ *\n", flags=re.MULTILINE | re.DOTALL)
 
 
@@ -170,7 +173,12 @@ def _page_script() -> str:
 
 
 def _modules(names: Iterable[str]) -> str:
-    return in_one("\n" + OPERATOR.sub(r"\1", _source(name)) for name in names)
+    return in_one("\n" + _tight(_source(name)) for name in names)
+
+
+def _tight(script: str) -> str:
+    """A script without the spaces and lines that mean nothing."""
+    return _GAP.sub("\n", BRACKET.sub("", OPERATOR.sub(r"\1", script)))
 
 
 @functools.cache

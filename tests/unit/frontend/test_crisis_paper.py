@@ -14,6 +14,7 @@ import pytest
 from frontend.catalogue_crisis import LANGUAGES, words
 from frontend.catalogue_receipts import RECEIPTS
 from frontend.crisis_paper import (
+    BRACKET,
     CLIENT_MODULES,
     KINDS,
     OPERATOR,
@@ -184,6 +185,7 @@ def test_no_string_has_what_is_taken_for_an_operator(module: str) -> None:
     text = re.sub(r"//.*|/\*.*?\*/", "", (SOURCES / module).read_text("utf-8"))
     strings = re.findall(r"\"[^\"\n]*\"", text)
     assert not [string for string in strings if OPERATOR.search(string) and string != '" ? "']
+    assert not [string for string in strings if BRACKET.search(string)]
 
 
 def test_every_module_is_used() -> None:
