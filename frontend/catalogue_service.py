@@ -25,6 +25,10 @@ SERVICE: Final[dict[str, tuple[str, str]]] = {
         "It was told to stay off. `hardcore service start` starts it again.",
     ),
     "started": ("켰어요.", "Started."),
+    "not_started": (
+        "켜라고 했지만 켜지지 않았어요 ({unit}: {active}). `journalctl -u {unit}`에서 이유를 볼 수 있어요.",
+        "It was told to start and does not run ({unit}: {active}). `journalctl -u {unit}` says why.",
+    ),
     "uninstalled": (
         "껐어요. 부팅할 때 더는 켜지지 않아요. 장부는 그대로 있어요: {data}",
         "Stopped; it does not start at boot any more. The ledger stays where it is: {data}",

@@ -24,6 +24,7 @@ from frontend.catalogue_service import service_words
 from hardcore import standing
 from hardcore.asked import Asked, is_kept, keep, operator, options
 from hardcore.host import files
+from hardcore.host.folders import Folders
 from hardcore.lines import wrapped
 from hardcore.model.phases import Wanted
 
@@ -34,6 +35,8 @@ SYSTEM_UNITS: Final = Path("/etc/systemd/system")
 #: It is there if this machine was started by systemd (sd_booted(3)).
 BOOTED: Final = Path("/run/systemd/system")
 COMMAND_S: Final = 150.0
+#: Somebody may have asked at the address the moment before, when it was still to stay off: that start counts for ours.
+START_TRIES: Final = 2
 #: The file of a unit is as readable as every other.
 MODE: Final = 0o644
 SHOWN: Final = ("ActiveState", "SubState", "MainPID", "NRestarts", "Result", "UnitFileState")
@@ -78,6 +81,7 @@ def units(place: Place, data: Path, address: str, port: int) -> dict[Path, str]:
         "data": in_unit(str(data)),
         "data_shown": str(data).replace("%", "%%"),
         "python": in_unit(f"{sys.executable}"),
+        "systemctl": shlex.join(place.systemctl()),
         "user": place.owner,
         "wanted_by": "default.target" if place.user else "multi-user.target",
     }
@@ -148,6 +152,8 @@ def install(asked: Asked, name: str, host: str, port: int, owner: str, *, user: 
     _run(asked, place, commands)
     shown = f"[{host}]" if ":" in host else host
     _say(asked, "installed", url=f"http://{shown}:{port}")
+    if standing.wanted(asked.folders) is Wanted.DOWN:
+        _say(asked, "down", command=asked.command)
     if user:
         _say(asked, "linger")
     asked.tell({"ok": True, "dry_run": False, "url": f"http://{shown}:{port}", **told})
@@ -251,14 +257,30 @@ def wanted(asked: Asked) -> None:
 def start(asked: Asked, name: str, *, user: bool) -> None:
     """Start it again after `hardcore down`."""
     place = Place(name, user)
-    there = list(_there(asked, place))
+    names = [path.name for path in _there(asked, place)]
     try:
-        standing.want_up(asked.folders)
+        _want_up(asked.folders)
     except OSError as error:
         _fail(asked, "not_written", path=asked.folders.state, why=error.strerror)
-    _run(asked, place, [place.systemctl("start", *(path.name for path in there))])
+    _done(place.systemctl("reset-failed", *names))  # what systemd has given up it would not try again
+    active = ""
+    for _ in range(START_TRIES):
+        if active != "active":
+            _run(asked, place, [place.systemctl("start", *names)])
+            active = _shown(place).get("ActiveState", "")
+    if active != "active":  # what its condition passes over is a success to systemd
+        _fail(asked, "not_started", unit=place.service.name, active=active)
     _say(asked, "started")
     asked.tell({"ok": True})
+
+
+def _want_up(folders: Folders) -> None:
+    """Store that it should run. Raises OSError as the disk gives it."""
+    standing.want_up(folders)
+    told = folders.state / "wanted.json"
+    if os.geteuid() == 0 and told.exists():  # who it runs as has to read what root has written
+        owner = folders.state.stat()
+        os.chown(told, owner.st_uid, owner.st_gid)
 
 
 @service.command()
@@ -295,8 +317,7 @@ def status(asked: Asked, name: str, *, user: bool) -> None:
     place = Place(name, user)
     if not place.service.exists():
         _fail(asked, "not_installed", path=place.service)
-    done = _done(place.systemctl("show", "-p", ",".join(SHOWN), place.service.name))
-    told = dict(line.partition("=")[::2] for line in done.stdout.splitlines() if "=" in line)
+    told = _shown(place)
     if not told:
         _fail(asked, "no_systemd", command=f"{asked.command} up")
     active = told.get("ActiveState", "")
@@ -312,6 +333,12 @@ def status(asked: Asked, name: str, *, user: bool) -> None:
     if asked.json:
         click.echo(json.dumps({"ok": active == "active", **told}, indent=1))
     sys.exit(0 if active == "active" else 1)
+
+
+def _shown(place: Place) -> dict[str, str]:
+    """Return what systemd says of the service; empty where nobody answers."""
+    done = _done(place.systemctl("show", "-p", ",".join(SHOWN), place.service.name))
+    return dict(line.partition("=")[::2] for line in done.stdout.splitlines() if "=" in line)
 
 
 def _say(asked: Asked, key: str, **values: object) -> None:
