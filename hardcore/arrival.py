@@ -20,11 +20,11 @@ from hardcore import quarantine_file, standing
 from hardcore.agents_file import Guard, write_agents
 from hardcore.court_words import unruled
 from hardcore.host import clock, files, leftovers, steps, suspects
-from hardcore.host.folders import Folders, Unusable, prepare, prepare_data
+from hardcore.host.folders import Folders, Unusable, laid_out, locate, prepare_data, prepare_run
 from hardcore.host.ids import new_id
 from hardcore.host.leftovers import Leftovers
 from hardcore.host.processes import start_of
-from hardcore.host.sentinel_page import SentinelPage, read_page
+from hardcore.host.sentinel_page import LAST_WORDS, SentinelPage, read_page
 from hardcore.model.phases import Wanted
 from hardcore.model.trials import CourtMemory, Letter
 from hardcore.quarantine_file import Aside
@@ -39,10 +39,11 @@ LOOKS_MAX, LOOK_S = 3, 0.02
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """How the guard before this one was lost. `unwatched_ns` None: none was, or nobody can tell."""
+    """How the guard before this one was lost. `unwatched_ns` None: none was, or nobody can tell. `drilled`: it ended itself."""
 
     unwatched_ns: int | None = None
     found_frozen: bool = False
+    drilled: bool = False
 
 
 @dataclass(slots=True)
@@ -70,10 +71,12 @@ class Setup:
 
 def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     """Take the lock and find out where we stand. Returns an exit code when we may not watch."""
-    made = prepare_data(data)
+    # What is laid out is not tried for writing: a disk that hangs would keep us there, and the core without a guard.
+    found = laid_out(data)
+    made = found if found is not None else prepare_data(data)
     # Kept until we end, and taken before the link is touched: one guard for one data folder.
     guarding = None if isinstance(made, Unusable) else _take(made.guard_lock)
-    folders = prepare(data) if guarding is not None else made
+    folders = made if guarding is None or isinstance(made, Unusable) else prepare_run(locate(data))
     if isinstance(folders, Unusable):
         sys.stderr.write(f"{folders.reason}\n")
         return EXIT_UNUSABLE
@@ -155,7 +158,9 @@ def _before(folders: Folders) -> Before:
     if page is None or named.get("boot") != clock.boot_id() or named.get("nonce") != page.nonce:
         return Before()
     ended = [files.read_json(note).get("ended") for note in folders.run.glob("agent-budget-*.json")]
-    return Before(max(0, clock.now_ns() - max(page.began_ns, page.loop_ns)), found_frozen=page.nonce in ended)
+    drilled = files.read_json(folders.run / LAST_WORDS).get("nonce") == page.nonce
+    unwatched_ns = max(0, clock.now_ns() - max(page.began_ns, page.loop_ns))
+    return Before(unwatched_ns, found_frozen=page.nonce in ended, drilled=drilled)
 
 
 def _behind(folders: Folders, generation: int) -> None:

@@ -4,7 +4,11 @@ A file that imports nothing of ours and is run by the bare interpreter (`python 
 hardly anything in it can break: it is the one process that nobody watches. It is a child subreaper: the
 children of a dead sentinel become its own, so that their exit statuses can be read; they are written to
 `exits/`. It holds the TCP listener open over every death below it. Ctrl-C and TERM are passed on to whichever
-sentinel holds the lock; that one stops everything and ends with 0, and then so does this.
+sentinel holds the lock; that one stops everything and ends with 0, and then so does this. Of one that is not its
+child it can't read the 0; it goes by what only a sentinel that has stopped everything takes away, its page.
+
+It reads no policy: that a guard is followed by another while `up` runs is what `up` means. Guards that end quickly or
+often are followed more slowly, never not.
 
 A service manager above it is told three things, each taken from what can be seen from here: READY when somebody answers
 at the listener, WATCHDOG while the sentinel's own beat goes on, STOPPING when it was told to stop.
@@ -12,6 +16,7 @@ at the listener, WATCHDOG while the sentinel's own beat goes on, STOPPING when i
 Arguments: the data folder, the run folder, the listener's descriptor, the URL.
 """
 
+import _thread
 import contextlib
 import ctypes
 import fcntl
@@ -23,9 +28,11 @@ import time
 
 PR_SET_CHILD_SUBREAPER = 36
 EXITS_KEPT_MAX = 64
-#: A sentinel that lived shorter than this is started again only after a pause.
+#: A sentinel that lived shorter than this is started again only after a pause, which doubles each time up to the last.
 SHORT_LIFE_S = 1.0
-PAUSE_S = 0.5
+PAUSE_S, PAUSE_S_MAX = 0.5, 8.0
+#: After so many ends within such a time the longest pause is made, however long each lived.
+ENDS_MAX, ENDS_WINDOW_S = 20, 60.0
 ANOTHER_WATCHES = 3
 UNUSABLE = 78
 
@@ -46,9 +53,19 @@ BEAT_AT, BEAT_BYTES = 40, 8
 
 def start_of(pid: int) -> int | None:
     """Return the start time of a process in ticks since boot, or None if there is none."""
+    return stat_of(pid, 19)
+
+
+def parent_of(pid: int) -> int | None:
+    """Return the number of its parent, or None if there is no such process."""
+    return stat_of(pid, 1)
+
+
+def stat_of(pid: int, field: int) -> int | None:
+    """Return a number that the kernel gives of a process, counted from its state on."""
     try:
         with open(f"/proc/{pid}/stat", encoding="utf-8", errors="replace") as file:  # noqa: PTH123  # pathlib costs memory here
-            return int(file.read().rpartition(")")[2].split()[19])
+            return int(file.read().rpartition(")")[2].split()[field])
     except (OSError, ValueError, IndexError):
         return None
 
@@ -61,10 +78,58 @@ def keep_descriptors() -> None:
                 os.set_inheritable(int(name), False)
 
 
+_saying = _thread.allocate_lock()
+
+
 def say(words: bytes) -> None:
-    """Tell the terminal, if it is still there: one that was closed must not end us."""
-    with contextlib.suppress(OSError):
-        os.write(2, words)
+    """Tell the terminal, on a thread that nobody waits for: it may be closed, or a file on a disk that hangs.
+
+    While it takes nothing, what would be said after is lost.
+    """
+    if words and _saying.acquire(blocking=False):
+        try:
+            _thread.start_new_thread(_write, (words,))
+        except RuntimeError:  # no thread can be had: then nothing is said
+            _saying.release()
+
+
+def _write(words: bytes) -> None:
+    fd = 2
+    try:
+        with contextlib.suppress(OSError):  # a socket can't be opened anew, and lies on no disk
+            # By a description of our own: a sentinel that begins asks for its place in the one that we share with it,
+            # and waits there for whoever writes.
+            fd = os.open("/proc/self/fd/2", os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | os.O_NOCTTY)
+        with contextlib.suppress(OSError):
+            os.write(fd, words)
+    finally:
+        if fd != 2:
+            os.close(fd)
+        _saying.release()
+
+
+def took_leave(run: str) -> bool:
+    """Return whether the last sentinel has stopped everything: its page is the last thing that it takes away.
+
+    One that died in the middle of that has left it; where the whole folder was removed, so was the name beside it.
+    """
+    return os.path.exists(f"{run}/sentinel.json") and not os.path.exists(f"{run}/sentinel.page")  # noqa: PTH110  # pathlib costs memory here
+
+
+class Pace:
+    """How long to wait before the next sentinel, from how long each has lived and how many have ended lately."""
+
+    def __init__(self) -> None:
+        self.ends: list[float] = []
+        self.short_lives = 0
+
+    def pause_s(self, began: float, ended: float) -> float:
+        """Return it after a life between these two times, in seconds of one clock."""
+        self.ends = [*(at for at in self.ends if ended - at < ENDS_WINDOW_S), ended][-ENDS_MAX - 1 :]
+        self.short_lives = self.short_lives + 1 if ended - began < SHORT_LIFE_S else 0
+        if len(self.ends) > ENDS_MAX:
+            return PAUSE_S_MAX
+        return min(PAUSE_S * 2 ** (self.short_lives - 1), PAUSE_S_MAX) if self.short_lives else 0.0
 
 
 class Manager:
@@ -147,6 +212,7 @@ class Launcher:
         self.child = 0
         self.pidfd = -1
         self.status: int | None = None  # of our own child, once it was reaped
+        self.pace = Pace()
         self.wakeup, wakeup_in = os.pipe2(os.O_CLOEXEC | os.O_NONBLOCK)
         signal.set_wakeup_fd(wakeup_in, warn_on_full_buffer=False)
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -223,7 +289,8 @@ class Launcher:
         if start_of(pid) != start:
             os.close(pidfd)
             return False
-        self.child, self.pidfd = 0, pidfd
+        # One that an agent has started is ours all the same, if it was orphaned below us.
+        self.child, self.pidfd = pid if parent_of(pid) == os.getpid() else 0, pidfd
         return True
 
     def wait(self) -> int | None:
@@ -278,24 +345,43 @@ class Launcher:
         except OSError:
             return False
 
+    def ended_as_told(self, status: int | None) -> bool:
+        """Return whether the sentinel has stopped everything before it ended; `status` None: it was not our child."""
+        if status is not None or not (self.told or self.wanted_down()):
+            return status == 0
+        return took_leave(self.run)
+
+    def rest(self, pause_s: float) -> None:
+        """Wait so long, unless we are told to stop meanwhile."""
+        until = time.monotonic() + pause_s
+        while not self.told and (left := until - time.monotonic()) > 0:
+            select.select([self.wakeup], [], [], left)
+            with contextlib.suppress(BlockingIOError):
+                os.read(self.wakeup, 4096)
+            self.reap()
+
     def keep(self) -> int:
         """Keep a sentinel running until it ends as asked. Returns the exit code."""
+        words = b""
         while True:
             began = time.monotonic()
             if not self.attach():
                 self.start()
+            say(words)  # only now: nothing that takes words may keep a guard from coming
             if self.told:
                 self.forward()
             status = self.wait()
-            if status == 0 or (status is None and (self.told or self.wanted_down())):
+            if self.ended_as_told(status):
                 return 0
             if status == UNUSABLE:
                 return 1
             # One that died while stopping left its work half done: the next one goes on with it.
-            if status != ANOTHER_WATCHES:
-                say(b"The sentinel ended; starting it again.\n")
-            if time.monotonic() - began < SHORT_LIFE_S:
-                select.select([], [], [], PAUSE_S)
+            if status == ANOTHER_WATCHES:
+                words = b""
+                self.rest(PAUSE_S)
+            else:
+                words = b"The sentinel ended; another was started.\n"
+                self.rest(self.pace.pause_s(began, time.monotonic()))
 
 
 def main() -> int:

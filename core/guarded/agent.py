@@ -4,7 +4,9 @@ The launcher is quicker; the agent is for when there is none, and for a sentinel
 sentinel itself has left word of, as an orphan, and never takes its lock: of several that were started the one that gets
 the lock goes on. It can't know whether a start was needed, only that nobody watches; so what it may do is bounded by the
 operator's will, by the policy, and by a budget that outlives this process. It is worth nothing in a process that hangs;
-the gateway has one too. Not chosen: a signal to a sentinel whose identity was not proven, whatever it looks like.
+the gateway has one too. It acts first and speaks after, into the run folder, which is memory: a log on a disk that hangs
+would hold it, and with it whoever else writes there. Not chosen: a signal to a sentinel whose identity was not proven,
+whatever it looks like.
 """
 
 import contextlib
@@ -27,6 +29,8 @@ NS_PER_S: Final = 1_000_000_000
 START_NS: Final = 5 * NS_PER_S
 #: Where the listener is in what is started.
 LISTENER: Final = 3
+#: Where the agents and what they start speak, beside the orders; the sentinel keeps it in its bounds.
+SAID: Final = "sentinel.out"
 
 logger = logging.getLogger("agent")
 
@@ -42,7 +46,9 @@ class Agent:
         self._table = Table()
         self._budget = orders.with_name(f"agent-budget-{SIDE}.json")
         self._acts_ns: list[int] = []
+        self._ended = ""  # whose end has paid for the start that follows it
         self._not_before_ns: int | None = None
+        self._said = ""
 
     def start(self) -> None:
         """Watch from now on, on a daemon thread."""
@@ -54,7 +60,7 @@ class Agent:
             try:
                 self.look(time.monotonic_ns())
             except OSError as error:  # no descriptor is left, or /proc is not to be read: nobody can tell
-                logger.warning("The sentinel can't be watched now (%s).", error.strerror)
+                self._say(f"The sentinel can't be watched now ({error.strerror}).")
             if self._held is None or self._held.gone:
                 pause.wait(LOOK_NS / NS_PER_S)
             else:
@@ -80,12 +86,17 @@ class Agent:
 
     def _heed(self) -> Orders | None:
         """Return the sentinel's last word, and hold whom it names."""
-        with contextlib.suppress(FileNotFoundError):  # the run folder was removed: the last word still holds
+        try:
             about = self._path.stat()
             if self._read != (about.st_ino, about.st_mtime_ns):
                 told = sentinel_seen.read_orders(self._path)
                 self._read = (about.st_ino, about.st_mtime_ns)
                 self._orders = told if told is not None else self._orders
+        except FileNotFoundError:
+            # Taken back by one that ended as it was told: nobody is to come. Where the run folder was removed, so was
+            # the name beside it, and the last word still holds.
+            if sentinel_seen.has_taken_leave(self._path):
+                self._read = self._orders = None
         orders, held = self._orders, self._held
         if orders is not None and (held is None or (held.pid, held.start) != (orders.pid, orders.start)):
             self._held = Held(orders.pid, orders.start)
@@ -95,11 +106,15 @@ class Agent:
         return orders
 
     def _end(self, orders: Orders, now_ns: int) -> None:
-        """End one that stands still, if another may be started."""
-        if self._may(orders, now_ns) and self._held is not None:
-            logger.error("The sentinel (process %d) stands still: ending it.", orders.pid)
+        """End one that stands still, if another may be started; the two are one act."""
+        if self._held is None or not self._may(orders, now_ns):
+            return
+        if self._ended != orders.nonce:
+            self._ended = orders.nonce
+            self._acts_ns.append(now_ns)
             self._note(orders.nonce)
-            self._held.end()
+        self._held.end()
+        self._say(f"The sentinel (process {orders.pid}) stood still and was ended.")
 
     def _replace(self, orders: Orders, now_ns: int) -> None:
         """Start another, if nobody else has in the meantime."""
@@ -112,17 +127,24 @@ class Agent:
         ):
             return
         self._not_before_ns = now_ns + START_NS
-        self._acts_ns.append(now_ns)
-        self._note(None)
-        logger.error("The sentinel (process %d) is gone and nobody watches: starting another.", orders.pid)
+        if self._ended != orders.nonce:
+            self._acts_ns.append(now_ns)
+            self._note(None)
+        self._ended = ""  # a second start for the same one is an act of its own
         begin(orders, self._listen_fd)
+        self._say(f"The sentinel (process {orders.pid}) is gone and nobody watches: another was started.")
 
     def _may(self, orders: Orders, now_ns: int) -> bool:
         kept = sentinel_seen.read_object(self._budget).get("acts_ns")
         stamps = {*self._acts_ns, *(at for at in kept or () if isinstance(at, int))}
         self._acts_ns = sorted(at for at in stamps if 0 <= now_ns - at < orders.window_ns)
         wished = orders.sentinel_lost or (orders.gateway_lost and sentinel_seen.gateway_is_gone(orders.run))
-        return wished and len(self._acts_ns) < orders.starts_max and not sentinel_seen.is_down(orders.wanted)
+        paid = self._ended == orders.nonce
+        return (
+            wished
+            and (paid or len(self._acts_ns) < orders.starts_max)
+            and not sentinel_seen.is_down(orders.wanted)
+        )
 
     def _note(self, ended: str | None) -> None:
         """Leave word for the next core's agent, and for the next sentinel: `ended` stood still."""
@@ -132,6 +154,21 @@ class Agent:
         with contextlib.suppress(OSError):  # the budget in memory holds all the same
             draft.write_text(json.dumps(told), "ascii")
             draft.replace(self._budget)
+
+    def _say(self, words: str) -> None:
+        """Say once what has happened, where no disk is asked."""
+        if words == self._said:
+            return
+        self._said = words
+        line = f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} agent in the {SIDE}: {words}\n"
+        with contextlib.suppress(OSError):
+            fd = os.open(
+                self._path.with_name(SAID), os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600
+            )
+            try:
+                os.write(fd, line.encode())
+            finally:
+                os.close(fd)
 
 
 def begin_if_told(orders: Path | None, listen_fd: int | None) -> None:

@@ -75,6 +75,11 @@ def read_orders(path: Path) -> Orders | None:
         return None
 
 
+def has_taken_leave(orders: Path) -> bool:
+    """Whether the orders were taken back by their sentinel: its name is left beside them, which is never taken back."""
+    return orders.with_name("sentinel.json").exists()
+
+
 def read_object(path: Path) -> dict[str, Any]:
     """Return the JSON object at `path`; empty when there is none, or none that can be read."""
     try:
@@ -178,7 +183,11 @@ def _stat(pid: int) -> list[str] | None:
 
 
 def is_held(lock: Path) -> bool:
-    """Whether somebody holds the sentinel's lock, from the kernel's table: to try it would be to take it."""
+    """Whether somebody holds the sentinel's lock, from the kernel's table: to try it would be to take it.
+
+    Where that table can't be read nobody is seen to hold it. It is asked only of a sentinel that is certainly dead, and
+    another that comes in vain ends at once; nobody coming would be worse.
+    """
     try:
         about = lock.stat()
         table = Path("/proc/locks").read_text()

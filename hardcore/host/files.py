@@ -4,6 +4,7 @@ import errno
 import fcntl
 import json
 import os
+import stat
 import threading
 from pathlib import Path
 
@@ -42,18 +43,30 @@ def sync_folder(folder: Path) -> None:
 
 
 def write_json(path: Path, value: object, *, durable: bool = True) -> None:
-    """Put `value` at `path` as JSON, wholly or not at all."""
-    write_whole(path, json.dumps(value, ensure_ascii=False, indent=1).encode() + b"\n", durable=durable)
+    """Put `value` at `path` as JSON, wholly or not at all. Half a character from outside becomes a `?`."""
+    text = json.dumps(value, ensure_ascii=False, indent=1)
+    write_whole(path, text.encode("utf-8", "replace") + b"\n", durable=durable)
 
 
 def read_json(path: Path, bytes_max: int = SMALL_FILE_BYTES_MAX) -> dict[str, object]:
     """Return the JSON object at `path`; empty when there is none, or none that can be read."""
     try:
-        with path.open("rb") as file:
-            value = json.loads(file.read(bytes_max))
+        value = json.loads(read_small(path, bytes_max))
     except (OSError, ValueError, RecursionError):
         return {}
     return value if isinstance(value, dict) else {}
+
+
+def read_small(path: Path, bytes_max: int = SMALL_FILE_BYTES_MAX) -> bytes:
+    """Return the first `bytes_max` bytes of a file. Raises OSError, also for what is no file.
+
+    Somebody may have put a pipe there: opening that would wait for a writer for ever, and nobody would watch.
+    """
+    fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(fd, "rb") as file:
+        if not stat.S_ISREG(os.fstat(fd).st_mode):
+            raise OSError(errno.EINVAL, "is no file", str(path))
+        return file.read(bytes_max)
 
 
 def take_lock(path: Path) -> int | None:
@@ -64,7 +77,7 @@ def take_lock(path: Path) -> int | None:
     On a disk that takes no write the file is locked as it lies there. Raises OSError where there is none.
     """
     try:
-        fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        fd = _open_to_lock(path)
     except OSError as error:
         if error.errno != errno.EROFS or not path.exists():
             raise
@@ -77,6 +90,14 @@ def take_lock(path: Path) -> int | None:
         pass
     os.close(fd)
     return None
+
+
+def _open_to_lock(path: Path) -> int:
+    """Open it, and make it only where there is none: to ask for that waits for a disk that hangs."""
+    try:
+        return os.open(path, os.O_RDWR | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
 
 def still_locked(fd: int, path: Path) -> bool:

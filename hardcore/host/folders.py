@@ -287,13 +287,23 @@ def prepare(data: Path) -> Folders | Unusable:
     The caller holds the lock of the launcher or of the guard: two of them would take the link from each other.
     """
     folders = prepare_data(data)
-    if isinstance(folders, Unusable):
-        return folders
+    return folders if isinstance(folders, Unusable) else prepare_run(folders)
+
+
+def laid_out(data: Path) -> Folders | None:
+    """Return this instance's names if a guard has watched it and nothing has to be made; writes nothing anywhere."""
+    folders = locate(data)
+    needed = (folders.state, folders.cases, folders.incidents, folders.logs)
+    return folders if folders.generation.exists() and all(path.is_dir() for path in needed) else None
+
+
+def prepare_run(folders: Folders) -> Folders | Unusable:
+    """Make the run folder, owner-only, and the link to it; the caller as for `prepare`, and the data folder is there."""
     try:
         for folder in (folders.run, folders.exits):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError as error:
-        return _unusable(data, error)
+        return _unusable(folders.data, error)
     if not _private(folders.run):
         return Unusable(
             f"{folders.run} must be a folder that only you can open. Remove it, or set XDG_RUNTIME_DIR."

@@ -245,6 +245,50 @@ def test_a_budget_ages(scene: Scene, side: str) -> None:
     watch(scene.agent(side), lambda: len(scene.started()) == 2, "another sentinel")
 
 
+def test_to_end_a_frozen_one_and_to_start_the_next_is_one_act_and_counts(scene: Scene, side: str) -> None:
+    old = scene.begin()
+    limit = scene.word["budget"]["limit"]
+    spent = [time.monotonic_ns()] * (limit - 1)
+    spent = [at + number for number, at in enumerate(spent)]
+    files.write_json(scene.run / f"agent-budget-{side}.json", {"version": 1, "acts_ns": spent})
+    agent = scene.agent(side)
+    scene.hit(old, signal.SIGSTOP)
+    watch(agent, lambda: len(scene.started()) == 2, "another sentinel")
+    assert len(files.read_json(scene.run / f"agent-budget-{side}.json")["acts_ns"]) == limit  # type: ignore[arg-type]
+    new = scene.next_after(1)
+    agent.look(time.monotonic_ns())
+    scene.hit(new, signal.SIGSTOP)
+    watch_in_vain(agent)
+    assert scene.lives(new), "the budget is spent"
+
+
+def test_after_one_that_ended_as_it_was_told_nobody_is_brought(scene: Scene, side: str) -> None:
+    old = scene.begin()
+    (scene.run / "sentinel.json").write_text("{}")
+    agent = scene.agent(side)
+    agent.look(time.monotonic_ns())
+    (scene.run / "agents.json").rename(scene.run / "taken back")
+    scene.hit(old, signal.SIGKILL)
+    until(lambda: not scene.lives(old), "it to be gone")
+    watch_in_vain(agent)
+    assert len(scene.started()) == 1
+    (scene.run / "taken back").rename(scene.run / "agents.json")
+    watch(agent, lambda: len(scene.started()) == 2, "another sentinel once there is word again")
+
+
+def test_what_an_agent_does_is_said_in_the_run_folder_and_not_in_a_log(
+    scene: Scene, side: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    old = scene.begin()
+    scene.hit(old, signal.SIGKILL)
+    watch(scene.agent(side), lambda: len(scene.started()) == 2, "another sentinel")
+    assert (
+        f"agent in the {side}: The sentinel (process {old}) is gone"
+        in (scene.run / "sentinel.out").read_text()
+    )
+    assert not caplog.records, "a log may lie on a disk that hangs"
+
+
 def test_a_number_that_is_a_strangers_by_now_is_not_signalled(scene: Scene, side: str) -> None:
     old = scene.begin()
     scene.hit(old, signal.SIGKILL)
