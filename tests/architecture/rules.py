@@ -37,6 +37,7 @@ CORE_FILE_ROOMS: Final = {
     "core/imports/": "the files of an import: what was given, its rows, the formats of banks; the case of a row",
     "core/journal/backup.py": "the copy that SQLite made of an older ledger, once it is closed",
     "core/journal/ballast.py": "the ballast beside the ledger's file",
+    "core/journal/checkpoints.py": "the folder of checkpoints, which holds nothing else",
     "core/journal/disk.py": "a small file of its own, and ledger.lock, to see whether the disk takes writes",
     "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
     "core/trying/asking.py": "none: it has the bytes of an answer read as if they came from one",
@@ -54,6 +55,7 @@ _FILE_CALL: Final = re.compile(
 )
 _CALL_ON_A_CLASS_OF_OURS: Final = re.compile(r"(^|\.)(?!Path\.)[A-Z]\w*\.\w+$")
 _FILE_MODULES: Final = frozenset({"shutil", "mmap", "fcntl", "tempfile", "io"})
+_MEMORY_ALONE: Final = frozenset({"io.StringIO", "io.BytesIO"})
 
 # Distributions that are imported by another name than their own.
 _IMPORTED_AS: Final = {"msoffcrypto-tool": "msoffcrypto"}
@@ -171,7 +173,7 @@ def doors_to_the_ledger(source: Source) -> list[str]:
         f"{source.path}:{node.lineno}: touches a file by {name}, beside SQLite"
         for name, node in source.calls()
         if (_FILE_CALL.search(name) and not _CALL_ON_A_CLASS_OF_OURS.search(name))
-        or name.split(".")[0] in _FILE_MODULES
+        or (name.split(".")[0] in _FILE_MODULES and name not in _MEMORY_ALONE)
     ]
     return named + opened
 

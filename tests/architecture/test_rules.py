@@ -75,6 +75,7 @@ SNIPPETS: Final[tuple[tuple[type_of_rule, str, str], ...]] = (
     (rules.doors_to_the_ledger, "core/journal/store.py", "os.open(path, 0)\n"),
     (rules.doors_to_the_ledger, "core/main.py", "Path.open(path)\n"),
     (rules.doors_to_the_ledger, "core/main.py", "os.replace(a, b)\n"),
+    (rules.doors_to_the_ledger, "core/main.py", "io.FileIO(path)\n"),
     (rules.doors_to_the_ledger, "hardcore/host/files.py", "data / 'ledger.db'\n"),
     (rules.doors_to_the_ledger, "core/guarded/recorder.py", "data / 'ledger.db'\n"),
     (rules.doors_to_the_ledger, "core/guarded/recorder.py", "from core.journal.store import LEDGER_FILE\n"),
@@ -106,6 +107,7 @@ ALLOWED: Final[tuple[tuple[type_of_rule, str, str], ...]] = (
     (rules.thawed_words, "hardcore/model/phases.py", "@dataclass(frozen=True, slots=True)\nclass A: pass\n"),
     (rules.doors_to_the_ledger, "core/journal/store.py", "sqlite3.connect(data / 'ledger.db')\n"),
     (rules.doors_to_the_ledger, "hardcore/host/files.py", "open(path)\n"),
+    (rules.doors_to_the_ledger, "core/main.py", "out = io.StringIO()\n"),
     (rules.doors_to_the_ledger, "core/main.py", "connect(data / LEDGER_FILE)\n"),
     (
         rules.doors_to_the_ledger,
