@@ -5,9 +5,10 @@ import dataclasses
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeGuard
 
 from hardcore.bounds import Bounds
-from hardcore.host import clock, files, leftovers
+from hardcore.host import clock, files, leftovers, wish
 from hardcore.host.folders import Folders
 from hardcore.host.ids import new_id
 from hardcore.host.lives import CoreLimits
@@ -27,6 +28,8 @@ NO_SPARE_SWITCH = "HARDCORE_NO_SPARE"
 MODE_SWITCH = "HARDCORE_MODE"
 MODES = ("act", "assist", "observe")
 REASON_CHARACTERS_MAX = 500
+#: A number that is larger was written by no guard; the pages have 8 bytes for it.
+GENERATION_MAX = 1 << 53
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,19 +133,13 @@ def bounds(policy: Policy) -> Bounds:
 
 def wanted(folders: Folders) -> Wanted:
     """Return what the operator wants; UP when nobody has said anything."""
-    return _wanted(files.read_json(folders.state / "wanted.json").get("wanted"))
-
-
-def _wanted(stored: object) -> Wanted:
-    return Wanted(stored) if isinstance(stored, str) and stored in set(Wanted) else Wanted.UP
+    return wish.read(folders).wanted
 
 
 def safe_reason(folders: Folders) -> str:
     """Return why the operator wants reads only, as it was written down; empty: no reason, or not wanted."""
-    kept = files.read_json(folders.state / "wanted.json")
-    reason = kept.get("reason")
-    wants_safe = Wanted.SAFE in {kept.get("wanted"), kept.get("before")}
-    return reason if wants_safe and isinstance(reason, str) else ""
+    found = wish.read(folders)
+    return found.reason if found.safe else ""
 
 
 def store_wanted(folders: Folders, what: Wanted, reason: str = "") -> None:
@@ -150,13 +147,13 @@ def store_wanted(folders: Folders, what: Wanted, reason: str = "") -> None:
 
     A wish for reads only outlives a DOWN: it is written beside it, and the next `up` finds it.
     """
-    kept = files.read_json(folders.state / "wanted.json")
+    kept = wish.read(folders)
     told: dict[str, object] = {"wanted": str(what), "at": clock.wall(clock.now_ns())}
-    if what is Wanted.DOWN and Wanted.SAFE in {kept.get("wanted"), kept.get("before")}:
-        told |= {"before": str(Wanted.SAFE), "reason": kept.get("reason", "")}
+    if what is Wanted.DOWN and kept.safe:
+        told |= {"before": str(Wanted.SAFE), "reason": kept.reason}
     elif what is Wanted.SAFE:
         told["reason"] = reason[:REASON_CHARACTERS_MAX]
-    files.write_json(folders.state / "wanted.json", told)
+    wish.store(folders, told)
 
 
 def want_safe(folders: Folders, reason: str, *, on: bool) -> bool:
@@ -164,17 +161,16 @@ def want_safe(folders: Folders, reason: str, *, on: bool) -> bool:
 
     Raises OSError where it can't be written. What is stopped stays stopped.
     """
-    kept = files.read_json(folders.state / "wanted.json")
-    is_on = Wanted.SAFE in {kept.get("wanted"), kept.get("before")}
-    if is_on == on:
+    kept = wish.read(folders)
+    if kept.safe == on:
         return False
-    if _wanted(kept.get("wanted")) is not Wanted.DOWN:
+    if kept.wanted is not Wanted.DOWN:
         store_wanted(folders, Wanted.SAFE if on else Wanted.UP, reason)
         return True
     told: dict[str, object] = {"wanted": str(Wanted.DOWN), "at": clock.wall(clock.now_ns())}
     if on:
         told |= {"before": str(Wanted.SAFE), "reason": reason[:REASON_CHARACTERS_MAX]}
-    files.write_json(folders.state / "wanted.json", told)
+    wish.store(folders, told)
     return True
 
 
@@ -183,14 +179,13 @@ def want_up(folders: Folders) -> None:
 
     A disk that refuses is no hindrance where nothing else is written there.
     """
-    kept = files.read_json(folders.state / "wanted.json")
-    if _wanted(kept.get("wanted")) is Wanted.SAFE:
+    kept = wish.read(folders)
+    if kept.wanted is Wanted.SAFE:
         return
-    safe = kept.get("before") == Wanted.SAFE
     try:
-        store_wanted(folders, Wanted.SAFE if safe else Wanted.UP, str(kept.get("reason") or ""))
+        store_wanted(folders, Wanted.SAFE if kept.safe else Wanted.UP, kept.reason)
     except OSError:
-        if wanted(folders) is Wanted.DOWN:
+        if kept.wanted is Wanted.DOWN:
             raise
 
 
@@ -226,9 +221,13 @@ def next_generation(folders: Folders) -> int:
     """
     paths = (folders.generation, folders.run / "generation")
     stored = [files.read_json(path).get("generation") for path in paths]
-    number = max(value if isinstance(value, int) else 0 for value in stored) + 1
+    number = max((value for value in stored if _is_generation(value)), default=0) + 1
     files.write_json(paths[1], {"generation": number}, durable=False)
     return number
+
+
+def _is_generation(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < GENERATION_MAX
 
 
 def keep(folders: Folders, generation: int) -> None:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from hardcore import chronicle, quarantine_file
-from hardcore.host import clock, files
+from hardcore.host import clock, files, wish
 from hardcore.host.folders import Folders
 from hardcore.host.lives import Life
 from hardcore.model.forecasts import Forecast
@@ -219,8 +219,7 @@ def core(
 def from_files(folders: Folders) -> dict[str, Any]:
     """Return the status as the files tell it when no sentinel answers: the same shape, state UNKNOWN."""
     status = _shape()
-    wanted = files.read_json(folders.state / "wanted.json").get("wanted", "UP")
-    status["wanted"] = wanted if wanted in set(Wanted) else "UP"
+    status["wanted"] = str(wish.read(folders).wanted)
     status["history"] = list(chronicle.read(folders))[-HISTORY_SHOWN_MAX:]
     told = files.read_json(folders.sentinel)
     status["url"] = told.get("url")

@@ -95,6 +95,8 @@ def read_object(line: bytes) -> dict[str, object] | BadRequest:
     """Return the JSON object of a line."""
     try:
         value = json.loads(line)
+        if b"\\ud" in line.lower():  # half a character can be said in JSON, and written down by nobody
+            value = json.loads(json.dumps(value, ensure_ascii=False).encode("utf-8", "replace"))
     except (ValueError, RecursionError):
         return BadRequest("bad-json", "the line is not JSON")
     return value if isinstance(value, dict) else BadRequest("bad-json", "the line is not an object")
@@ -115,7 +117,7 @@ def read_request(line: bytes) -> Request | BadRequest:
     reason, fault, pid = value.get("reason", ""), value.get("fault", ""), value.get("pid", 0)
     rule_id, component, channel = value.get("id", ""), value.get("component", ""), value.get("channel")
     texts = all(isinstance(one, str) for one in (reason, fault, rule_id, component))
-    if not texts or not isinstance(pid, int) or not isinstance(channel, int | None):
+    if not texts or not _counts(pid) or not (channel is None or _counts(channel)):
         return BadRequest(
             "bad-field", "reason, fault, component and id are text, pid and channel are numbers"
         )
@@ -148,4 +150,5 @@ def read_request(line: bytes) -> Request | BadRequest:
 
 def write_line(value: Mapping[str, object]) -> bytes:
     """Return an object as one line."""
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode() + b"\n"
+    text = json.dumps(value, ensure_ascii=False, separators=(",", ":"))
+    return text.encode("utf-8", "replace") + b"\n"
