@@ -13,6 +13,7 @@ import json
 import os
 import signal
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from hardcore.control.protocol import (
@@ -25,9 +26,11 @@ from hardcore.control.protocol import (
     Request,
     write_line,
 )
-from hardcore.host import clock
+from hardcore.host import clock, files
+from hardcore.host.folders import Folders
 from hardcore.host.ids import new_id
 from hardcore.host.lives import Life
+from hardcore.host.sentinel_page import LAST_WORDS
 from hardcore.house import Answer, House, refuse
 from hardcore.model import observations as seen
 from hardcore.model.phases import Phase
@@ -46,8 +49,11 @@ def _drill_is_on() -> Answer:
     return refuse("drill-under-way", "Another drill is under way. Wait until it is over.")
 
 
-def _end_the_guard() -> Answer:
-    """Have this very process be killed, as from outside: nothing is tidied up and nobody is told."""
+def _end_the_guard(folders: Folders) -> Answer:
+    """Have this very process be killed, as from outside: nothing is tidied up, and only the next guard knows why."""
+    with suppress(OSError):  # without these words its loss is told as a real one, which is the safe side
+        told = {"nonce": files.read_json(folders.sentinel).get("nonce")}
+        files.write_json(folders.run / LAST_WORDS, told, durable=False)
     asyncio.get_running_loop().call_later(ANSWERED_S, signal.raise_signal, signal.SIGKILL)
     return {"ok": True, "fault": "sentinel", "pid": os.getpid(), "since": clock.wall(clock.now_ns())}, []
 
@@ -88,7 +94,7 @@ class Breaking:
             if request.fault == "spare":
                 return await self._end_spare()
             if request.fault == "sentinel":
-                return _end_the_guard()
+                return _end_the_guard(self._house.folders)
             if request.fault == "gateway":
                 return self._end_the_gateway()
             if request.fault == "poison":

@@ -167,6 +167,7 @@ class Runtime:
                 court=court,
                 unwatched_ns=setup.before.unwatched_ns,
                 found_frozen=setup.before.found_frozen,
+                drilled=setup.before.drilled,
             )
         )
 

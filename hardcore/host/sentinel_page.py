@@ -19,6 +19,8 @@ from hardcore.host import clock, files
 MAGIC = b"HCSENT01"
 SIZE = 256
 NONCE_BYTES_MAX = 32
+#: The last words of a guard that ends itself for a drill, in the run folder.
+LAST_WORDS = "sentinel-drill.json"
 #: How often the thread beats; the loop beats with each look at the core, ten times a second.
 THREAD_BEAT_S = 0.1
 
@@ -54,10 +56,11 @@ def read_page(path: Path) -> SentinelBeat | None:
         return None
     if len(head) < _HEAD.size:
         return None
-    magic, *numbers, nonce = _HEAD.unpack(head)
+    magic, generation, pid, start, began_ns, loop_ns, loop_count, thread_ns, nonce = _HEAD.unpack(head)
     if magic != MAGIC:
         return None
-    return SentinelBeat(*numbers, nonce.rstrip(b"\0").decode("ascii", "replace"))
+    name = nonce.rstrip(b"\0").decode("ascii", "replace")
+    return SentinelBeat(generation, pid, start, began_ns, loop_ns, loop_count, thread_ns, name)
 
 
 class SentinelPage:

@@ -52,11 +52,8 @@ def _adopt(c: Course, fact: seen.SentinelBegan, page: Page) -> None:
     c.epoch = page.beats.epoch
     why = "the guard was gone; its core was found serving and goes on"
     found = Testimony("run folder", Colour.YELLOW, why)
-    if fact.drilled:
-        c.drill.start(seen.DrillStarted(fact.at_ns, "sentinel", c.life))
-    c.pending = Trouble(
-        Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found, *_unwatched(fact))), _since(fact)
-    )
+    death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found, *_unwatched(fact)))
+    c.pending = Trouble(death, _since(fact), drill="sentinel" if fact.drilled else None)
     fire(c, Trigger.FOUND_NEW if _is_new(c, fact) else Trigger.FOUND_SERVING, fact.at_ns, why)
 
 

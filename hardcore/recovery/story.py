@@ -31,7 +31,7 @@ _OF_AN_OUTAGE = frozenset(
 
 @dataclass(slots=True)
 class Trouble:
-    """What is about to be told as an incident. `asked`: a person wants done what comes of it."""
+    """What is about to be told as an incident. `asked`: a person wants done what comes of it. `drill`: it is one's."""
 
     death: Death
     fault_ns: int
@@ -39,6 +39,7 @@ class Trouble:
     page: Page | None = None
     blamed: tuple[str, ...] = ()
     asked: bool = False
+    drill: str | None = None
 
 
 @dataclass(slots=True)

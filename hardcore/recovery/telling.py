@@ -137,7 +137,7 @@ def open_unwatched(c: Course, now_ns: int) -> None:
     """Open an incident that stopped nobody: the pending trouble is a guard's, not the core's."""
     trouble = _take(c)
     story = _begin(c, trouble, now_ns, down=False)
-    story.drill = c.drill.take(trouble.death.diagnosis, now_ns)
+    story.drill = trouble.drill
     story.blame(trouble.death.evidence, ())
     if story.drill is None:
         alert(c, trouble.death.diagnosis, f"{worst(trouble.death)}.")

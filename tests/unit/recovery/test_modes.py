@@ -253,3 +253,11 @@ def test_a_guard_says_how_long_nobody_watched() -> None:
     why = {one.why for one in told.evidence}
     assert {"nobody watched for 700 ms", "the guard before stood still, and was ended"} <= why
     assert kinds(play.ordered).count("CloseIncident") == 1
+
+
+def test_a_guard_that_ended_itself_for_a_drill_is_told_as_a_drill_and_to_nobody() -> None:
+    play = Play()
+    play.tell(seen.SentinelBegan(play.now_ns, adoptable=a_page(4, seq=9), unwatched_ns=S, drilled=True))
+    assert play.closed().drill == "sentinel"
+    assert "Alert" not in kinds(play.ordered)
+    assert play.manager.reading().drill_ns is None
