@@ -25,8 +25,9 @@ from hardcore.host.files import read_json
 from hardcore.model.gateway import Stage
 
 BEAT_S = 0.1
-#: Names of paths that are remembered; beyond them all are worked out anew.
-NAMES_MAX = 1024
+#: Names of paths that are remembered; beyond them all are worked out anew. A path that is longer than any of ours is
+#: each time: its length is its client's choice.
+NAMES_MAX, NAMED_BYTES_MAX = 1024, 256
 #: Paths that may be refused at one time (`docs/wires.md` section 18).
 REFUSED_MAX = 64
 
@@ -176,7 +177,9 @@ class Recording:
         if name is None:
             if len(self._names) >= NAMES_MAX:
                 self._names.clear()
-            name = self._names[said] = word_of(hashlib.sha256(said).digest()[:8])
+            name = word_of(hashlib.sha256(said).digest()[:8])
+            if len(said) <= NAMED_BYTES_MAX:
+                self._names[said] = name
         return name
 
     def refuses(self, name: int) -> bool:
