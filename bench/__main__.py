@@ -115,7 +115,7 @@ PARTS: dict[str, Part] = {
     ),
     "watchers": Part(
         "the guard itself is lost, until it is watched again",
-        lambda folder: watchers.measure(folder, kills=20, alone=5, stops=3),
+        lambda folder: watchers.measure(folder, kills=20, alone=3, stops=2),
         lambda folder: watchers.measure(folder, kills=1, alone=1, stops=1),
     ),
     "doors": Part(

@@ -43,13 +43,15 @@ def measure(folder: Path, *, kills: int, alone: int, stops: int) -> list[Figure]
         fill(instance, 10)
         core, gateway = instance.running()["core"]["pid"], instance.status()["gateway"]["pid"]
         with _client(instance) as asked:
-            killed = [_unwatched_ms(instance, signal.SIGKILL) for _ in range(kills)]
-            stopped = [_unwatched_ms(instance, signal.SIGSTOP) for _ in range(stops)]
             launcher = _hold(instance.status()["launcher"]["pid"])
             launcher.hit(signal.SIGSTOP)  # as good as gone, and it can still end everything afterwards
             by_agents = [_unwatched_ms(instance, signal.SIGKILL) for _ in range(alone)]
             launcher.hit(signal.SIGCONT)
             launcher.let_go()
+            stopped = [_unwatched_ms(instance, signal.SIGSTOP) for _ in range(stops)]
+            killed = [_unwatched_ms(instance, signal.SIGKILL) for _ in range(kills)]
+        # A guard that has just begun says so before it has found the gateway of the one before.
+        instance.until(lambda told: told["gateway"]["pid"] is not None, "a gateway", OVER_S)
         told = instance.running()
         changed = (told["core"]["pid"] != core) + (told["gateway"]["pid"] != gateway)
     return [
