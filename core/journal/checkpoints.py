@@ -8,6 +8,7 @@ written last is always kept, however old: a book that nobody writes to has no ne
 """
 
 import os
+import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -100,7 +101,10 @@ class Checkpoints:
 
     def _read(self, path: Path) -> Checkpoint | str:
         try:
-            with path.open("rb") as file:
+            # Somebody may have put a pipe there: to open that as a file is would wait for ever.
+            with path.open("rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+                if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                    return "it is no file"
                 data = file.read(checkpoint.BYTES_MAX + 1)
         except OSError as error:
             return f"it can't be read ({error.strerror})"

@@ -13,6 +13,9 @@ from dataclasses import dataclass
 #: The way to a value: names in objects, numbers (from 0) in lists.
 Path = tuple[str | int, ...]
 
+#: No policy of ours is nested deeper than half of this.
+DEPTH_MAX = 8
+
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+', re.DOTALL)
 
 
@@ -46,6 +49,8 @@ class _TwinError(ValueError):
 
 def parse(text: str) -> Located | Broken:
     """Return the object of `text`; a name that stands twice in one object is a fault, not the last one's luck."""
+    if _depth(text) > DEPTH_MAX:  # the way to each value is kept: a deep file would fill the guard's memory
+        return Broken(0, "", f"nested more than {DEPTH_MAX} deep")
     try:
         values = json.loads(text, object_pairs_hook=_no_twins)
     except json.JSONDecodeError as error:
@@ -55,6 +60,15 @@ def parse(text: str) -> Located | Broken:
     except (ValueError, RecursionError) as error:
         return Broken(0, "", str(error))
     return Located(values, text) if isinstance(values, dict) else Broken(1, "", "must be a JSON object")
+
+
+def _depth(text: str) -> int:
+    """Return how deep the text is nested, whatever else is wrong with it."""
+    deepest = depth = 0
+    for token in _TOKEN.finditer(text):
+        depth += {"{": 1, "[": 1, "}": -1, "]": -1}.get(token[0], 0)
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def nearest(lines: dict[Path, int], path: Path) -> int:

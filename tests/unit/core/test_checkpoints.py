@@ -180,6 +180,12 @@ def test_a_torn_one_is_passed_over_wherever_it_was_cut(shelf: Shelf, keep: int) 
     assert shelf.newest() == older
 
 
+def test_a_pipe_among_them_holds_nobody_up(shelf: Shelf) -> None:
+    older = shelf.name()
+    os.mkfifo(shelf.file(older).with_name("999999-9.json"))
+    assert shelf.newest() == older
+
+
 def test_a_bit_that_has_turned_is_seen_wherever_it_is(shelf: Shelf) -> None:
     name = shelf.name()
     whole = shelf.file(name).read_bytes()

@@ -333,3 +333,10 @@ def test_a_damaged_ledger_is_not_restarted_by_default() -> None:
 
 def test_the_limits_of_the_gateway_come_from_the_same_file() -> None:
     assert _policy({"gateway": {"hold_ms": 5}}).gateway.hold_ms == 5
+
+
+def test_a_file_that_is_nested_without_end_is_refused_before_it_fills_the_memory() -> None:
+    text = '{"gateway":' + "[" * 900 + "1," * 50_000 + "1" + "]" * 900 + "}"
+    faults = read_policy(text)
+    assert isinstance(faults, list)
+    assert "nested" in faults[0].reason
