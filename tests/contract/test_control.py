@@ -185,6 +185,7 @@ def test_a_request_is_read_with_its_fields_bounded_and_typed() -> None:
     assert isinstance(read, Request)
     assert (read.ask, read.fault, read.yes, len(read.reason)) == (Ask.DRILL, DRILLS[0], True, 500)
     assert isinstance(read_request(b'{"verb": "drill", "fault": "plague"}'), BadRequest)
+    assert isinstance(read_request(b'{"verb": "drill", "fault": "leak", "mb_per_s": -1}'), BadRequest)
     assert isinstance(read_request(b'{"verb": "restart", "reason": 5}'), BadRequest)
     odd = read_request(b'{"verb": "restart", "hard": "yes", "more": [1]}')
     assert isinstance(odd, Request)
