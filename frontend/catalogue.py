@@ -38,6 +38,10 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "포트 {port}번을 다른 프로그램이 쓰고 있어요. --port로 다른 번호를 고르세요 (예: --port {next}).",
         "Port {port} is in use by another program. Choose another with --port, for example --port {next}.",
     ),
+    "port_ours": (
+        "포트 {port}번은 이 장부를 지키던 프로그램이 남긴 프로세스가 쓰고 있어요 ({pids}). `{command} down`으로 끈 뒤에 다시 켜세요.",
+        "Port {port} is held by what this ledger's last guard left ({pids}). `{command} down` ends it; then start again.",
+    ),
     "cannot_listen": (
         "{host}:{port} 주소를 열 수 없어요 ({why}). --host와 --port를 확인하세요.",
         "Can't listen on {host}:{port} ({why}). Check --host and --port.",

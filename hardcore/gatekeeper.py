@@ -208,11 +208,13 @@ class Gatekeeper:
         ours = self._environment()
         if any(told.get(name) != ours[name] for name in ("HARDCORE_LIMITS", "HARDCORE_BUILD")):
             return False
-        return _told_alike(self._argv(), _command_line(older.pid)) and self._shares_listener(older)
+        return _told_alike(self._argv(), leftovers.read_command_line(older.pid)) and self._shares_listener(
+            older
+        )
 
     def _shares_listener(self, older: Handle) -> bool:
         """Whether what browsers dial is the same socket for both; a new launcher may hold another."""
-        argv = _command_line(older.pid)
+        argv = leftovers.read_command_line(older.pid)
         number = argv[argv.index(_LISTENER) + 1]
         try:
             theirs = Path(f"/proc/{older.pid}/fd/{number}").stat()
@@ -475,13 +477,6 @@ async def _within(event: asyncio.Event, limit_s: float) -> bool:
     except TimeoutError:
         return False
     return True
-
-
-def _command_line(pid: int) -> list[str]:
-    try:
-        return os.fsdecode(Path(f"/proc/{pid}/cmdline").read_bytes()).split("\0")[:-1]
-    except OSError:
-        return []
 
 
 def _told_alike(ours: list[str], theirs: list[str]) -> bool:

@@ -5,20 +5,24 @@ settled here, each refusal with its next step. Then this process *becomes* the l
 the listener and the lock and loses the weight of the command line.
 """
 
+import contextlib
 import ipaddress
 import os
+import shlex
 import signal
 import socket
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from frontend.catalogue import text
 from hardcore import standing
 from hardcore.control import client
 from hardcore.host import files, leftovers, lives
 from hardcore.host.folders import Folders, Unusable, locate, prepare, prepare_data
+from hardcore.host.listener_left import Left, find_listener
 from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, PolicyFault
 
@@ -122,16 +126,53 @@ def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: s
         return warning
     if living is not None:
         return Ready(folders, *living, attached=True, warning=warning)
-    listener = handed if handed is not None else _listen(host, port, lang)
+    left = find_listener(folders)
+    listener = handed or left.listener or _listen(host, port, lang)
     if isinstance(listener, Refused):
-        return listener
+        return _whose(listener, folders, port, left, lang)
     # Only now: a start that was refused must not have changed what is wanted.
     standing.want_up(folders)
+    if handed is None and left.listener is not None:
+        url = _url_left(folders, left.listener)
+        return Ready(folders, left.listener.detach(), url, attached=False, warning=warning)
+    if left.listener is not None and handed is not None:
+        _give_up(left.listener, handed)
     # By the name that was asked for: a cookie of `localhost` is none of 127.0.0.1.
     host = host if handed is None else str(listener.getsockname()[0])
     shown = f"[{host}]" if ":" in host else host
     port = listener.getsockname()[1]
     return Ready(folders, listener.detach(), f"http://{shown}:{port}", attached=False, warning=warning)
+
+
+def _whose(refused: Refused, folders: Folders, port: int, left: Left, lang: str) -> Refused:
+    """Say whose the port is, if it is one that our own processes hold and that could not be taken from them."""
+    if not left.pids or port != _port_before(folders):
+        return refused
+    pids, command = ", ".join(map(str, left.pids)), f"hardcore --data {shlex.quote(str(folders.data))}"
+    return Refused(text("port_ours", lang, port=port, pids=pids, command=command))
+
+
+def _port_before(folders: Folders) -> int | None:
+    try:
+        return urlsplit(str(files.read_json(folders.sentinel).get("url"))).port
+    except ValueError:
+        return None
+
+
+def _url_left(folders: Folders, listener: socket.socket) -> str:
+    """Return the address of a listener that is gone on with, by the name it was opened under."""
+    host, port = listener.getsockname()[:2]
+    if port == _port_before(folders):
+        return str(files.read_json(folders.sentinel)["url"])
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def _give_up(left: socket.socket, ours: socket.socket) -> None:
+    """Close an address for everybody who holds it: the core would keep it open, and nobody would answer there."""
+    if not _same_socket(left.fileno(), ours.fileno()):
+        with contextlib.suppress(OSError):
+            left.shutdown(socket.SHUT_RDWR)
+    left.close()
 
 
 def _later(wishes: Wishes) -> str | None:

@@ -192,6 +192,14 @@ def read_environment(pid: int) -> list[str]:
         return []
 
 
+def read_command_line(pid: int) -> list[str]:
+    """Return the words that a process was started with; empty if it is gone."""
+    try:
+        return os.fsdecode(Path(f"/proc/{pid}/cmdline").read_bytes()).split("\0")[:-1]
+    except OSError:
+        return []
+
+
 def _hold(pid: int, mark: str) -> Handle | None:
     """Return a handle on the process if it still is the one whose environment was read."""
     start = processes.start_of(pid)
