@@ -102,7 +102,7 @@ class Checkpoints:
     def _read(self, path: Path) -> Checkpoint | str:
         try:
             # Somebody may have put a pipe there: to open that as a file is would wait for ever.
-            with path.open("rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
+            with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
                 if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                     return "it is no file"
                 data = file.read(checkpoint.BYTES_MAX + 1)
