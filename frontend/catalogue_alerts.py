@@ -82,6 +82,7 @@ FAILURES: Final[Mapping[str, tuple[str, str]]] = {
     "garbled": _text("답을 이해할 수 없어요", "its answer can't be read"),
     "login": _text("로그인이 거절됐어요", "it refused the login"),
     "recipient": _text("보내는 사람이나 받는 사람을 거절했어요", "it refused the sender or the recipient"),
+    "partly": _text("받는 사람 일부는 거절됐어요", "some of its recipients were refused"),
     "secret": _text("비밀 파일을 읽을 수 없어요", "its secret_file can't be read"),
     "apprise": _text(
         "Apprise가 설치돼 있지 않아요 (pip install apprise)",
@@ -113,6 +114,7 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
     ),
     "no_quiet": _text("없음", "none"),
     "arrived": _text("마지막: 도착함, {at}", "Last: arrived, {at}"),
+    "arrived_partly": _text("마지막: 도착함, {at} ({why})", "Last: arrived, {at} ({why})"),
     "failed": _text("마지막: 도착하지 않음, {at} ({why})", "Last: did not arrive, {at} ({why})"),
     "never": _text("아직 보낸 적이 없어요.", "Nothing was sent yet."),
     "muted": _text("알림을 꺼 두었어요. 다시 켜지는 때: {until}", "Alerts are muted until {until}."),
@@ -130,6 +132,9 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
         "There is no channel {n}. See `hardcore alerts`.",
     ),
     "tried": _text("{number}. {name}: 도착했어요.", "{number}. {name}: it has arrived."),
+    "tried_partly": _text(
+        "{number}. {name}: 도착했지만 {why}.", "{number}. {name}: it has arrived, but {why}."
+    ),
     "tried_in_vain": _text(
         "{number}. {name}: 도착하지 않았어요 ({why}).", "{number}. {name}: did not arrive ({why})."
     ),

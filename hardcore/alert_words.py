@@ -81,6 +81,8 @@ def _last_line(known: Entry | None, lang: str) -> str:
     if known is None:
         return word("never", lang)
     at = local(str(known.get("at")))
+    if known.get("ok") is True and known.get("why"):
+        return word("arrived_partly", lang, at=at, why=failure_text(str(known["why"]), lang))
     if known.get("ok") is True:
         return word("arrived", lang, at=at)
     return word("failed", lang, at=at, why=failure_text(str(known.get("why")), lang))
@@ -114,7 +116,7 @@ def alerts_test(asked: Asked, channel: int | None) -> None:
             click.echo(
                 wrapped(
                     word(
-                        "tried" if one["ok"] else "tried_in_vain",
+                        _tried(one),
                         lang,
                         **{**one, "number": one["channel"], "why": why},
                     )
@@ -122,6 +124,12 @@ def alerts_test(asked: Asked, channel: int | None) -> None:
             )
     if not all(one["ok"] for one in results):
         sys.exit(1)
+
+
+def _tried(result: Mapping[str, Any]) -> str:
+    if not result["ok"]:
+        return "tried_in_vain"
+    return "tried_partly" if result["why"] else "tried"
 
 
 @alerts.command("mute")

@@ -12,7 +12,7 @@ _PASSING = frozenset({408, 425, 429})
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """`why` is a code of the catalogue, empty once it arrived; `final`: another try would end the same way."""
+    """`why` is a code of the catalogue, empty once it has arrived with everybody; `final`: another try would end the same way."""
 
     ok: bool
     why: str = ""
@@ -21,6 +21,8 @@ class Sent:
 
 
 ARRIVED = Sent(ok=True)
+#: Some of those who were named are told, and the others never will be.
+PARTLY = Sent(ok=True, why="partly", final=True)
 
 
 def failed(why: str, *, status: int | None = None, final: bool = False) -> Sent:

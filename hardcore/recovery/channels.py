@@ -29,7 +29,10 @@ LANGUAGES: Final = ("ko", "en")
 _FIELDS: Final = frozenset({"kind", "url", "min_interval_s", "name", "lang", "quiet_hours", "secret_file"})
 _QUIET = re.compile(r"([01]\d|2[0-3]):([0-5]\d)-([01]\d|2[0-3]):([0-5]\d)")
 _SCHEME = re.compile(r"[a-z][a-z0-9+.-]{0,30}://.", re.IGNORECASE)
-_ADDRESS = re.compile(r"[^@\s,<>]{1,64}@[^@\s,<>]{1,255}")
+#: As every server takes it: letters of ASCII only, and none of the signs that would make it two.
+_ADDRESS = re.compile(r"[A-Za-z0-9.!#$%&'*+/=?^_`{|}~-]{1,64}@[A-Za-z0-9.-]{1,255}")
+_LABEL = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?")
+_WORD = re.compile(r"[a-z_]{1,20}")
 
 
 class Kind(StrEnum):
@@ -130,7 +133,7 @@ def read_channels(value: object) -> tuple[Channel, ...] | list[Fault]:
 def _read(number: int, value: object) -> Channel | list[Fault]:
     if not isinstance(value, dict):
         return [_wrong(number, "must be an object with kind and url")]
-    faults = [_wrong(number, f"{str(name)[:40]!r} is not known") for name in value if name not in _FIELDS]
+    faults = [_wrong(number, f"{_named(name)} is not known") for name in value if name not in _FIELDS]
     kind, url = value.get("kind"), value.get("url")
     if not isinstance(kind, str) or kind not in set(Kind):
         faults.append(_wrong(number, f"kind must be one of {', '.join(Kind)}"))
@@ -157,6 +160,11 @@ def _channel(number: int, value: Mapping[str, object]) -> Channel:
         _quiet(quiet) if isinstance(quiet, str) else None,
         str(value.get("secret_file", "")),
     )
+
+
+def _named(name: object) -> str:
+    """Return a field's name for a fault. What is no plain word may be an address that has slipped."""
+    return repr(name) if isinstance(name, str) and _WORD.fullmatch(name) else "a field"
 
 
 def _wrong(number: int, why: str) -> Fault:
@@ -201,9 +209,11 @@ def _bad_url(kind: Kind, url: str) -> str:
         return "" if _SCHEME.match(url) else "url must be an address as Apprise has it"
     try:
         parts = urlsplit(url)
-        parts.port  # noqa: B018  # asked for its ValueError: a number that is none
+        port = parts.port
     except ValueError:
         return "url can't be read as an address"
+    if port == 0 or (parts.hostname and not _is_host(parts.hostname)):
+        return "url names a host or a port that can't be reached"
     match kind:
         case Kind.WEBHOOK | Kind.NTFY:
             return _bad_http(kind, parts)
@@ -213,6 +223,19 @@ def _bad_url(kind: Kind, url: str) -> str:
             assert_never(kind)
 
 
+def _is_host(host: str) -> bool:
+    """Tell whether somebody can have this name or number."""
+    try:
+        return "%" not in str(ip_address(host))  # a scope is no part of an address that others know
+    except ValueError:
+        pass
+    try:
+        labels = host.encode("idna").decode("ascii").rstrip(".").split(".")
+    except UnicodeError:  # an empty part, one that is too long, or letters that no name has
+        return False
+    return all(_LABEL.fullmatch(label) for label in labels)
+
+
 def _bad_http(kind: Kind, parts: SplitResult) -> str:
     if parts.scheme not in {"http", "https"} or not parts.hostname:
         return "url must begin with https:// and a host"
@@ -220,6 +243,8 @@ def _bad_http(kind: Kind, parts: SplitResult) -> str:
         return "url must begin with https://: what is sent in the open can be read on the way"
     if parts.username is not None or parts.password is not None:
         return "url must not hold a user: secret_file is the place for a secret"
+    if not (parts.path + parts.query).isascii():
+        return "url must be of plain letters after its host: others are written as %XX"
     if kind is Kind.NTFY and not parts.path.strip("/"):
         return "url must end in the topic"
     return ""
@@ -230,9 +255,9 @@ def _bad_smtp(parts: SplitResult) -> str:
         return "url must look like smtps://user@host:465/?from=…&to=… (smtp:// with STARTTLS)"
     asked = parse_qs(parts.query)
     if strange := sorted(asked.keys() - {"from", "to"}):
-        return f"url may say from and to, not {strange[0][:40]!r}"
+        return f"url may say from and to, not {_named(strange[0])}"
     if not all(_ADDRESS.fullmatch(one) for name in ("from", "to") for one in asked.get(name, ["-"])):
-        return "url must say from=… and to=…, each one mail address"
+        return "url must say from=… and to=…, each one mail address of plain letters"
     return ""
 
 

@@ -136,13 +136,14 @@ def _request(talk: socket.socket) -> Came | None:
 
 @dataclass
 class Post:
-    """A mail server. `refuses` is the first word of a command that it answers with 550."""
+    """A mail server. `refuses` is the beginning of a command that it answers with 550; `leaves` its answer to QUIT."""
 
     port: int
     refuses: str
     offers: tuple[str, ...]
     mails: list[bytes] = field(default_factory=list)
     heard: list[str] = field(default_factory=list)
+    leaves: bytes = b"221 bye\r\n"
 
 
 @contextmanager
@@ -163,7 +164,7 @@ def _take_mail(played: Post, line: socket.socket) -> None:
             command = raw.decode("latin-1").strip()
             played.heard.append(command)
             word = command.split(" ")[0].upper()
-            if word == played.refuses:
+            if played.refuses and command.upper().startswith(played.refuses):
                 line.sendall(b"550 CANARY-of-the-server no\r\n")
             elif word == "EHLO":
                 lines = ["post", *played.offers]
@@ -176,7 +177,7 @@ def _take_mail(played: Post, line: socket.socket) -> None:
             elif word == "AUTH":
                 line.sendall(b"235 welcome\r\n")
             elif word == "QUIT":
-                line.sendall(b"221 bye\r\n")
+                line.sendall(played.leaves)
                 return
             else:
                 line.sendall(b"250 ok\r\n")

@@ -48,6 +48,7 @@ def _why(value: object) -> str:
         {"kind": "ntfy", "url": "https://ntfy.example/household", "lang": "ko", "min_interval_s": 0},
         {"kind": "smtp", "url": "smtps://me@mail.example:465/?from=a@b.example&to=c@d.example"},
         {"kind": "smtp", "url": "smtp://mail.example/?from=a@b.example&to=c@d.example", "name": "집"},
+        {"kind": "webhook", "url": "https://가계부.example/x"},
         {"kind": "apprise", "url": "tgram://123:abc/456", "quiet_hours": "22:30-06:00"},
     ],
 )
@@ -72,6 +73,13 @@ def test_a_channel_of_each_kind_can_be_written_down(value: dict[str, object]) ->
         ({"kind": "smtp", "url": "smtps://mail.example"}, "from=… and to=…"),
         ({"kind": "smtp", "url": "smtps://mail.example?from=a@b&to=c@d&cc=e@f"}, "not 'cc'"),
         ({"kind": "smtp", "url": "smtps://mail.example?from=a@b&to=c@d%0d%0aBcc:x@y"}, "from=… and to=…"),
+        ({"kind": "webhook", "url": "https://hooks.example/훅"}, "plain letters"),
+        ({"kind": "webhook", "url": "https://a..b/x"}, "can't be reached"),
+        ({"kind": "webhook", "url": f"https://{'a' * 64}.example/x"}, "can't be reached"),
+        ({"kind": "webhook", "url": "https://hooks.example:0/x"}, "can't be reached"),
+        ({"kind": "webhook", "url": "https://[::1%25eth0]/x"}, "can't be reached"),
+        ({"kind": "smtp", "url": "smtps://mail.example?from=a@b&to=엄마@d"}, "plain letters"),
+        ({"kind": "smtp", "url": "smtps://mail.example?from=a@b&to=a;b:c@d"}, "plain letters"),
         ({**HOOK, "min_interval_s": -1}, "min_interval_s"),
         ({**HOOK, "min_interval_s": True}, "min_interval_s"),
         ({**HOOK, "name": ""}, "name must be"),
@@ -92,6 +100,8 @@ def test_what_is_wrong_with_a_channel_is_said_with_its_number(value: object, why
 def test_no_fault_repeats_an_address() -> None:
     assert "CANARY" not in _why({"kind": "webhook", "url": "http://hooks.example/CANARY"})
     assert "CANARY" not in _why({**HOOK, "min_interval_s": "CANARY"})
+    assert "CANARY" not in _why({**HOOK, "https://hooks.example/CANARY": 1})
+    assert "CANARY" not in _why({"kind": "smtp", "url": "smtps://mail.example?from=a@b&to=c@d&CANARY=x"})
 
 
 def test_too_many_channels_are_refused() -> None:
