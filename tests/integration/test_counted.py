@@ -48,14 +48,14 @@ def test_a_restart_is_counted_when_its_process_serves_and_is_remembered_over_the
     assert kept["hardcore_core_start_time_seconds"] == after["hardcore_core_start_time_seconds"]
 
 
-def _told_of_the_core(house: House) -> Numbers | None:
+def _told_of_the_core(house: House) -> Numbers:
     """The numbers once the guard itself has spoken of its core."""
     found = numbers(house)
-    return found if "hardcore_core_start_time_seconds" in found else None
+    return found if "hardcore_core_start_time_seconds" in found else {}
 
 
-def _with_epoch(house: House, epoch: float) -> Numbers | None:
+def _with_epoch(house: House, epoch: float) -> Numbers:
     """The numbers once the guard itself has spoken of the core of this epoch."""
     found = numbers(house)
     told = "hardcore_core_start_time_seconds" in found and "hardcore_snapshot_bytes" in found
-    return found if told and found["hardcore_core_epoch"] == epoch else None
+    return found if told and found["hardcore_core_epoch"] == epoch else {}
