@@ -277,6 +277,8 @@ class Checkers:
         match action:
             case orders.Spawn():
                 self._spawn(guard, action)
+            case orders.KeepBudget():
+                self._consent.kept(action)
             case SetAside() if not action.letter.held and self._deaths_ns:
                 self._deaths_ns.pop()  # what it explains is not held against anybody
             case orders.SpawnSpare():
@@ -363,7 +365,7 @@ class Checkers:
             since_ns = self.world.clock.now_ns - guard.policy.restart_window_sec * NS_PER_S + SLACK_NS
             recent = [at_ns for at_ns in self._deaths_ns if at_ns > since_ns]
             hold(len(recent) <= guard.policy.max_restart_count, "restarts stay within the budget")
-        hold(order.safe is None or order.safe in self.world.truths, f"{order.safe} was never the matter")
+        hold(laws.may_be_read_for(self.world, order.safe), f"{order.safe} was never the matter")
         self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
 
     def _kill(self, guard: "Guard", order: orders.Kill) -> None:
@@ -414,8 +416,9 @@ class Checkers:
         hold(told.outcome in OUTCOMES, f"{told.outcome!r} is no outcome")
         aside = told.planned and not told.deaths and any(one.witness == "parts" for one in told.evidence)
         hold(aside or self._last is not Trigger.READY, "nothing is over the moment that a core is ready")
-        # What only a person can end is handed over while reads are served: nobody tries any more.
-        handed_over = told.waits_for is Diagnosis.STORE_CORRUPT
+        # What a person is needed for is handed over while reads are served.
+        reads = told.outcome == "safe_mode" and told.waits_for is not None
+        handed_over = reads or told.waits_for is Diagnosis.STORE_CORRUPT
         over = handed_over or self._phase in {Phase.FATAL, Phase.STOPPED, Phase.UNKILLABLE}
         hold(
             told.outcome in {"recovered", "safe_mode", "assist"} or over,
@@ -426,9 +429,8 @@ class Checkers:
         restarts = guard.policy.asks(told.diagnosis, Word.REBOOT_PROCESS)
         unwatched = told.diagnosis is Diagnosis.SENTINEL_LOST and not told.deaths and self._found
         troubled = not (told.deaths or told.planned) and (unwatched or not restarts)
-        same = told.planned and not told.deaths and told.life in self._undrained  # and it serves on
+        same = aside or (told.planned and not told.deaths and told.life in self._undrained)
         left = told.outcome == "assist"
-        same = same or aside
         served = (
             troubled
             or same

@@ -5,6 +5,7 @@ And in any mode: what the policy has shut down stays down until a person says ot
 As every checker it goes by what happened and never asks the guard's own books.
 """
 
+from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.recovery.reading import Transition
 from hardcore.recovery.transitions import Trigger
@@ -45,6 +46,10 @@ class Consent:
         if move.trigger in _ENDS:
             hold(mode == ACT or waited or self._asked_ns == move.at_ns, f"mode {mode}, and {move}")
         self._given = self._given or waited
+
+    def kept(self, order: orders.KeepBudget) -> None:
+        """The guard writes down whether the service is shut down."""
+        self._shut = self._shut or order.shut is not None
 
     def starts(self, mode: str) -> None:
         """A core is started."""

@@ -105,6 +105,11 @@ def only_tried(world: "World", life: "Life", *, ready: bool) -> bool:
     return tried and life.exit is not None and life.exit.code in {CORRUPT, NO_ROOM}
 
 
+def may_be_read_for(world: "World", reason: Diagnosis | None) -> bool:
+    """Whether a core may be started to read only for this: it was the matter, or no other one was to be tried."""
+    return reason in {None, Diagnosis.CRASH_LOOP, Diagnosis.EXITED} or reason in world.truths
+
+
 def reads_only_for_a_reason(world: "World", order: SetSafe) -> None:
     """A core is told to read only because a person wants it, or for what was the matter."""
     hold(
