@@ -82,6 +82,23 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
         "assist 모드예요. 지금부터 act 모드에서 했을 일을 해요.",
         "The mode is assist: what `act` would have done is done now.",
     ),
+    "down_unheard": (
+        "감시자가 대답하지 않아요. 꺼 두기로 적어 뒀고, 감시자가 멈춘 것인지 지금 살펴봐요.",
+        (
+            "The sentinel does not answer. It is noted that everything should stay off; now it is found out whether "
+            "the sentinel stands still."
+        ),
+    ),
+    "down_noted": (
+        (
+            "감시자가 아직 대답하지 않지만, 멈췄다는 증거는 없어서 그대로 두었어요. 꺼 두기로 적어 뒀어요: 다음 감시자가 모두 꺼요. "
+            "잠시 뒤 `hardcore down`을 다시 해 보세요."
+        ),
+        (
+            "The sentinel still does not answer, and nothing proves that it stands still: it was left alone. It is noted "
+            "that everything should stay off, and the next sentinel stops everything. Try `hardcore down` again shortly."
+        ),
+    ),
     "history_none": ("아직 바뀐 적이 없어요.", "Nothing has changed yet."),
 }
 

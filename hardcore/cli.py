@@ -10,7 +10,6 @@ and a test wait for what they asked, and not for all that could be asked.
 
 import contextlib
 import importlib
-import os
 import sys
 import time
 from pathlib import Path
@@ -18,19 +17,13 @@ from typing import Final
 
 import click
 
-from frontend.catalogue import text
 from frontend.catalogue_operator import operator_text
 from hardcore import __version__, standing
 from hardcore import up as starting
-from hardcore.asked import WAIT_S as STOP_S
-from hardcore.asked import Asked, come_back, is_held, next_words, operator, options, status_of, until
+from hardcore.asked import Asked, come_back, next_words, operator, options, status_of
 from hardcore.crisis.history import estimate_score
-from hardcore.host import leftovers
-from hardcore.host.files import read_json, take_lock
-from hardcore.host.folders import Folders
-from hardcore.model.phases import Wanted
+from hardcore.host.files import read_json
 from hardcore.status_page import PROVEN, printed_status
-from hardcore.up import held
 
 STATE_CODES = {"OPERATIONAL": 0, "STARTING": 3, "DEGRADED": 3, "RECOVERY": 3, "SAFE_MODE": 3}
 NEEDS_A_PERSON = 4
@@ -39,6 +32,7 @@ NEEDS_A_PERSON = 4
 ELSEWHERE: Final = {
     "alerts": ("hardcore.alert_words", "alerts"),
     "dlq": ("hardcore.letter_words", "dlq"),
+    "down": ("hardcore.stopping", "down"),
     "doctor": ("hardcore.examination", "doctor"),
     "drill": ("hardcore.drilling", "drill"),
     "incidents": ("hardcore.looking_back", "incidents"),
@@ -127,56 +121,6 @@ def up(
     asked.tell({"ok": True, "url": ready.url, "attached": ready.attached})
     sys.stdout.flush()
     starting.become_launcher(ready, wishes)
-
-
-@main.command()
-@operator
-def down(asked: Asked) -> None:
-    """Stop everything and keep it stopped until the next `up`."""
-    folders = asked.folders
-    if not is_held(folders):
-        try:
-            ended = _down_without_a_sentinel(folders)
-        except OSError as error:
-            asked.fail(text("down_not_stored", asked.lang, why=error.strerror))
-        if ended is None:
-            asked.fail(text("silent", asked.lang))
-        noted = "nothing_running" if _is_laid_out(folders) else "nothing_there"
-        asked.say("stopped" if ended else noted)
-        asked.tell({"ok": True, "was_running": ended > 0})
-        return
-    asked.ask(verb="down")
-    asked.say("stopping")
-    if not until(lambda: not is_held(folders)):
-        asked.fail(text("still_stopping", asked.lang, seconds=int(STOP_S)))
-    asked.say("stopped")
-    asked.tell({"ok": True, "was_running": True})
-
-
-def _is_laid_out(folders: Folders) -> bool:
-    return os.path.isdir(folders.state)  # noqa: PTH112  # pathlib's raises for a name that is too long
-
-
-def _down_without_a_sentinel(folders: Folders) -> int | None:
-    """Store DOWN and end what a guard that was killed has left; return how many processes that were.
-
-    None: a sentinel lives that can't be reached. One whose run folder was removed makes way within moments.
-    """
-    if not _is_laid_out(folders):
-        return 0
-    standing.store_wanted(folders, Wanted.DOWN)
-    folders.run.mkdir(mode=0o700, exist_ok=True)  # somebody may have removed it under the living
-    lock = take_lock(folders.run / "sentinel.lock")
-    if lock is None:
-        return 0  # a sentinel has just begun: it reads what is wanted and ends them itself
-    try:
-        if not until(lambda: not held(folders.guard_lock)):
-            return None
-        return leftovers.end_leftovers(
-            folders, standing.policy_in_force(folders).policy.stop_timeout_ms / 1000
-        )
-    finally:
-        os.close(lock)
 
 
 @main.command("status")

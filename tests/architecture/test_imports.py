@@ -68,7 +68,7 @@ BRIDGES: Final = (
     ("postmortem.reports.html", "frontend.render"),
     ("postmortem.web", "frontend.render"),
     ("core.web.app", "frontend.render"),
-    ("hardcore.cli", "frontend.catalogue"),
+    ("hardcore.stopping", "frontend.catalogue"),
     ("hardcore.alerting.wording", "frontend.catalogue_alerts"),
     ("core.web.app", "starlette"),
 )

@@ -99,9 +99,11 @@ def test_where_nothing_is_wanted_no_agent_brings_anything_back(new_house: MakeHo
     wanted.write_text(wanted.read_text("utf-8").replace("UP", "DOWN"), "utf-8")
     impatient(house, after_ms=100)
     assert not select.select([sentinel.pidfd], [], [], 2)[0], "it is not ended"
-    sentinel.hit(signal.SIGKILL)
-    assert house.cli("down").code == 0
-    until(lambda: not house.processes(), "everything to be stopped")
+    done = house.cli("down")
+    assert done.code == 0, done
+    assert sentinel.gone, "the operator's own word ends it, once it is proven to stand still"
+    assert not house.processes()
+    assert '"DOWN"' in wanted.read_text("utf-8")
     assert not acts(house, "core")
     assert not acts(house, "gateway")
 
@@ -133,6 +135,22 @@ def test_an_up_that_comes_after_both_are_gone_goes_on_with_what_an_agent_brings(
     assert before["url"] in house.said, "there is one address, and somebody answers at it"
     assert house.status()["core"]["pid"] == before["core"]["pid"]
     assert house.closed(1)["diagnosis"] == "SENTINEL_LOST"
+
+
+def test_a_stop_is_gone_on_with_when_a_sentinel_that_is_nobodys_child_dies_in_it(
+    new_house: MakeHouse,
+) -> None:
+    house = new_house().up()
+    alone(house)
+    house.up()  # a launcher that found its sentinel there
+    assert house.launcher is not None
+    core, sentinel = house.hold("core"), house.hold("sentinel")
+    core.hit(signal.SIGSTOP)  # so that the stop takes a moment
+    assert house.order("down")["ok"]
+    sentinel.hit(signal.SIGKILL)
+    assert house.launcher.wait(START_S) == 0
+    assert core.gone
+    assert not house.processes()
 
 
 def test_a_third_sentinel_and_a_strange_page_change_nothing(house: House) -> None:
