@@ -168,6 +168,7 @@ class Runtime:
                 unwatched_ns=setup.before.unwatched_ns,
                 found_frozen=setup.before.found_frozen,
                 drilled=setup.before.drilled,
+                shut=deaths.read_shut(self.folders),
             )
         )
 
