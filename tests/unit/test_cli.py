@@ -74,11 +74,11 @@ def test_a_word_is_loaded_when_it_is_said_and_no_hands_with_it() -> None:
 
 
 @pytest.mark.parametrize("content", ["", "[]", '{"wanted": 5}', '{"wanted": "SIDEWAYS"}'])
-def test_a_damaged_note_of_what_is_wanted_means_up(tmp_path: Path, content: str) -> None:
+def test_a_damaged_note_of_what_is_wanted_is_never_more_than_reading(tmp_path: Path, content: str) -> None:
     folders = Folders(tmp_path, tmp_path)
     folders.state.mkdir()
     (folders.state / "wanted.json").write_text(content)
-    assert status.from_files(folders)["wanted"] == "UP"
+    assert status.from_files(folders)["wanted"] == "SAFE"
 
 
 def test_a_witness_to_whom_all_is_well_is_no_worry() -> None:
