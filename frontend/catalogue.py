@@ -54,10 +54,7 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "--host {host}: 암호를 둘 수 있기 전까지는 이 컴퓨터 안에서만 열어요. 127.0.0.1 또는 ::1을 쓰세요.",
         "--host {host}: until there is a password, only this machine is served. Use 127.0.0.1 or ::1.",
     ),
-    "policy_bad": (
-        "정책 파일에 고칠 곳이 있어요: {path}",
-        "The policy file needs mending: {path}",
-    ),
+    "policy_bad": ("정책 파일에 고칠 곳이 있어요: {path}", "The policy file needs mending: {path}"),
     "policy_kept": (
         "정책 파일에 잘못이 있어서 지난번의 올바른 정책을 계속 써요. `hardcore policy check {path}`로 확인하세요.",
         "The policy file is faulty, so the last good one stays in force. See `hardcore policy check {path}`.",
@@ -127,10 +124,7 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "Still stopping after {seconds} seconds. See `hardcore status`.",
     ),
     "restarting": ("핵심 서버를 다시 켜는 중이에요.", "Restarting the core."),
-    "switching": (
-        "기다리던 예비 서버로 바꾸는 중이에요.",
-        "Switching to the spare core.",
-    ),
+    "switching": ("기다리던 예비 서버로 바꾸는 중이에요.", "Switching to the spare core."),
     "awaits_spare": (
         "예비 서버가 준비되면 바꿀게요. 그때까지 지금 서버가 계속 일해요.",
         "Waiting for a spare core. The one that serves goes on until then.",
@@ -168,10 +162,7 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "Restarted, but it only reads at present. {next} Incident: {incident}",
     ),
     "not_back": ("다시 켜지 못했어요. {next}", "It does not serve. {next}"),
-    "not_back_why": (
-        "다시 켜지 못했어요. {next}\n  까닭: {why}",
-        "It does not serve. {next}\n  Why: {why}",
-    ),
+    "not_back_why": ("다시 켜지 못했어요. {next}\n  까닭: {why}", "It does not serve. {next}\n  Why: {why}"),
     "starting_already": (
         "이미 새로 켜는 중이에요. 돌아오기를 기다려요.",
         "A new core is on its way already. Waiting for it.",
@@ -185,10 +176,7 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "다시 할 것이 없어요. 지금 상태: {state}",
         "There is nothing to try again: it is {state}.",
     ),
-    "drill_begins": (
-        "훈련 {fault}: {done}\n약속: {promised}",
-        "Drill {fault}: {done}\nPromised: {promised}",
-    ),
+    "drill_begins": ("훈련 {fault}: {done}\n약속: {promised}", "Drill {fault}: {done}\nPromised: {promised}"),
     "drill_kept": (
         "약속대로예요. {summary}{by}\n발견까지 {detected} · 사건 번호: {incident}",
         "As promised. {summary}{by}\nNoticed {detected} · incident {incident}",
