@@ -323,9 +323,9 @@ class Launcher:
             if pid == self.child:
                 self.status = code
             else:
-                self.write_exit(pid, code)
+                self._write_exit(pid, code)
 
-    def write_exit(self, pid: int, code: int) -> None:
+    def _write_exit(self, pid: int, code: int) -> None:
         """Write an orphan's exit status down; a full disk must not end us."""
         folder = f"{self.run}/exits"
         try:
@@ -351,7 +351,7 @@ class Launcher:
             return status == 0
         return took_leave(self.run)
 
-    def rest(self, pause_s: float) -> None:
+    def _rest(self, pause_s: float) -> None:
         """Wait so long, unless we are told to stop meanwhile."""
         until = time.monotonic() + pause_s
         while not self.told and (left := until - time.monotonic()) > 0:
@@ -378,10 +378,10 @@ class Launcher:
             # One that died while stopping left its work half done: the next one goes on with it.
             if status == ANOTHER_WATCHES:
                 words = b""
-                self.rest(PAUSE_S)
+                self._rest(PAUSE_S)
             else:
                 words = b"The sentinel ended; another was started.\n"
-                self.rest(self.pace.pause_s(began, time.monotonic()))
+                self._rest(self.pace.pause_s(began, time.monotonic()))
 
 
 def main() -> int:
