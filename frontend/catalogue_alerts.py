@@ -107,6 +107,10 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
         "알림 채널이 없어요. 일이 생겨도 알려 줄 수 없어요. 정책 파일의 alerts에 적어 주세요 (docs/alerts.md).",
         "No channel: you would not be told. Name one under alerts in the policy file (docs/alerts.md).",
     ),
+    "not_read": _text(
+        "정책 파일에서 알림 채널을 읽을 수 없어요. hardcore policy check 명령으로 이유를 볼 수 있어요.",
+        "The channels can't be read from the policy now. `hardcore policy check` says why.",
+    ),
     "channel": _text("{number}. {name} ({kind}, {place})", "{number}. {name} ({kind}, {place})"),
     "manners": _text(
         "같은 소식은 {n}초 안에 한 번까지. 조용한 시간: {quiet}",
@@ -141,6 +145,9 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
     "last": _text("최근 알림", "Lately"),
     "line_delivered": _text("{at} {title}: 보냄", "{at} {title}: sent"),
     "line_held": _text("{at} {title}: 보내지 않음 ({why})", "{at} {title}: not sent ({why})"),
+    "line_later": _text(
+        "{at} {title}: {until} 뒤에 보낼 예정 ({why})", "{at} {title}: will be sent after {until} ({why})"
+    ),
     "line_failed": _text("{at} {title}: 도착하지 않음", "{at} {title}: did not arrive"),
 }
 

@@ -42,7 +42,8 @@ def alerts(context: click.Context, /, **given: object) -> None:
 def alerts_list(asked: Asked) -> None:
     """Show the channels, what came of the last message to each, and the last alerts."""
     folders, lang = asked.folders, asked.lang
-    book, found = Book(folders).read(), channels_in_force(folders)
+    book, read = Book(folders).read(), channels_in_force(folders)
+    found = read or ()
     muted_ms = muting.muted_until_ms(folders)
     known = channels(book)
     asked.tell(
@@ -59,7 +60,12 @@ def alerts_list(asked: Asked) -> None:
         lines.append(word("muted", lang, until=local(at_text(muted_ms))))
     lately = [_entry_line(one, lang) for one in entries(book)[: -LISTED - 1 : -1]]
     more = ["", word("last", lang), *lately] if lately else []
-    click.echo("\n".join(wrapped(line) for line in (*(lines or [word("none", lang)]), *more)))
+    click.echo(
+        "\n".join(
+            wrapped(line)
+            for line in (*(lines or [word("none" if read is not None else "not_read", lang)]), *more)
+        )
+    )
 
 
 def _last(known: Entry | None) -> dict[str, Any]:
@@ -93,6 +99,15 @@ def _entry_line(entry: Mapping[str, Any], lang: str) -> str:
     at = local(str(entry.get("at")))
     if entry.get("delivered_at"):
         return word("line_delivered", lang, at=at, title=title)
+    if entry.get("again_at") and not entry.get("attempts"):
+        return word(
+            "line_later",
+            lang,
+            at=at,
+            title=title,
+            why=held_text(str(entry.get("held")), lang),
+            until=local(str(entry["again_at"])),
+        )
     if entry.get("held"):
         return word("line_held", lang, at=at, title=title, why=held_text(str(entry["held"]), lang))
     return word("line_failed", lang, at=at, title=title)
@@ -105,7 +120,7 @@ def alerts_test(asked: Asked, channel: int | None) -> None:
     """Send a test to each channel now. Exit code 1: one did not arrive, or there is none."""
     found, lang = channels_in_force(asked.folders), asked.lang
     if not found:
-        asked.fail(word("none", lang))
+        asked.fail(word("none" if found is not None else "not_read", lang))
     if channel is not None and channel not in {one.number for one in found}:
         asked.fail(word("no_channel", lang, n=channel), USAGE)
     results = try_channels(asked.folders, channel, str(status_of(asked).get("url") or ""))

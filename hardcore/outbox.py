@@ -7,6 +7,7 @@ the guard was not chosen: a name that can't be looked up holds a thread for as l
 """
 
 import asyncio
+import datetime as dt
 import json
 import os
 import shutil
@@ -29,6 +30,9 @@ WAITING_MAX: Final = 256
 RUNS_MAX: Final = 5
 #: Before another sender is started for the same alert: the one of an earlier guard may still be at it.
 AGAIN_S: Final = 2.0
+#: After that many, and while all that waits is put off: the next is started no later than then.
+LATER_S: Final = 900.0
+LATER_LOOK_S: Final = 5.0
 #: A sender ends by itself long before.
 SENDER_S: Final = 1260.0
 LOOK_S: Final = 0.25
@@ -69,6 +73,7 @@ class Outbox:
         self._runs: dict[str, int] = {}
         self._sender: Handle | None = None
         self._more = False
+        self._stirred = asyncio.Event()
         self._wanted = True
         self._idle = asyncio.Event()  # no sender is kept
         self._idle.set()
@@ -108,6 +113,7 @@ class Outbox:
     async def stop(self) -> None:
         """Let the sender finish what it is at, but not for long; what is left waits for the next guard."""
         self._wanted = False
+        self._stirred.set()
         with suppress(TimeoutError):
             await asyncio.wait_for(self._idle.wait(), LEAVE_S)
         if self._sender is not None:
@@ -153,10 +159,11 @@ class Outbox:
 
     def _has_channels(self) -> bool:
         """Whether the policy in force names anybody. Whether it is right was judged by whoever reads it."""
-        for path in (self._folders.good_policy, self._folders.policy):
+        places = (self._folders.good_policy, self._folders.policy)
+        for path in places:
             if found := files.read_json(path):
                 return bool(found.get("alerts"))
-        return False
+        return any(os.path.lexists(path) for path in places)  # not to be read now: the sender will see
 
     @property
     def _places(self) -> tuple[Path, Path]:
@@ -185,14 +192,16 @@ class Outbox:
     def _waiting(self) -> list[Path]:
         found: list[Path] = []
         for folder in self._places:
-            with suppress(OSError):  # there is none yet
-                found += [path for path in folder.iterdir() if path.suffix == ".json" and path.name[0] != "."]
+            with suppress(OSError), os.scandir(folder) as there:  # there is none yet
+                found += [Path(one.path) for one in there if one.is_file(follow_symlinks=False)]
+        found = [path for path in found if path.suffix == ".json" and path.name[0] != "."]
         return sorted(found, key=lambda path: path.name)
 
     # ---- the sender ----
 
     def _wake(self) -> None:
         self._more = True
+        self._stirred.set()
         if self._idle.is_set() and self._wanted:
             self._idle.clear()
             self._hands.begin(self._keep())
@@ -208,22 +217,42 @@ class Outbox:
 
     async def _left(self) -> bool:
         """Whether something waits that another sender may be given, after a pause."""
-        waiting = await self._hands.in_hand(self._waiting)
-        if not any(self._runs.get(path.name, 0) < RUNS_MAX for path in waiting):
+        waiting, due_s = await self._hands.in_hand(self._put_off)
+        if not waiting:
             return self._more
-        await self._pause(AGAIN_S)
+        soon = any(self._runs.get(name, 0) < RUNS_MAX for name in waiting if due_s.get(name, 0.0) <= 0)
+        await self._pause(AGAIN_S if soon else min((LATER_S, *(one for one in due_s.values() if one > 0))))
         return True
 
     async def _pause(self, for_s: float) -> None:
         loop = asyncio.get_running_loop()
         until_s = loop.time() + for_s
-        while self._wanted and not self._more and loop.time() < until_s:
+        every_s = LOOK_S if for_s <= AGAIN_S else LATER_LOOK_S
+        while not self._is_stirred() and (left_s := until_s - loop.time()) > 0:
             await self._look()
-            await asyncio.sleep(LOOK_S)
+            self._stirred.clear()
+            if self._is_stirred():
+                return  # while it looked
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._stirred.wait(), min(every_s, left_s))
+
+    def _is_stirred(self) -> bool:
+        return self._more or not self._wanted
+
+    def _put_off(self) -> tuple[set[str], dict[str, float]]:
+        """Return what waits, and in how many seconds a sender wants to be asked again about what of it."""
+        waiting, now = {path.name for path in self._waiting()}, dt.datetime.now(dt.UTC)
+        due_s = {}
+        for one in _listed(self._book().get("last")):
+            with suppress(ValueError, TypeError, OverflowError):  # there is no such time
+                due = dt.datetime.fromisoformat(str(one.get("again_at")))
+                due_s[f"{one.get('id')}.json"] = (due - now).total_seconds()
+        return waiting, {name: due_s[name] for name in waiting if name in due_s}
 
     async def _run_one(self) -> None:
-        waiting = {path.name for path in await self._hands.in_hand(self._waiting)}
-        self._runs = {name: self._runs.get(name, 0) + 1 for name in waiting}
+        waiting, due_s = await self._hands.in_hand(self._put_off)
+        # What a sender has put off did not end it.
+        self._runs = {name: self._runs.get(name, 0) + 1 for name in waiting if due_s.get(name, 0.0) <= 0}
         if not waiting:
             return
         try:
@@ -274,9 +303,12 @@ class Outbox:
                 self._tell(incident, None)
 
     def _read_book(self) -> tuple[Mapping[str, object], Mapping[str, object]]:
-        paths = (self._folders.alerts, self._folders.run / "alerts.json")
-        book = max((files.read_json(path, BOOK_BYTES_MAX) for path in paths), key=_serial)
+        book = self._book()
         return _mapping(book.get("told")), _mapping(book.get("untold"))
+
+    def _book(self) -> Mapping[str, object]:
+        paths = (self._folders.alerts, self._folders.run / "alerts.json")
+        return max((files.read_json(path, BOOK_BYTES_MAX) for path in paths), key=_serial)
 
     def _tell(self, incident: str | None, at: str | None) -> None:
         if incident is None:
@@ -296,6 +328,10 @@ class Outbox:
 def _serial(book: Mapping[str, object]) -> int:
     number = book.get("serial")
     return number if isinstance(number, int) else 0
+
+
+def _listed(value: object) -> list[Mapping[str, object]]:
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
 
 
 def _mapping(value: object) -> Mapping[str, object]:

@@ -5,15 +5,17 @@ editing changes nobody's address.
 """
 
 import datetime as dt
+import errno
 import json
 import os
 import stat
 import time
+from pathlib import Path
 from typing import Final
 
 from hardcore.host.folders import Folders
 from hardcore.host.muting import muted_until_ms
-from hardcore.recovery.channels import Channel, Moment, read_channels
+from hardcore.recovery.channels import Channel, Moment, good_channels
 from hardcore.recovery.policy import POLICY_BYTES_MAX
 
 SECRET_BYTES_MAX: Final = 4096
@@ -23,17 +25,34 @@ class SecretMissingError(OSError):
     """A channel names a file for its secret, and that can't be read."""
 
 
-def channels_in_force(folders: Folders) -> tuple[Channel, ...]:
-    """Return the channels of the policy in force; before a guard has kept one, those of the file."""
+def channels_in_force(folders: Folders) -> tuple[Channel, ...] | None:
+    """Return the channels of the policy in force; before a guard has kept one, those of the file.
+
+    None: there is a policy and nobody can say now whom it names, which is another thing than that it names nobody.
+    """
+    unread = False
     for path in (folders.good_policy, folders.policy):
         try:
-            value = json.loads(path.read_bytes()[:POLICY_BYTES_MAX].decode("utf-8-sig"))
+            value = json.loads(_small(path, POLICY_BYTES_MAX).decode("utf-8-sig"))
+        except FileNotFoundError:
+            continue
         except (OSError, ValueError, RecursionError):
+            unread = True
             continue
         if isinstance(value, dict):
-            read = read_channels(value.get("alerts", []))
-            return read if isinstance(read, tuple) else ()
-    return ()
+            named = value.get("alerts", [])
+            return good_channels(named) or (() if named == [] else None)
+        unread = True
+    return None if unread else ()
+
+
+def _small(path: Path | str, bytes_max: int) -> bytes:
+    """Return what a file begins with. Raises OSError where there is none, and where it is no file."""
+    fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(fd, "rb") as file:
+        if not stat.S_ISREG(os.fstat(fd).st_mode):
+            raise OSError(errno.EINVAL, "no regular file")
+        return file.read(bytes_max)
 
 
 def secret_of(channel: Channel) -> str:
@@ -41,16 +60,9 @@ def secret_of(channel: Channel) -> str:
     if not channel.secret_file:
         return ""
     try:
-        fd = os.open(channel.secret_file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    except OSError as error:
+        secret = _small(channel.secret_file, SECRET_BYTES_MAX).decode().strip()
+    except (OSError, UnicodeDecodeError) as error:
         raise SecretMissingError from error
-    with os.fdopen(fd, "rb") as file:
-        if not stat.S_ISREG(os.fstat(fd).st_mode):
-            raise SecretMissingError
-        try:
-            secret = file.read(SECRET_BYTES_MAX).decode().strip()
-        except (OSError, UnicodeDecodeError) as error:
-            raise SecretMissingError from error
     if not secret or not secret.isprintable():
         raise SecretMissingError
     return secret

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+from hardcore.alerting.as_read import ENTRIES_MAX, INCIDENTS_MAX, book_of, number_of
 from hardcore.alerting.notices import Notice
 from hardcore.alerting.outcomes import Sent
 from hardcore.host import files
@@ -19,8 +20,6 @@ from hardcore.host.folders import Folders
 from hardcore.recovery.channels import Channel, Held, Memory, Occasion, after_held, after_told
 
 VERSION: Final = 1
-ENTRIES_MAX: Final = 200
-INCIDENTS_MAX: Final = 200
 BOOK_BYTES_MAX: Final = 4 << 20
 
 Entry = dict[str, Any]
@@ -38,7 +37,7 @@ class Book:
     def read(self) -> Value:
         """Return the newest copy."""
         copies = [self._known, *(files.read_json(path, BOOK_BYTES_MAX) for path in self._paths)]
-        return max(copies, key=_serial)
+        return book_of(max(copies, key=_serial))
 
     def change(self, how: Callable[[Value], None]) -> None:
         """Change it. What can't be written is kept here until something can."""
@@ -73,8 +72,7 @@ class Book:
 
 
 def _serial(value: Value) -> int:
-    number = value.get("serial")
-    return number if isinstance(number, int) and not isinstance(number, bool) else 0
+    return number_of(value.get("serial")) or 0
 
 
 # ---- what stands in it ----
@@ -105,6 +103,7 @@ def begin(value: Value, notice: Notice) -> Entry:
         "delivered_at": None,
         "attempts": [],
         "held": None,
+        "again_at": None,
         "spared": {},
     }
     value["last"] = [*entries(value), fresh][-ENTRIES_MAX:]
@@ -128,7 +127,8 @@ def spared(entry: Entry, channel: Channel) -> str | None:
 def spare(value: Value, notice: Notice, channel: Channel, why: Held) -> None:
     """Note that a channel is not told, and count it among what was left out."""
     entry = begin(value, notice)
-    entry["spared"] = {**entry.get("spared", {}), str(channel.number): str(why)}
+    entry["spared"] = {**entry["spared"], str(channel.number): str(why)}
+    entry["again_at"] = None
     if not entry["attempts"]:
         entry["held"] = str(why)
     remember(value, channel, after_held(memory(value, channel), notice.occasion))
@@ -139,7 +139,15 @@ def set_out(value: Value, notice: Notice, channel: Channel, at: str) -> None:
     entry = begin(value, notice)
     fresh = {"channel": channel.number, "at": at, "ok": None, "status": None, "why": ""}
     entry["attempts"] = [*entry["attempts"], fresh]
-    entry["held"] = None
+    entry["held"], entry["again_at"] = None, None
+
+
+def put_off(value: Value, notice: Notice, at: str, why: Held | None) -> None:
+    """Note that nothing more is done about a notice before then. `why`: what holds it back; None: a pause."""
+    entry = begin(value, notice)
+    entry["again_at"] = at
+    if why is not None and not entry["attempts"]:
+        entry["held"] = str(why)
 
 
 def come_back(value: Value, notice: Notice, channel: Channel, sent: Sent, at: str) -> None:
@@ -270,7 +278,7 @@ def at_ms(at: object) -> int | None:
     """Return a moment of the wall clock in milliseconds; None: it is none."""
     try:
         return int(dt.datetime.fromisoformat(str(at)).timestamp() * 1000)
-    except (ValueError, OverflowError):
+    except (ValueError, OverflowError, OSError):
         return None
 
 

@@ -1,17 +1,18 @@
 """What waits to be sent: the files that the guard has put into its outbox, read without trusting them."""
 
-import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from hardcore.alerting.as_read import bounded_number, said
+from hardcore.host import files
 from hardcore.recovery.channels import Occasion, Stage
 
 NOTICE_BYTES_MAX: Final = 64 << 10
 #: Of these so many are looked at; the guard leaves no more.
 NOTICES_MAX: Final = 256
-_CHARACTERS_MAX: Final = 2_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +33,7 @@ class Notice:
     @property
     def occasion(self) -> Occasion:
         """What the manners care about."""
-        return Occasion(self.stage, self.fingerprint, self.incident)
+        return Occasion(self.stage, self.fingerprint, self.incident, self.outcome)
 
 
 def waiting(folders: tuple[Path, ...]) -> list[Path]:
@@ -40,28 +41,24 @@ def waiting(folders: tuple[Path, ...]) -> list[Path]:
     found: list[Path] = []
     for folder in folders:
         try:
-            found += [path for path in folder.iterdir() if path.suffix == ".json" and path.name[0] != "."]
+            with os.scandir(folder) as there:
+                found += [Path(one.path) for one in there if one.is_file(follow_symlinks=False)]
         except OSError:
             continue  # there is none yet
-    return sorted(found, key=lambda path: path.name)[:NOTICES_MAX]
+    ours = [path for path in found if path.suffix == ".json" and path.name[0] != "."]
+    return sorted(ours, key=lambda path: path.name)[:NOTICES_MAX]
 
 
 def read_notice(path: Path) -> Notice | None:
     """Return what a file says, or None: it is none of ours."""
-    try:
-        with path.open("rb") as file:
-            value = json.loads(file.read(NOTICE_BYTES_MAX))
-    except (OSError, ValueError, RecursionError):
-        return None
-    return _notice(path.stem, value) if isinstance(value, dict) else None
+    return _notice(said(path.stem), files.read_json(path, NOTICE_BYTES_MAX))
 
 
 def _notice(name: str, value: Mapping[str, Any]) -> Notice | None:
-    stage, outage_ms = value.get("stage"), value.get("outage_ms")
+    stage = value.get("stage")
     if not isinstance(stage, str) or stage not in set(Stage):
         return None
     diagnosis = _text(value, "diagnosis")
-    measured = isinstance(outage_ms, int | float) and not isinstance(outage_ms, bool)
     return Notice(
         name,
         _text(value, "at"),
@@ -71,11 +68,10 @@ def _notice(name: str, value: Mapping[str, Any]) -> Notice | None:
         _text(value, "incident") or None,
         _text(value, "text"),
         _text(value, "outcome"),
-        float(outage_ms) if measured and outage_ms is not None else None,
+        bounded_number(value.get("outage_ms")),
         _text(value, "url"),
     )
 
 
 def _text(value: Mapping[str, Any], name: str) -> str:
-    said = value.get(name)
-    return said[:_CHARACTERS_MAX] if isinstance(said, str) else ""
+    return said(value.get(name))

@@ -22,7 +22,7 @@ TRY_S: Final = 15.0
 
 def try_channels(folders: Folders, only: int | None = None, url: str = "") -> list[dict[str, Any]]:
     """Send a test to each channel of the policy in force, or to the one with this number; return what came of it."""
-    channels = [one for one in channels_in_force(folders) if only in {None, one.number}]
+    channels = [one for one in channels_in_force(folders) or () if only in {None, one.number}]
     landed: queue.SimpleQueue[tuple[int, Sent]] = queue.SimpleQueue()
     for channel in channels:
         threading.Thread(target=_try, args=(channel, url, landed), daemon=True).start()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from frontend.catalogue_alerts import alert_text, cause_text, took_text
+from hardcore.alerting.as_read import bounded_number
 from hardcore.alerting.notices import Notice
 from hardcore.recovery.channels import Stage
 
@@ -113,9 +114,8 @@ def _grade(facts: Mapping[str, Any], lang: str) -> str:
 
 
 def _outage_ms(notice: Notice, facts: Mapping[str, Any]) -> float | None:
-    told = facts.get("outage_ms")
-    known = isinstance(told, int | float) and not isinstance(told, bool)
-    return float(told) if known and told is not None else notice.outage_ms
+    told = bounded_number(facts.get("outage_ms"))
+    return told if told is not None else notice.outage_ms
 
 
 def _money(facts: Mapping[str, Any], lang: str) -> str:

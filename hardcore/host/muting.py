@@ -13,15 +13,21 @@ from hardcore.host import files
 from hardcore.host.folders import Folders
 
 MUTED_S_MAX: Final = 30 * 86_400
+#: So far a clock may have been set back since somebody asked.
+CLOCK_S: Final = 3600
 
 
 def muted_until_ms(folders: Folders) -> int:
-    """Return until when alerts are muted, in milliseconds of the wall clock; 0: they are not."""
+    """Return until when alerts are muted, in milliseconds of the wall clock; 0: they are not.
+
+    What lies further ahead than anybody may ask for was written by a clock that was wrong, or by nobody who may.
+    """
     told = files.read_json(_file(folders)).get("until")
     try:
-        return int(dt.datetime.fromisoformat(str(told)).timestamp() * 1000)
-    except (ValueError, OverflowError):
+        until_s = dt.datetime.fromisoformat(str(told)).timestamp()
+    except (ValueError, OverflowError, OSError):
         return 0
+    return int(until_s * 1000) if until_s <= time.time() + MUTED_S_MAX + CLOCK_S else 0
 
 
 def mute(folders: Folders, seconds: int) -> str:

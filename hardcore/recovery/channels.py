@@ -2,7 +2,8 @@
 
 A channel is an address and the patience of whoever reads it: the first message of a kind at once, then at most one in
 `min_interval_s`, nothing while muted, in quiet hours only what waits for a person, and one closing message for what was
-told. All of it is functions of what was told before, kept per channel, so that a slow channel does not silence a quick
+told. What is held back and still goes on when nothing holds it any more is told then, and an end that leaves a person
+with something to do is told although its beginning was not. All of it is functions of what was told before, kept per channel, so that a slow channel does not silence a quick
 one. The floor lies on the kind of trouble (its fingerprint) and an end does not lift it: whoever is restarted every
 minute would otherwise be two messages a minute. Secrets may stand in the address, because the services hand them out
 like that; `masked` is what may be shown, and nothing else of it ever is.
@@ -24,7 +25,11 @@ NAME_CHARS_MAX: Final = 60
 INTERVAL_S_MAX: Final = 604_800
 #: Fingerprints and incidents that a channel remembers; the oldest are forgotten.
 REMEMBERED_MAX: Final = 256
+DAY_MIN: Final = 1440
 LANGUAGES: Final = ("ko", "en")
+
+#: Ends after which not everything is as it was: whoever was told of a better one, or of none, has to know.
+BAD_ENDS: Final = frozenset({"manual", "assist", "safe_mode"})
 
 _FIELDS: Final = frozenset({"kind", "url", "min_interval_s", "name", "lang", "quiet_hours", "secret_file"})
 _QUIET = re.compile(r"([01]\d|2[0-3]):([0-5]\d)-([01]\d|2[0-3]):([0-5]\d)")
@@ -128,6 +133,13 @@ def read_channels(value: object) -> tuple[Channel, ...] | list[Fault]:
     read = [_read(number, one) for number, one in enumerate(value, 1)]
     faults = [fault for one in read if isinstance(one, list) for fault in one]
     return faults or tuple(one for one in read if isinstance(one, Channel))
+
+
+def good_channels(value: object) -> tuple[Channel, ...]:
+    """Return those channels that are right, under their numbers: one that is not silences no other."""
+    listed = value[:CHANNELS_MAX] if isinstance(value, list) else []
+    read = (_read(number, one) for number, one in enumerate(listed, 1))
+    return tuple(one for one in read if isinstance(one, Channel))
 
 
 def _read(number: int, value: object) -> Channel | list[Fault]:
@@ -303,10 +315,18 @@ class Occasion:
     stage: Stage
     fingerprint: str
     incident: str | None = None
+    outcome: str = ""  # of an end
+
+    @property
+    def is_bad_end(self) -> bool:
+        """Whether it is over and not well."""
+        return self.stage is Stage.CLOSED and self.outcome in BAD_ENDS
 
     @property
     def mark(self) -> str:
         """What the floor lies on. Somebody who is waited for is another matter than what has begun."""
+        if self.is_bad_end:
+            return f"{self.outcome}:{self.fingerprint}"
         begun = self.stage in {Stage.OPENED, Stage.CLOSED}
         return self.fingerprint if begun else f"{self.stage}:{self.fingerprint}"
 
@@ -317,11 +337,11 @@ def held(channel: Channel, memory: Memory, what: Occasion, now: Moment) -> Held 
         return None
     if now.at_ms < now.muted_until_ms:
         return Held.MUTED
-    if what.stage is Stage.CLOSED:
-        return None if what.incident in memory.incidents else Held.UNTOLD
-    if channel.quiet is not None and channel.quiet.covers(now.minute) and not _waits(what.stage):
+    if what.stage is Stage.CLOSED and (_is_known(memory, what) or not what.is_bad_end):
+        return None if _is_known(memory, what) else Held.UNTOLD
+    if channel.quiet is not None and channel.quiet.covers(now.minute) and not _waits(what):
         return Held.QUIET
-    if what.stage is Stage.OPENED and what.incident is not None and what.incident in memory.incidents:
+    if what.stage is Stage.OPENED and _is_known(memory, what):
         return Held.FLOOR
     last_ms = dict(memory.told_ms).get(what.mark)
     # A clock that was set back makes what was told lie ahead: then one message too many is the lesser evil.
@@ -329,9 +349,36 @@ def held(channel: Channel, memory: Memory, what: Occasion, now: Moment) -> Held 
     return Held.FLOOR if recent else None
 
 
-def _waits(stage: Stage) -> bool:
+def lifts_ms(channel: Channel, memory: Memory, what: Occasion, now: Moment, why: Held) -> int | None:
+    """Return when what holds this back is over, by the wall; None: it never tells anything new."""
+    known = _is_known(memory, what)
+    if (what.stage is Stage.OPENED and known) or (
+        what.stage is Stage.CLOSED and not (known or what.is_bad_end)
+    ):
+        return None
+    match why:
+        case Held.MUTED:
+            return now.muted_until_ms
+        case Held.QUIET:
+            end_min = channel.quiet.end_min if channel.quiet is not None else now.minute
+            return now.at_ms + ((end_min - now.minute) % DAY_MIN) * 60_000
+        case Held.FLOOR:
+            return dict(memory.told_ms).get(what.mark, now.at_ms) + channel.min_interval_s * 1000
+        case Held.UNTOLD:
+            return None
+        case _:
+            assert_never(why)
+
+
+def _is_known(memory: Memory, what: Occasion) -> bool:
+    """Whether this channel was told of this incident."""
+    return what.incident is not None and what.incident in memory.incidents
+
+
+def _waits(what: Occasion) -> bool:
     """Whether nothing goes on without a person."""
-    return stage in {Stage.WAITS, Stage.OVERDUE}
+    ended = what.is_bad_end and what.outcome != "safe_mode"
+    return ended or what.stage in {Stage.WAITS, Stage.OVERDUE}
 
 
 def after_held(memory: Memory, what: Occasion) -> Memory:
@@ -347,7 +394,9 @@ def after_told(memory: Memory, what: Occasion, at_ms: int) -> Memory:
         return memory
     others = tuple(one for one in memory.incidents if one != what.incident)
     if what.stage is Stage.CLOSED:
-        return replace(memory, incidents=others)
+        alone = what.is_bad_end and not _is_known(memory, what)
+        told_ms = _put(memory.told_ms, what.mark, at_ms) if alone else memory.told_ms
+        return replace(memory, told_ms=told_ms, incidents=others)
     known = (*others, what.incident) if what.incident is not None else others
     return Memory(
         _put(memory.told_ms, what.mark, at_ms),

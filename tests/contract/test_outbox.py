@@ -175,7 +175,6 @@ def test_a_sender_that_hangs_is_ended_and_costs_nothing_but_itself(
     async def story(world: World) -> None:
         await world.box.put(alert())
         await asyncio.to_thread(until, lambda: world.hands.notes, "the sender to be given up")
-        await world.box._idle.wait()
 
     with web(HANGS) as target:
         world.channel(target.url)
@@ -199,3 +198,34 @@ def test_a_try_comes_back_with_what_came_of_each_channel(world: World) -> None:
     assert isinstance(results, list)
     assert [(one["channel"], one["ok"]) for one in results] == [(1, True)]
     assert none == {"ok": True, "results": []}
+
+
+def test_what_is_put_off_keeps_no_sender_and_holds_nothing_else_back(world: World) -> None:
+    async def story(world: World) -> None:
+        box, folders = world.box, world.out.folders
+        await box.put(alert("i1"))
+        await world.told(1)
+        await box.put(alert("i2"))
+        put_off = lambda: any(one["again_at"] for one in world.out.book["last"])  # noqa: E731
+        await asyncio.to_thread(until, put_off, "it to be put off")
+        await asyncio.to_thread(until, lambda: box._sender is None, "its sender to end")
+        assert [path.parent for path in world.out.waiting] == [folders.outbox]
+        await box.put(alert("i2", AlertStage.WAITS))
+        await asyncio.to_thread(until, lambda: not world.out.waiting, "it to be sent")
+
+    with web() as target:
+        world.channel(target.url)
+        world.run(story)
+        stages = [(one.json["stage"], one.json["incident"]) for one in target.came]
+        assert stages == [("opened", "i1"), ("waits", "i2")]
+
+
+def test_a_policy_that_can_not_be_read_is_none_that_names_nobody(world: World) -> None:
+    world.out.folders.good_policy.write_text('{"alerts": [', "utf-8")
+
+    async def story(world: World) -> None:
+        await world.box.put(alert())
+
+    world.run(story)
+    assert world.lines == []
+    assert len(world.out.waiting) == 1

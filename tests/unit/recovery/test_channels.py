@@ -18,7 +18,9 @@ from hardcore.recovery.channels import (
     after_held,
     after_told,
     as_shown,
+    good_channels,
     held,
+    lifts_ms,
     masked,
     read_channels,
 )
@@ -186,6 +188,31 @@ def test_who_is_waited_for_is_told_although_the_beginning_was() -> None:
 def test_the_end_of_what_was_not_told_is_not_told() -> None:
     assert held(_one(), Memory(), _closed(), _moment()) is Held.UNTOLD
     assert after_held(Memory(), _closed()) == Memory()
+
+
+def test_an_end_that_needs_a_person_is_news_although_its_beginning_was_not_told() -> None:
+    ended = replace(_closed("i2"), outcome="manual")
+    memory = after_told(Memory(), _opened(), _moment().at_ms)
+    assert held(_one(quiet_hours="22:00-07:00"), memory, ended, _moment(1, of_day=0)) is None
+    again = after_told(memory, ended, _moment(1).at_ms)
+    assert held(_one(), again, replace(ended, incident="i3"), _moment(2)) is Held.FLOOR
+    reads = replace(ended, outcome="safe_mode")
+    assert held(_one(quiet_hours="22:00-07:00"), memory, reads, _moment(1, of_day=0)) is Held.QUIET
+
+
+def test_what_is_held_back_has_its_time() -> None:
+    channel, memory = _one(quiet_hours="22:00-07:00"), after_told(Memory(), _opened(), _moment().at_ms)
+    what, night = _opened("i2"), _moment(1, of_day=23 * 60)
+    assert lifts_ms(channel, memory, what, _moment(1), Held.FLOOR) == _moment(30).at_ms
+    assert lifts_ms(channel, memory, what, night, Held.QUIET) == _moment(1 + 8 * 60).at_ms
+    assert lifts_ms(channel, memory, what, _moment(muted_until_ms=7), Held.MUTED) == 7
+    assert lifts_ms(channel, memory, _opened(), _moment(1), Held.FLOOR) is None  # it was told of this outage
+    assert lifts_ms(channel, memory, _closed("i2"), _moment(1), Held.UNTOLD) is None
+
+
+def test_one_bad_channel_leaves_the_others_their_numbers() -> None:
+    assert [one.number for one in good_channels([{"kind": "pager"}, HOOK])] == [2]
+    assert good_channels({"kind": "webhook"}) == ()
 
 
 def test_what_was_left_out_is_counted_until_the_next_message() -> None:
