@@ -50,6 +50,7 @@ def write_agents(folders: Folders, guard: Guard, policy: Policy) -> None:
         "page": str(folders.sentinel_page),
         "lock": str(folders.run / "sentinel.lock"),
         "wanted": str(folders.state / "wanted.json"),
+        "launcher": str(folders.launcher_lock),
         "argv": argv,
         "environment": dict(os.environ),
         "sentinel_lost": policy.asks(Diagnosis.SENTINEL_LOST, Word.REBOOT_PROCESS),

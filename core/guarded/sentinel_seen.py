@@ -39,6 +39,7 @@ class Orders:
     page: Path
     lock: Path
     wanted: Path
+    launcher: Path
     argv: tuple[str, ...]
     sentinel_lost: bool
     gateway_lost: bool
@@ -62,6 +63,7 @@ def read_orders(path: Path) -> Orders | None:
             page=Path(told["page"]),
             lock=Path(told["lock"]),
             wanted=Path(told["wanted"]),
+            launcher=Path(told["launcher"]),
             argv=tuple(map(str, told["argv"])),
             sentinel_lost=told["sentinel_lost"] is True,
             gateway_lost=told["gateway_lost"] is True,
@@ -71,7 +73,7 @@ def read_orders(path: Path) -> Orders | None:
             window_ns=int(budget["window_s"]) * 1000 * NS_PER_MS,
             environment={str(name): str(value) for name, value in told["environment"].items()},
         )
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
         return None
 
 

@@ -16,6 +16,7 @@ import logging
 import os
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -27,6 +28,9 @@ SIDE: Final = "gateway"
 NS_PER_S: Final = 1_000_000_000
 #: One that was started has this long to take the lock, until another is tried.
 START_NS: Final = 5 * NS_PER_S
+#: While the launcher lives, which starts one at once, an agent waits so many times as long: on a busy machine that start
+#: takes a second, and one that comes in vain is an act that the next loss may need.
+LAUNCHED_TIMES: Final = 4
 #: Where the listener is in what is started.
 LISTENER: Final = 3
 #: Where the agents and what they start speak, beside the orders; the sentinel keeps it in its bounds.
@@ -59,8 +63,9 @@ class Agent:
         while True:
             try:
                 self.look(time.monotonic_ns())
-            except OSError as error:  # no descriptor is left, or /proc is not to be read: nobody can tell
-                self._say(f"The sentinel can't be watched now ({error.strerror}).")
+            except (OSError, ValueError, TypeError, OverflowError) as error:
+                # No descriptor is left, /proc is not to be read, a file says what no file of ours says: nobody can tell.
+                self._say(f"The sentinel can't be watched now ({error}).")
             if self._held is None or self._held.gone:
                 pause.wait(LOOK_NS / NS_PER_S)
             else:
@@ -119,24 +124,30 @@ class Agent:
     def _replace(self, orders: Orders, now_ns: int) -> None:
         """Start another, if nobody else has in the meantime."""
         if self._not_before_ns is None:
-            self._not_before_ns = now_ns + orders.after_ns
+            times = LAUNCHED_TIMES if sentinel_seen.is_held(orders.launcher) else 1
+            self._not_before_ns = now_ns + times * orders.after_ns
         if (
             now_ns < self._not_before_ns
             or sentinel_seen.is_held(orders.lock)
+            or self._another_began(orders, now_ns)
             or not self._may(orders, now_ns)
         ):
             return
         self._not_before_ns = now_ns + START_NS
         if self._ended != orders.nonce:
             self._acts_ns.append(now_ns)
-            self._note(None)
+            self._note(None, orders.nonce)
         self._ended = ""  # a second start for the same one is an act of its own
         begin(orders, self._listen_fd)
         self._say(f"The sentinel (process {orders.pid}) is gone and nobody watches: another was started.")
 
+    def _another_began(self, orders: Orders, now_ns: int) -> bool:
+        """Whether another process of our side (a core and its spare are two) has just started one for this very loss."""
+        kept = sentinel_seen.read_object(self._budget)
+        return kept.get("lost") == orders.nonce and any(now_ns - at < START_NS for at in _stamps(kept))
+
     def _may(self, orders: Orders, now_ns: int) -> bool:
-        kept = sentinel_seen.read_object(self._budget).get("acts_ns")
-        stamps = {*self._acts_ns, *(at for at in kept or () if isinstance(at, int))}
+        stamps = {*self._acts_ns, *_stamps(sentinel_seen.read_object(self._budget))}
         self._acts_ns = sorted(at for at in stamps if 0 <= now_ns - at < orders.window_ns)
         wished = orders.sentinel_lost or (orders.gateway_lost and sentinel_seen.gateway_is_gone(orders.run))
         paid = self._ended == orders.nonce
@@ -146,10 +157,10 @@ class Agent:
             and not sentinel_seen.is_down(orders.wanted)
         )
 
-    def _note(self, ended: str | None) -> None:
-        """Leave word for the next core's agent, and for the next sentinel: `ended` stood still."""
+    def _note(self, ended: str | None, lost: str | None = None) -> None:
+        """Leave word for the other cores' agents, and for the next sentinel: `ended` stood still, `lost` was replaced."""
         kept = sentinel_seen.read_object(self._budget)
-        told = {"version": 1, "acts_ns": self._acts_ns, "ended": ended or kept.get("ended")}
+        told = {"version": 1, "acts_ns": self._acts_ns, "ended": ended or kept.get("ended"), "lost": lost}
         draft = self._budget.with_name(f".{self._budget.name}.{threading.get_native_id()}.tmp")
         with contextlib.suppress(OSError):  # the budget in memory holds all the same
             draft.write_text(json.dumps(told), "ascii")
@@ -169,6 +180,11 @@ class Agent:
                 os.write(fd, line.encode())
             finally:
                 os.close(fd)
+
+
+def _stamps(kept: Mapping[str, object]) -> list[int]:
+    found = kept.get("acts_ns")
+    return [at for at in found if isinstance(at, int)] if isinstance(found, list) else []
 
 
 def begin_if_told(orders: Path | None, listen_fd: int | None) -> None:
