@@ -39,7 +39,9 @@ class Watch:
     def _console(self, message: ConsoleMessage) -> None:
         if message.type not in {"error", "warning"} or OUTAGE.search(message.text):
             return
-        if LOOK_UP not in message.location["url"]:  # a wish that is asked about and not there yet: 404 is the answer
+        if (
+            LOOK_UP not in message.location["url"]
+        ):  # a wish that is asked about and not there yet: 404 is the answer
             self.troubles.append(f"{message.type}: {message.text} ({message.location['url']})")
 
     def _error(self, error: Error) -> None:

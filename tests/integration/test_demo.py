@@ -49,7 +49,9 @@ def end(house: House) -> None:
     assert house.launcher.wait(START_S) == 0
 
 
-def test_a_year_is_in_the_ledger_once_and_a_core_that_is_broken_again_and_again_comes_back(demo_house: House) -> None:
+def test_a_year_is_in_the_ledger_once_and_a_core_that_is_broken_again_and_again_comes_back(
+    demo_house: House,
+) -> None:
     begin(demo_house, "ko")
     first = demo_house.booked()
     assert "월급" in first

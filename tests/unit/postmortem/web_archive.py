@@ -294,7 +294,9 @@ class Visitor:
     lang: str = "en"
     resources: list[Mapping[str, Any]] = field(default_factory=list)  # what the guard knows over time
     asked: list[Mapping[str, Any]] = field(default_factory=list)
-    answers: dict[str, Mapping[str, Any] | None] = field(default_factory=dict)  # to a verb, in place of the usual
+    answers: dict[str, Mapping[str, Any] | None] = field(
+        default_factory=dict
+    )  # to a verb, in place of the usual
     written: list[tuple[str, str, str, str]] = field(default_factory=list)
 
     def app(self) -> Starlette:
