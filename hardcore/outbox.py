@@ -32,6 +32,7 @@ RUNS_MAX: Final = 5
 AGAIN_S: Final = 2.0
 #: After that many, and while all that waits is put off: the next is started no later than then.
 LATER_S: Final = 900.0
+BLANK_BYTES_MAX: Final = 64
 LATER_LOOK_S: Final = 5.0
 #: A sender ends by itself long before.
 SENDER_S: Final = 1260.0
@@ -163,7 +164,8 @@ class Outbox:
         for path in places:
             if found := files.read_json(path):
                 return bool(found.get("alerts"))
-        return any(os.path.lexists(path) for path in places)  # not to be read now: the sender will see
+        # Of one that can't be read now the sender will see; a short one that says nothing names nobody.
+        return any(os.path.lexists(path) and not _is_blank(path) for path in places)
 
     @property
     def _places(self) -> tuple[Path, Path]:
@@ -328,6 +330,16 @@ class Outbox:
 def _serial(book: Mapping[str, object]) -> int:
     number = book.get("serial")
     return number if isinstance(number, int) else 0
+
+
+def _is_blank(path: Path) -> bool:
+    """Whether this is the policy that says nothing."""
+    try:
+        return (
+            path.is_file() and path.stat().st_size <= BLANK_BYTES_MAX and json.loads(path.read_bytes()) == {}
+        )
+    except (OSError, ValueError):
+        return False
 
 
 def _listed(value: object) -> list[Mapping[str, object]]:

@@ -127,7 +127,11 @@ def house(tmp_path: Path) -> House:
 
 def alerts_of(house: House) -> list[tuple[object, object]]:
     """What whoever runs the server was told: stage and diagnosis."""
-    return [(told["stage"], told["diagnosis"]) for kind, told in house.noted if kind == "alert"]
+    return [
+        (told["stage"], told["diagnosis"])
+        for kind, told in house.noted
+        if kind == "alert" and "stage" in told
+    ]
 
 
 def door_of(house: House) -> Door:
