@@ -98,6 +98,7 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
     noted = steps.incident_left(folders)
     court, court_since = suspects.read(folders, dt.datetime.now(dt.UTC))
     aside, rules_fault = quarantine_file.take_in(folders)
+    wanted = standing.wanted(folders)
     abandoned = writer.find_abandoned(folders.incidents, folders.shelter, str(noted.get("id", "")))
     return Setup(
         folders,
@@ -106,7 +107,7 @@ def set_up(data: Path, listen_fd: int, url: str) -> Setup | int:
         url,
         generation,
         in_force,
-        leftovers.find_leftovers(folders, adopt=standing.wanted(folders) is not Wanted.DOWN),
+        leftovers.find_leftovers(folders, adopt=wanted is not Wanted.DOWN, reads_only=wanted is Wanted.SAFE),
         abandoned,
         noted if any(one.id == noted.get("id") for one in abandoned) else {},
         aside,

@@ -28,6 +28,7 @@ from hardcore.host.processes import Handle, Identity
 from hardcore.host.recorder import PageReader
 from hardcore.host.steps import condemned
 from hardcore.model.recorder import LifeState, Page
+from hardcore.model.verdicts import Diagnosis
 
 ENVIRONMENT_BYTES_MAX = 1 << 20
 #: A core that serves answers at once; what does not is no reason to end it, the watch will see to it.
@@ -71,16 +72,17 @@ class _Found:
     reader: bool
 
 
-def find_leftovers(folders: Folders, *, adopt: bool = False) -> Leftovers:
+def find_leftovers(folders: Folders, *, adopt: bool = False, reads_only: bool = False) -> Leftovers:
     """Look for processes of an earlier guard of this instance, and for the last recorder page.
 
     `adopt`: say which of the cores may be gone on with, if one may. It may take a moment: that core is asked.
+    `reads_only`: a person wants reads only, so a core that obeys that is as good as one that writes.
     """
     found, others = _processes(folders)
     pages = _pages(folders)
     last = max(pages, key=_head_of, default=None)
     last = last if last is not None and last.witness is not None else None
-    chosen = _adoptable(folders, found, pages) if adopt else None
+    chosen = _adoptable(folders, found, pages, reads_only=reads_only) if adopt else None
     life, page = chosen if chosen is not None else (None, None)
     cores = tuple(core.life for core in found if core.life is not life)
     return Leftovers(
@@ -120,16 +122,19 @@ def _processes(folders: Folders) -> tuple[list[_Found], dict[str, list[Handle]]]
     return cores, others
 
 
-def _adoptable(folders: Folders, cores: list[_Found], pages: list[Page]) -> tuple[Life, Page] | None:
+def _adoptable(
+    folders: Folders, cores: list[_Found], pages: list[Page], *, reads_only: bool
+) -> tuple[Life, Page] | None:
     """Return the core that serves and may go on, with its page; None if there is none."""
     highest = max((page.beats.epoch for page in pages), default=0)
     given_up = condemned(folders)
+    well = {None, str(Diagnosis.OPERATOR)} if reads_only else {None}
     for core in cores:
         life, page = core.life, core.life.page()
         if core.reader or page is None or life.nonce in given_up or not _is_its_own(life, page):
             continue
         serves = page.beats.state is LifeState.READY and 0 < page.beats.epoch == highest
-        if serves and _reachable(folders, life) and not _reads_only(folders, life):
+        if serves and _reachable(folders, life) and _reads_because(folders, life) in well:
             return life, page
     return None
 
@@ -146,8 +151,11 @@ def _reachable(folders: Folders, life: Life) -> bool:
     return all(path.exists() for path in paths)
 
 
-def _reads_only(folders: Folders, life: Life) -> bool:
-    """Whether the core says that it only reads. One that does not answer in time is asked again by each health probe."""
+def _reads_because(folders: Folders, life: Life) -> str | None:
+    """Return why the core says that it only reads; None: it writes.
+
+    One that does not answer in time counts as that: it is asked again by each health probe.
+    """
     try:
         with socket.socket(socket.AF_UNIX) as connection:
             connection.settimeout(ASKED_S)
@@ -155,8 +163,9 @@ def _reads_only(folders: Folders, life: Life) -> bool:
             connection.sendall(b'{"verb": "status"}\n')
             told = json.loads(connection.recv(ANSWER_BYTES_MAX))
     except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(told, dict) and told.get("safe") is not None
+        return None
+    why = told.get("safe") if isinstance(told, dict) else None
+    return None if why is None else str(why)
 
 
 def end_leftovers(folders: Folders, grace_s: float) -> int:

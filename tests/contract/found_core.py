@@ -1,7 +1,7 @@
 """A core as a new guard may find one: `python -m tests.contract.found_core STATE EPOCH SAYS`.
 
 It owns the page that its environment names, as a core does, and answers on its control socket what it is told to:
-`well`, `safe`, or nothing at all (`mute`). It never ends by itself.
+`well`, `safe`, `obeying` (a person wants reads only), or nothing at all (`mute`). It never ends by itself.
 """
 
 import os
@@ -14,6 +14,7 @@ from core.guarded.recorder import LifeState, Recorder
 ANSWERS = {
     "well": b'{"ok": true, "safe": null}\n',
     "safe": b'{"ok": true, "safe": "DISK_FULL"}\n',
+    "obeying": b'{"ok": true, "safe": "OPERATOR"}\n',
     "mute": b"",
 }
 

@@ -67,8 +67,8 @@ def ground(tmp_path: Path) -> Iterator[Ground]:
             process.communicate()
 
 
-def looked(ground: Ground) -> Leftovers:
-    found = find_leftovers(ground.folders, adopt=True)
+def looked(ground: Ground, *, reads_only: bool = False) -> Leftovers:
+    found = find_leftovers(ground.folders, adopt=True, reads_only=reads_only)
     for life in (*found.cores, *([found.adoptable] if found.adoptable else [])):
         life.let_go()
     return found
@@ -123,6 +123,20 @@ def test_a_core_that_only_reads_is_ended(ground: Ground, how: str) -> None:
     else:
         ground.core(says="safe")
     assert looked(ground).adoptable is None
+
+
+def test_a_core_that_reads_only_because_a_person_wants_that_is_gone_on_with(ground: Ground) -> None:
+    process = ground.core(says="obeying")
+    found = looked(ground, reads_only=True)
+    assert found.adoptable_page is not None
+    assert (found.adoptable_page.pid, found.cores) == (process.pid, ())
+
+
+def test_a_core_that_reads_only_for_a_reason_of_its_own_is_ended_also_where_a_person_wants_reads_only(
+    ground: Ground,
+) -> None:
+    ground.core(says="safe")
+    assert looked(ground, reads_only=True).adoptable is None
 
 
 def test_a_core_that_the_guard_before_had_begun_to_end_is_ended(ground: Ground) -> None:

@@ -49,10 +49,12 @@ def test_safe_mode_serves_reads_and_refuses_writes_over_a_kill_and_over_down_and
     reads(house)
     refuses(house, "after-a-kill")
 
+    serving = house.status()["core"]["pid"]
     sentinel = house.hit("sentinel")
     until(lambda: sentinel.gone, "the sentinel's end", START_S)
     safe(house)
     refuses(house, "under-another-guard")
+    assert house.status()["core"]["pid"] == serving, "the loss of a guard ends no core that is well"
 
     assert house.cli("down").code == 0
     house.up_unproven()
