@@ -45,6 +45,8 @@ WEEKS_MAX: Final = 60
 #: Letters that wait for somebody.
 WAITING: Final = (LetterState.QUARANTINED, LetterState.HELD, LetterState.RETRYING)
 _HITS_BYTES_MAX: Final = 1 << 20
+#: What is on record of less than this says nothing of how long it lasts between two incidents.
+_COUNTED_MIN: Final = timedelta(days=1)
 
 
 class Archive:
@@ -194,7 +196,8 @@ class Archive:
         with self._records.reading() as connection:
             # Not `row.tuple()`: it warns, ten thousand times a page, that it will go.
             found = [(row[0], row[1], row[2]) for row in connection.execute(asked)]
-        return trends_of(found, weeks, since)
+            first = connection.execute(select(func.min(INCIDENTS.c.opened_at))).scalar_one()
+        return trends_of(found, weeks, since, first)
 
     def _one(self, asked: Select[Any]) -> RowMapping | None:
         with self._records.reading() as connection:
@@ -248,9 +251,12 @@ def letters_where(wanted: Filter) -> list[ColumnElement[bool]]:
 
 
 def trends_of(
-    found: Sequence[tuple[str, str, float | None]], weeks: int, since: datetime
+    found: Sequence[tuple[str, str, float | None]], weeks: int, since: datetime, first: str | None
 ) -> Mapping[str, Any]:
-    """The trends of some incidents: (opened at, diagnosis, outage). An incident without a time is in no week."""
+    """The trends of some incidents: (opened at, diagnosis, outage). An incident without a time is in no week.
+
+    `first`: when the first one ever on record was opened; before that nobody counted.
+    """
     begins = [(since + timedelta(weeks=week)).isoformat() for week in range(weeks + 1)]
     counts = [0] * (weeks + 2)
     by_cause: dict[str, list[float]] = {}
@@ -265,7 +271,7 @@ def trends_of(
             for begin, count in zip(begins, counts[1 : weeks + 1], strict=False)
         ],
         "incidents": len(found),
-        "mtbf_hours": round(weeks * 7 * 24 / len(found), 1) if len(found) > 1 else None,
+        "mtbf_hours": _apart_hours(len(found), since, since + timedelta(weeks=weeks), first),
         "causes": [
             {
                 "diagnosis": diagnosis,
@@ -276,6 +282,17 @@ def trends_of(
             for diagnosis, outages in sorted(by_cause.items(), key=lambda item: -len(item[1]))
         ],
     }
+
+
+def _apart_hours(count: int, since: datetime, now: datetime, first: str | None) -> float | None:
+    """Hours between two incidents, over as much of the time as is on record; None: too little of it is."""
+    if count < 2 or first is None:
+        return None
+    try:
+        counted = now - max(since, datetime.fromisoformat(first))
+    except (ValueError, TypeError):  # not a time, or one without a zone: somebody wrote into the records
+        return None
+    return round(counted / timedelta(hours=1) / count, 1) if counted >= _COUNTED_MIN else None
 
 
 def _p90(outages: Sequence[float]) -> float:
