@@ -17,7 +17,7 @@ from sqlalchemy import Engine
 from core.alone import LeftBehindError, Turns
 from core.guarded.recorder import FlightRecorder
 from core.journal.rebuilding import Rebuilding
-from core.journal.store import StoreError
+from core.journal.store import StoreError, beside
 from core.journal.verify import GivenUp, Verdict, verify
 from core.settings import Settings
 from core.slots import Draining, NoSlot
@@ -39,7 +39,7 @@ class Auditor:
         leaving: threading.Event,
     ) -> None:
         """Prepare. `leaving` is set once this core gives up what nobody needs any more."""
-        self._readers = readers
+        self._readers = beside(readers)
         self._settings = settings
         self._rebuilding = rebuilding
         self._leaving = leaving

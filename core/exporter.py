@@ -18,7 +18,7 @@ from sqlalchemy.exc import DBAPIError
 from core.alone import Turns
 from core.guarded.recorder import FlightRecorder
 from core.journal.exporting import Exported, Moment, moment, slice_after
-from core.journal.store import StoreError, snapshot, store_error
+from core.journal.store import StoreError, beside, snapshot, store_error
 from core.rulings import Rulings
 from core.settings import Settings
 
@@ -40,7 +40,7 @@ class Exporter:
         self, readers: Engine, recorder: FlightRecorder, settings: Settings, rulings: Rulings
     ) -> None:
         """Prepare."""
-        self._readers = readers
+        self._readers = beside(readers)
         self._settings = settings
         self._rulings = rulings
         self._turns = Turns(EXPORTER, recorder.component(EXPORTER, SILENT_MS_MAX))

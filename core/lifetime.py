@@ -25,7 +25,7 @@ from core import departure
 from core.audit import audit_behind
 from core.auditor import AUDITOR
 from core.build import own_build
-from core.checkpointing import CHECKPOINT_S, Checkpointer
+from core.checkpointing import CHECKPOINT_S, CHECKPOINTER, Checkpointer
 from core.departure import Departure, ExitCode
 from core.draining import Drain
 from core.exporter import EXPORTER
@@ -258,6 +258,7 @@ class Life:
         checkpointer = Checkpointer(
             self._checkpoints,
             service.readers,
+            self._recorder,
             self._settings,
             self._rulings.rebuilding,
             lambda: service.head_seq,
@@ -265,6 +266,7 @@ class Life:
             service.leaving,
         )
         self._obedience.checkpointer = checkpointer
+        self._obedience.parts.add(CHECKPOINTER, checkpointer)
         self._obedience.gone_by = service.gone_by = self._ground.gone_by
         told_s = self._environment.checkpoint_s
         every_s = CHECKPOINT_S if told_s is None else told_s

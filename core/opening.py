@@ -281,5 +281,5 @@ def _of_store(error: StoreError) -> Departure:
             return departure.read_only(error.text)
         case StoreFault.DAMAGED:
             return departure.corrupt(f"it can't be opened ({error.text})")
-        case StoreFault.OTHER:
+        case StoreFault.TAKEN | StoreFault.OTHER:
             return departure.commit_failed(error.text)

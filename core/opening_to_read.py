@@ -138,7 +138,7 @@ def _unread(error: StoreError, data: Path) -> Departure:
             return departure.locked(error.text)
         case StoreFault.READ_ONLY:
             return departure.read_only(f"and its log can't be read without a write: {error.text}")
-        case StoreFault.NO_ROOM | StoreFault.OTHER:
+        case StoreFault.NO_ROOM | StoreFault.TAKEN | StoreFault.OTHER:
             return departure.no_room(f"and the ledger can't be read without one: {error.text}")
         case _ as never:
             assert_never(never)

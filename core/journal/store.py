@@ -17,15 +17,18 @@ from pathlib import Path
 from typing import Final
 
 from sqlalchemy import Connection, Engine, create_engine
-from sqlalchemy.exc import DBAPIError
-from sqlalchemy.pool import QueuePool, StaticPool
+from sqlalchemy.exc import DBAPIError, OperationalError
+from sqlalchemy.exc import TimeoutError as NoneFreeError
+from sqlalchemy.pool import NullPool, QueuePool, StaticPool
 
 LEDGER_FILE: Final = "ledger.db"
 CHECKPOINT_PAGES: Final = 1_000  # of 4 KiB, SQLite's default
 LOG_KEPT_BYTES: Final = 8 * 1024 * 1024  # more than a checkpoint's worth, so a wrapped log keeps its room
 _PROGRESS_STEPS: Final = 10_000  # virtual machine steps between two looks at the clock, well under 1 ms
-#: Beyond those it is told of, for a moment: a component that hangs keeps the connection it has.
-_READERS_BEYOND: Final = 6
+#: Beyond those it is told of, for a moment: what is asked seldom and beside the requests.
+_READERS_BEYOND: Final = 2
+FREE_WITHIN_S: Final = 0.9  # a read waits so long for a connection, and is refused then
+_CONNECT: Final = "connect"  # among an engine's options: how it opens a connection
 _COPIED_PAGES: Final = 1_024  # between two signs of life while a ledger is copied
 _COPIED_ANEW_MAX: Final = 2  # as often as somebody's writing may have a copy begin again
 _IOERR_SHMSIZE: Final = 4874  # the shared index could not grow: what a full disk looks like at the first open
@@ -38,6 +41,7 @@ class StoreFault(Enum):
     NO_ROOM = "no room"
     READ_ONLY = "read only"
     DAMAGED = "damaged"
+    TAKEN = "taken"  # by our own reads, every connection
     OTHER = "other"
 
 
@@ -49,8 +53,14 @@ class StoreError:
     text: str
 
 
+class _EveryReaderTakenError(Exception):
+    """No connection that reads became free in time."""
+
+
 def store_error(error: DBAPIError) -> StoreError:
     """Return what the driver raised as a value."""
+    if isinstance(error.orig, _EveryReaderTakenError):
+        return StoreError(StoreFault.TAKEN, "every connection that reads is taken")
     return _driver_error(error.orig)
 
 
@@ -169,8 +179,19 @@ def open_reading(path: Path, connections_max: int, busy_timeout_ms: int, *, alon
         poolclass=QueuePool,
         pool_size=connections_max,
         max_overflow=_READERS_BEYOND,
+        pool_timeout=FREE_WITHIN_S,
         isolation_level="AUTOCOMMIT",
+        execution_options={_CONNECT: connect},
     )
+
+
+def beside(readers: Engine) -> Engine:
+    """Return an engine that reads the same file by a connection of its own each time, which is closed at the end.
+
+    For components: what hangs there and is left behind keeps its connection, and none that a request waits for.
+    """
+    connect = readers.get_execution_options()[_CONNECT]
+    return create_engine("sqlite://", creator=connect, poolclass=NullPool, isolation_level="AUTOCOMMIT")
 
 
 def copy_whole(ledger: Path, into: Path, tick: Callable[[], object]) -> StoreError | None:
@@ -296,9 +317,10 @@ def snapshot(engine: Engine, read_ms_max: int) -> Iterator[Connection]:
     """Give a connection that sees the book at one moment and is interrupted after `read_ms_max`.
 
     An open read transaction keeps the log from being checkpointed (one grew it to 244 MB in 6 s), so a
-    statement that takes too long ends with SQLITE_INTERRUPT, raised as SQLAlchemy's OperationalError.
+    statement that takes too long ends with SQLITE_INTERRUPT, raised as SQLAlchemy's OperationalError. Where no
+    connection becomes free in time, that is one too: `StoreFault.TAKEN`.
     """
-    with engine.connect() as connection:
+    with _connected(engine) as connection:
         driver = connection.connection.driver_connection
         assert isinstance(driver, sqlite3.Connection)
         deadline_ns = time.monotonic_ns() + read_ms_max * 1_000_000
@@ -309,6 +331,13 @@ def snapshot(engine: Engine, read_ms_max: int) -> Iterator[Connection]:
         finally:
             driver.set_progress_handler(None, 0)
             connection.exec_driver_sql("ROLLBACK").close()
+
+
+def _connected(engine: Engine) -> Connection:
+    try:
+        return engine.connect()
+    except NoneFreeError as error:
+        raise OperationalError(None, None, _EveryReaderTakenError()) from error
 
 
 def is_interrupted(error: DBAPIError) -> bool:

@@ -29,7 +29,7 @@ from core.journal.answers import (
     SetAside,
     StoreBusy,
 )
-from core.journal.store import StoreError
+from core.journal.store import StoreError, StoreFault
 from core.ledger.commands import Command, accounts_of, transaction_of
 from core.ledger.reasons import Rejection
 from core.service import ReadTooLong, Service
@@ -111,6 +111,8 @@ async def read(
     )
     if isinstance(found, ReadTooLong):
         raise ProblemError(Problem("read-too-long"))
+    if isinstance(found, StoreError) and found.fault is StoreFault.TAKEN:
+        raise ProblemError(Problem("busy"))
     if isinstance(found, StoreError):
         logger.error("The ledger could not be read: %s", found.text)
         raise ProblemError(Problem("store-unreadable"))

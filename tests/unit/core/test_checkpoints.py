@@ -5,16 +5,18 @@ import errno
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
 import pytest
+from sqlalchemy import Engine
 
 from core.checkpointing import Checkpointer
 from core.guarded.control import CheckpointMade
+from core.guarded.recorder import NoRecorder
 from core.journal import checkpoint
 from core.journal.chain import Broken
 from core.journal.checkpoint import TABLE, Checkpoint, State, Trigger
@@ -62,6 +64,7 @@ class Shelf:
             maker = Checkpointer(
                 self.checkpoints(kept, age_h),
                 readers,
+                NoRecorder(),
                 SETTINGS,
                 Rebuilding(),
                 self.head,
@@ -317,3 +320,77 @@ def test_every_state_but_the_last_is_left_and_nothing_returns() -> None:
     with suppress(KeyError):
         checkpoint.after(State.EXPIRED, Trigger.USED)
         pytest.fail("what is expired is used again")
+
+
+class Hanging(Checkpoints):
+    """A disk that does not come back at the first file."""
+
+    held, hangs = threading.Event(), threading.Event()
+
+    def keep(self, name: str, data: bytes) -> None:
+        if not self.hangs.is_set():
+            self.hangs.set()
+            self.held.wait()
+        super().keep(name, data)
+
+
+def _maker(shelf: Shelf, checkpoints: Checkpoints, readers: Engine, head: Callable[[], int]) -> Checkpointer:
+    return Checkpointer(
+        checkpoints,
+        readers,
+        NoRecorder(),
+        SETTINGS,
+        Rebuilding(),
+        head,
+        shelf.unsound.append,
+        threading.Event(),
+    )
+
+
+def test_a_checkpoint_that_hangs_is_made_anew_for_whoever_waits(shelf: Shelf) -> None:
+    shelf.book(3)
+    readers = open_reading(shelf.folder / LEDGER_FILE, 1, 1_000)
+    checkpoints = Hanging(shelf.folder / "checkpoints", shelf.note)
+
+    async def scenario() -> CheckpointMade | str:
+        maker = _maker(shelf, checkpoints, readers, shelf.head)
+        made = asyncio.create_task(maker.make())
+        await asyncio.to_thread(checkpoints.hangs.wait)
+        maker.begin_anew()
+        return await made
+
+    try:
+        made = asyncio.run(scenario())
+    finally:
+        checkpoints.held.set()
+        readers.dispose()
+    assert isinstance(made, CheckpointMade)
+
+
+def test_a_turn_that_fails_is_not_the_last_one_of_this_life(shelf: Shelf) -> None:
+    shelf.book(3)
+    readers = open_reading(shelf.folder / LEDGER_FILE, 1, 1_000)
+    asked: list[int] = []
+    again = threading.Event()
+
+    def head() -> int:
+        asked.append(0)
+        if len(asked) == 1:
+            raise ValueError(asked)
+        again.set()
+        return shelf.head()
+
+    async def scenario() -> None:
+        maker = _maker(shelf, shelf.checkpoints(), readers, head)
+        made = asyncio.create_task(maker.make())  # so that there is a last one, and the head is asked for
+        await made
+        making = asyncio.create_task(maker.keep_making(0))
+        await asyncio.to_thread(again.wait)
+        assert not making.done()
+        making.cancel()
+        await maker.end()
+
+    try:
+        asyncio.run(scenario())
+    finally:
+        readers.dispose()
