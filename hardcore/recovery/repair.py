@@ -1,7 +1,8 @@
 """The parts of the core that were started anew: which is under way, and which were too often.
 
 One order at a time, because each changes what the beats of the others mean. A part that stands still again and again
-is no part's matter any more: then another core is worth having. How often is counted in the policy's restart window.
+is no part's matter any more: then another core is worth having. How often is counted in the policy's restart window, which is never shorter than it takes to see the
+part stand still so often; and in one life a part is begun anew only so often in all, because each leaves a thread behind.
 """
 
 from dataclasses import dataclass
@@ -15,8 +16,10 @@ ANSWER_NS = 10 * NS_PER_S
 SETTLE_NS = 3 * NS_PER_S
 #: So often a part is started anew within the restart window.
 RESTARTS_MAX = 3
-#: Restarts that are remembered.
-REMEMBERED_MAX = 32
+#: So often in one life of the core, however long that is.
+RESTARTS_OF_A_LIFE_MAX = 10
+#: Restarts that are remembered: those of all the parts that a page has room for.
+REMEMBERED_MAX = 80
 
 
 @dataclass(slots=True)
@@ -60,5 +63,11 @@ class Repair:
 
     def is_spent(self, name: str, now_ns: int, window_ns: int) -> bool:
         """Return whether it was started anew as often as makes sense."""
-        lately = [at_ns for done, at_ns in self._done if done == name and now_ns - at_ns < window_ns]
-        return len(lately) >= RESTARTS_MAX
+        all_ns = [at_ns for done, at_ns in self._done if done == name]
+        lately = [at_ns for at_ns in all_ns if now_ns - at_ns < max(window_ns, self._seen_within_ns(name))]
+        return len(lately) >= RESTARTS_MAX or len(all_ns) >= RESTARTS_OF_A_LIFE_MAX
+
+    def _seen_within_ns(self, name: str) -> int:
+        """Return how long it takes at most to see a part stand still so often as it is begun anew, and once more."""
+        limit_ns = next((part.limit_ns for part in self.beats if part.name == name), 0)
+        return (RESTARTS_MAX + 1) * (2 * limit_ns + ANSWER_NS + SETTLE_NS)

@@ -9,6 +9,7 @@ from hardcore.model.phases import SERVING
 from hardcore.model.recorder import Beats, ComponentBeat, LifeState, Threads
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy, Word
+from hardcore.recovery.repair import RESTARTS_OF_A_LIFE_MAX, Repair
 from tests.unit.recovery.play import MS, POLLS, Play, S, drained, kinds, proven, raised
 
 STALLED = Diagnosis.COMPONENT_STALLED
@@ -166,3 +167,20 @@ def test_a_guard_that_watches_only_changes_no_core_for_its_memory() -> None:
     play = _running(Policy(mode="assist"))
     _grown(play, 90)
     assert not ENDED & set(kinds(play.ordered))
+
+
+def test_a_part_that_may_be_silent_for_longer_than_the_window_is_not_begun_anew_for_ever() -> None:
+    slow = ComponentBeat("auditor", 1, 1, 30 * S, 0)
+    repair = Repair(beats=(slow,))
+    for n in range(3):
+        assert not repair.is_spent("auditor", n * 35 * S, 60 * S)
+        repair.order("auditor", n * 35 * S, asked=False)
+    assert repair.is_spent("auditor", 3 * 35 * S, 60 * S)
+
+
+def test_a_part_is_begun_anew_only_so_often_in_one_life_however_seldom() -> None:
+    repair, hour_ns = Repair(), 3_600 * S
+    for n in range(RESTARTS_OF_A_LIFE_MAX):
+        assert not repair.is_spent("importer", n * hour_ns, 60 * S)
+        repair.order("importer", n * hour_ns, asked=False)
+    assert repair.is_spent("importer", 100 * hour_ns, 60 * S)
