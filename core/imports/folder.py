@@ -10,9 +10,10 @@ megabytes of a stranger's bytes have no place beside the books, and the ledger w
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from secrets import token_hex
 from typing import Final, TypeVar
 
 import msgspec
@@ -30,6 +31,10 @@ _SURVEY: Final = "survey.json"
 _PROGRESS: Final = "progress.json"
 
 R = TypeVar("R")
+
+
+def _for_ever() -> bool:
+    return True
 
 
 def is_import_id(text: str) -> bool:
@@ -76,17 +81,25 @@ class ImportFolder:
         """Return how far the booking is known to be."""
         return _read(self.path / _PROGRESS, Progress) or Progress()
 
-    def keep_manifest(self, manifest: Manifest) -> None:
-        """Keep the wish; once this returns, a power cut does not lose it."""
-        _write(self.path / _MANIFEST, manifest, durable=True)
+    def keep_manifest(self, manifest: Manifest, is_wanted: Callable[[], bool] = _for_ever) -> None:
+        """Keep the wish; once this returns, a power cut does not lose it.
+
+        `is_wanted` is asked at the last moment: where it says no, nothing is kept.
+        """
+        _write(self.path / _MANIFEST, manifest, durable=True, is_wanted=is_wanted)
 
     def keep_survey(self, survey: Survey) -> None:
         """Keep what a look found."""
         _write(self.path / _SURVEY, survey, durable=False)
 
-    def keep_progress(self, progress: Progress, *, durable: bool) -> None:
-        """Keep how far it is. May be lost until the end: the rows' keys in the ledger know better."""
-        _write(self.path / _PROGRESS, progress, durable=durable)
+    def keep_progress(
+        self, progress: Progress, *, durable: bool, is_wanted: Callable[[], bool] = _for_ever
+    ) -> None:
+        """Keep how far it is. May be lost until the end: the rows' keys in the ledger know better.
+
+        `is_wanted` is asked at the last moment: where it says no, nothing is kept.
+        """
+        _write(self.path / _PROGRESS, progress, durable=durable, is_wanted=is_wanted)
 
     def bytes_kept(self) -> int:
         """Return how much room it takes, as far as that can be seen: another look's rows may go meanwhile."""
@@ -148,9 +161,10 @@ class Imports:
         """
         for left in self._path.glob("*" + UNFINISHED):
             shutil.rmtree(left, ignore_errors=True)
-        for left in self._path.glob(f"*/{FRESH_ROWS}*"):
-            with suppress(OSError):
-                left.unlink()
+        for wanted in (f"*/{FRESH_ROWS}*", f"*/*{UNFINISHED}"):
+            for left in self._path.glob(wanted):
+                with suppress(OSError):
+                    left.unlink()
 
     def tidy(self, previews_before_ns: int, bytes_max: int, imports_max: int) -> None:
         """Remove old previews, and the oldest imports where it is too much.
@@ -190,14 +204,22 @@ def _read(path: Path, shape: type[R]) -> R | None:
         return None  # not there, or of another version: as if it had not been written
 
 
-def _write(path: Path, record: msgspec.Struct, *, durable: bool) -> None:
-    fresh = path.with_name(path.name + UNFINISHED)
-    with fresh.open("wb") as file:
-        file.write(msgspec.json.encode(record))
-        if durable:
-            file.flush()
-            os.fsync(file.fileno())
-    fresh.rename(path)
+def _write(
+    path: Path, record: msgspec.Struct, *, durable: bool, is_wanted: Callable[[], bool] = _for_ever
+) -> None:
+    # A name of its own: a writer that was left behind and the one after it may both be at work on this record.
+    fresh = path.with_name(f"{path.name}-{token_hex(4)}{UNFINISHED}")
+    try:
+        with fresh.open("wb") as file:
+            file.write(msgspec.json.encode(record))
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        if not is_wanted():
+            return
+        fresh.rename(path)
+    finally:
+        fresh.unlink(missing_ok=True)
     if durable:
         _flush(path.parent)
 

@@ -164,9 +164,16 @@ class Importer:
         """Whether whoever is at work in this shift is to do nothing more."""
         return shift != self._shift or self._resting or self._service.draining
 
+    def _is_at_work(self, shift: int) -> bool:
+        """Whether what this shift would write is still wanted. Any thread."""
+        return shift == self._shift
+
     async def _run(self, shift: int) -> None:
         # Whoever knew of a death may have said whom he suspects after this core has opened its book.
+        self._component.works(True)
         await self._apart(self._suspected.look_again)
+        if shift == self._shift:
+            self._component.works(False)
         while not self._is_over(shift):
             self._wake.clear()
             if self._jobs or self._stalls:
@@ -348,10 +355,12 @@ class Importer:
         ended = msgspec.structs.replace(job.manifest, state=state)
         try:
             # Durable and in this order: no end without its numbers.
-            await self._apart(partial(job.folder.keep_progress, job.progress, durable=True))
+            is_wanted = partial(self._is_at_work, job.shift)
+            keep = partial(job.folder.keep_progress, job.progress, durable=True, is_wanted=is_wanted)
+            await self._apart(keep)
             if job.shift != self._shift:
                 return
-            await self._apart(partial(job.folder.keep_manifest, ended))
+            await self._apart(partial(job.folder.keep_manifest, ended, is_wanted))
         except OSError as error:
             if not job.end_again_ns:
                 logger.warning("The end of import %s could not be kept: %s", ended.id, error.strerror)
@@ -366,7 +375,9 @@ class Importer:
     async def _keep(self, job: Job) -> None:
         """Write down how far it is. A full disk costs a later life some asking again, and this one nothing."""
         try:
-            await self._apart(partial(job.folder.keep_progress, job.progress, durable=False))
+            is_wanted = partial(self._is_at_work, job.shift)
+            keep = partial(job.folder.keep_progress, job.progress, durable=False, is_wanted=is_wanted)
+            await self._apart(keep)
         except OSError as error:
             logger.warning("How far import %s is could not be kept: %s", job.manifest.id, error.strerror)
 

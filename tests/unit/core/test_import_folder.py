@@ -1,3 +1,4 @@
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from uuid import UUID
 
@@ -98,3 +99,29 @@ def test_no_text_of_a_client_becomes_a_path_but_an_id(text: str) -> None:
 
 def test_a_record_holds_no_password() -> None:
     assert not {"password", "secret"} & {field.name for field in msgspec.structs.fields(Manifest)}
+
+
+def test_a_writer_that_was_left_behind_puts_nothing_in_place(tmp_path: Path) -> None:
+    folder = kept(Imports(tmp_path), 1)
+    folder.keep_progress(Progress(done=9), durable=False)
+    folder.keep_progress(Progress(done=2), durable=False, is_wanted=lambda: False)
+    assert folder.progress() == Progress(done=9)
+    assert sorted(path.name for path in folder.path.iterdir()) == ["file", "manifest.json", "progress.json"]
+
+
+def test_two_writers_of_a_record_never_leave_a_torn_one(tmp_path: Path) -> None:
+    folder = kept(Imports(tmp_path), 1)
+
+    def write(done: int) -> None:
+        for _ in range(200):
+            folder.keep_progress(Progress(done=done), durable=False)
+
+    with ThreadPoolExecutor(2) as writers:
+        working = [writers.submit(write, done) for done in (7, 1_234_567)]
+        seen = {folder.progress().done for _ in range(400)}
+    for one in working:
+        one.result()
+    assert seen <= {0, 7, 1_234_567}
+    assert (folder.path / "progress.json").read_bytes() in {
+        msgspec.json.encode(Progress(done=done)) for done in (7, 1_234_567)
+    }

@@ -2,6 +2,7 @@
 
 import asyncio
 import errno
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +21,7 @@ from core.imports.outcomes import FAILED_INSIDE, Booked, Outcome, Stopped
 from core.imports.reading.candidates import Candidate, Result, SkippedRow
 from core.imports.records import Manifest, Progress
 from core.imports.states import State
+from core.imports.suspected import Suspected
 from core.settings import Settings
 
 IMPORT = str(UUID(int=1))
@@ -28,10 +30,10 @@ IMPORT = str(UUID(int=1))
 class Scripted(Importer):
     """An importer whose rows end as they are told: by a bug, by leaving, or booked."""
 
-    def __init__(self) -> None:
+    def __init__(self, suspected: Suspected | None = None) -> None:
         hub: Any = SimpleNamespace(tell=lambda _: None)
         service: Any = SimpleNamespace(hub=hub, draining=False)
-        super().__init__(service, NoRecorder())
+        super().__init__(service, NoRecorder(), suspected)
         self.bad: set[int] = set()
         self.leaving: set[int] = set()
         self.booked: list[tuple[int, int]] = []
@@ -134,3 +136,29 @@ def test_a_disk_that_fails_under_old_imports_keeps_nobody_from_new_ones(
         await desk.stop()
 
     asyncio.run(scenario())
+
+
+def test_a_first_look_that_hangs_is_work_that_stands_still() -> None:
+    held, looking = threading.Event(), threading.Event()
+    said: list[bool] = []
+
+    class Held(Suspected):
+        def look_again(self) -> None:
+            looking.set()
+            held.wait()
+
+    async def scenario() -> None:
+        importer = Scripted(Held())
+        beats: Any = SimpleNamespace(works=said.append, beat=lambda: None, done=lambda: None)
+        importer._component = beats
+        importer.start()
+        await asyncio.to_thread(looking.wait)
+        assert said == [True]
+        held.set()
+        await importer.stop()
+        assert said == [True, False]
+
+    try:
+        asyncio.run(scenario())
+    finally:
+        held.set()
