@@ -81,7 +81,9 @@ class Foresight:
     log: Chatter | None = None
     forecasts: dict[Resource, Forecast] = field(default_factory=dict)
     asked_ns: int | None = None  # when a switch was last asked for in this life
-    vain_ns: int | None = None  # when the last one was seen not to have helped
+    vain_ns: dict[Resource, int] = field(
+        default_factory=dict
+    )  # when the last one was seen not to have helped
     judgement: Judgement | None = None
 
     def begin(self, life: int, now_ns: int, with_numbers: Numbers) -> None:
@@ -140,13 +142,14 @@ class Foresight:
         if judged.lowest < LOWER_SHARE * judged.before:
             self.judgement = None
         elif now_ns >= judged.until_ns:
-            self.judgement, self.vain_ns = None, now_ns
+            self.judgement, self.vain_ns[resource] = None, now_ns
             return judged
         return None
 
-    def in_vain(self, now_ns: int) -> bool:
-        """Return whether a switch of the last day was seen not to have helped."""
-        return self.vain_ns is not None and now_ns - self.vain_ns < DAY_NS
+    def in_vain(self, resource: Resource, now_ns: int) -> bool:
+        """Return whether a switch of the last day, because of this resource, was seen not to have helped."""
+        vain_ns = self.vain_ns.get(resource)
+        return vain_ns is not None and now_ns - vain_ns < DAY_NS
 
     def soonest(self, life: int) -> tuple[Forecast, ...]:
         """Return the forecasts that stand for this life, the soonest first: those of another end with it."""

@@ -99,10 +99,11 @@ def _switch(c: Course, now_ns: int) -> None:
     """Ask for another core if one would help, the policy wants it, and it was not in vain."""
     if c.foresight.judgement is not None and c.foresight.judgement.life == c.life and c.switching is None:
         c.foresight.judgement = None  # what was asked for was given up
-    found = next((one for one in c.foresight.soonest(c.life) if one.resource in _HELPED), None)
-    if found is None or not _may(c, found, now_ns):
-        return
     f = c.foresight
+    helped = (one for one in f.soonest(c.life) if one.resource in _HELPED)
+    found = next((one for one in helped if _may(c, one, now_ns)), None)
+    if found is None:
+        return
     said = Testimony("forecast", Colour.YELLOW, found.why)
     trouble = Trouble(Death(_ABOUT[found.resource], Grade.LIKELY, (said,)), now_ns)
     f.asked_ns = now_ns
@@ -116,4 +117,4 @@ def _may(c: Course, forecast: Forecast, now_ns: int) -> bool:
     lately = f.asked_ns is not None and now_ns - f.asked_ns < AGAIN_NS
     wanted = Word.PLANNED_SWITCH in c.policy.words(_ABOUT[forecast.resource])
     sound = c.phase is Phase.RUNNING and c.verdict.colour is not Colour.RED and c.story is None
-    return wanted and sound and not lately and not f.in_vain(now_ns)
+    return wanted and sound and not lately and not f.in_vain(forecast.resource, now_ns)

@@ -8,6 +8,7 @@ from hardcore.model.phases import Phase
 from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery import flight
+from hardcore.recovery.foresight import Foresight, Judgement, numbers
 from hardcore.recovery.policy import Policy, Word
 from tests.unit.recovery.play import MS, Play, drained, kinds, proven, raised
 
@@ -175,3 +176,13 @@ def test_what_was_seen_is_on_the_tape_and_can_be_gone_on_with() -> None:
     other = Play(TOLD_ONLY)
     assert flight.resume(other.manager, told) is None
     assert other.manager.reading().forecasts == play.manager.reading().forecasts != ()
+
+
+def test_a_switch_that_did_not_help_one_resource_forbids_none_for_another() -> None:
+    sight = Foresight()
+    sight.begin(1, 0, numbers(QUICK))
+    sight.judgement = Judgement(Resource.THREADS, 100, 1)
+    sight.begin(2, MS, numbers(QUICK))
+    assert sight.begins_no_lower(Resource.THREADS, 100, 2_000 * MS) is not None
+    assert sight.in_vain(Resource.THREADS, 3_000 * MS)
+    assert not sight.in_vain(Resource.MEMORY, 3_000 * MS)
