@@ -334,6 +334,9 @@ def _release_again(c: Course, now_ns: int) -> None:
     if c.safety.held and not c.safety.on:
         # It was asked for while the core was being drained.
         heed(c, c.safety.want(now_ns, reads_only=True), now_ns)
+    elif not c.safety.held and c.safety.goal is Diagnosis.OPERATOR:
+        # Taken back in that time.
+        heed(c, c.safety.want(now_ns, reads_only=False), now_ns)
     c.bench = Bench(plan.patience(c.policy))
     c.held_ns = None
     c.heard_ns = c.looked_ns = now_ns
