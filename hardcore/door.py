@@ -179,13 +179,14 @@ class Door:
                 f"Nobody asked for reading only: {reading.safe} is why. It ends by itself, or by `hardcore resume`.",
                 safe=str(reading.safe),
             )
+        reason = request.reason or self._safe_reason  # who says it again without a reason takes none back
         try:
-            await self._house.in_hand(standing.store_wanted, self._house.folders, wanted, request.reason)
+            await self._house.in_hand(standing.store_wanted, self._house.folders, wanted, reason)
         except OSError as error:
             return refuse(
                 "wish-not-stored", f"What is wanted can't be written ({error.strerror}).", why=error.strerror
             )
-        self._safe_reason = request.reason if request.on else ""
+        self._safe_reason = reason if request.on else ""
         answer, fds = self._order(seen.Verb.SAFE_ON if request.on else seen.Verb.SAFE_OFF, request)
         return {**answer, "changed": reading.wanted is not wanted}, fds
 

@@ -321,6 +321,13 @@ def test_a_wish_for_reads_only_is_on_disk_before_anybody_is_told(house: House) -
     assert standing.wanted(house.folders) is Wanted.UP
 
 
+def test_who_asks_for_the_safe_mode_again_without_a_reason_takes_no_reason_back(house: House) -> None:
+    house.folders.state.mkdir()
+    for reason in ("spring cleaning", ""):
+        assert ask(house, Request(Ask.SAFE_MODE, on=True, reason=reason))["ok"] is True
+    assert standing.safe_reason(house.folders) == "spring cleaning"
+
+
 def test_a_wish_that_can_not_be_written_is_refused_and_nobody_is_told(house: House) -> None:
     assert ask(house, Request(Ask.SAFE_MODE, on=True))["code"] == "wish-not-stored", (
         "there is no state folder"
