@@ -4,7 +4,9 @@ The slope is Theil and Sen's: the median of the slopes of all pairs of points, w
 Its lower bound is read off the same sorted slopes at the place that Kendall's variance gives, and the variance is
 widened by how much neighbours resemble each other, because a sawtooth is no sequence of independent looks. Only pairs
 whose later point was under no more load than the earlier one, and not under much less, count: what grows because more
-is asked of it is no leak, and where the load only rises too few pairs are left to say anything. Least squares was not chosen: one flushed cache would tilt it.
+is asked of it is no leak, and where the load only rises too few pairs are left to say anything. Where the load is so wide
+that hardly two points are alike, all pairs count whose later point was under no more of it: what grows though less is asked
+is a leak the more, and what shrinks with the load makes the slope smaller and not larger. Least squares was not chosen: one flushed cache would tilt it.
 
 The second opinion is a one-sided CUSUM over the same points: it asks not how fast, but whether the values have left
 where they began and are still leaving. Where either says no, nothing is claimed.
@@ -120,25 +122,23 @@ def _slope(points: Points, first: int) -> Slope | None:
     """Return the slope of the points from `first` on; None where too few pairs are comparable."""
     numbers, lows, loads = points.numbers[first:], points.lows[first:], points.loads[first:]
     count = len(lows)
-    slopes = [
-        (lows[j] - lows[i]) / (numbers[j] - numbers[i])
-        for j in range(1, count)
-        for i in range(j)
-        if _comparable(loads[i], loads[j])
-    ]
     pairs = count * (count - 1) // 2
-    if len(slopes) < max(POINTS_MIN, PAIRS_SHARE_MIN * pairs):
+    enough = max(POINTS_MIN, PAIRS_SHARE_MIN * pairs)
+    no_more = [(i, j) for j in range(1, count) for i in range(j) if loads[j] <= loads[i]]
+    alike = [(i, j) for i, j in no_more if _alike(loads[i], loads[j])]
+    counted = alike if len(alike) >= enough else no_more
+    if len(counted) < enough:
         return None
-    slopes.sort()
+    slopes = sorted((lows[j] - lows[i]) / (numbers[j] - numbers[i]) for i, j in counted)
     middle = median(slopes)
     kendall = math.sqrt(count * (count - 1) * (2 * count + 5) / 18 * _wider(numbers, lows, middle))
     place = int((len(slopes) - Z * kendall * len(slopes) / pairs) / 2)
     return Slope(middle, slopes[place]) if place >= 0 else None
 
 
-def _comparable(earlier: int, later: int) -> bool:
-    """Whether the later load is no more than the earlier one, and not much less: more asked of it explains growth."""
-    return 0 <= earlier - later <= max(LIKE_SHARE * earlier, 2 * math.sqrt(earlier))
+def _alike(earlier: int, later: int) -> bool:
+    """Whether the later load, which is no more than the earlier one, is not much less."""
+    return earlier - later <= max(LIKE_SHARE * earlier, 2 * math.sqrt(earlier))
 
 
 def _wider(numbers: Sequence[int], lows: Sequence[int], slope: float) -> float:

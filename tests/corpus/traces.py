@@ -10,6 +10,7 @@ import math
 import random
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import count
 
 STEP_S = 10
 MIB = 1 << 20
@@ -228,7 +229,9 @@ def _until(limit: int, values: Iterator[float], loads: Iterator[int]) -> _Leaked
     return None
 
 
-def _leaking(dice: random.Random, grown: Value, over: Value | None = None) -> _Leaked:
+def _leaking(
+    dice: random.Random, grown: Value, over: Value | None = None, loads: Iterator[int] | None = None
+) -> _Leaked:
     base, noise = _base(dice), _noise(dice, dice.uniform(0.2, 8) * MIB)
 
     def values() -> Iterator[float]:
@@ -238,7 +241,7 @@ def _leaking(dice: random.Random, grown: Value, over: Value | None = None) -> _L
             yield base + grown(at_s) + next(noise) + (over(at_s) if over else 0)
             step += 1
 
-    return _until(LIMIT_BYTES, values(), _even_load(dice))
+    return _until(LIMIT_BYTES, values(), loads or _even_load(dice))
 
 
 def _steady(dice: random.Random) -> _Leaked:
@@ -304,6 +307,66 @@ def _threads(dice: random.Random) -> _Leaked:
     return _counted(dice, 256, 14, 8)
 
 
+# ---- what leaks at one rate, whatever is asked of it: the load is what may hide it ----
+
+Loads = Callable[[random.Random], Iterator[int]]
+
+
+def _under(loads: Loads) -> Callable[[random.Random], _Leaked]:
+    def made(dice: random.Random) -> _Leaked:
+        rate = _rate(dice)
+        return _leaking(dice, lambda at_s: rate * at_s, loads=loads(dice))
+
+    return made
+
+
+def _load_of_days(dice: random.Random) -> Iterator[int]:
+    wave, mean = _wave(dice), dice.uniform(0.5, 100)
+    return (_poisson(dice, mean * wave(step * STEP_S)) for step in count())
+
+
+def _load_by_steps(dice: random.Random) -> Iterator[int]:
+    mean = dice.uniform(2, 100)
+    while True:
+        level = dice.uniform(0.2, 3)
+        for _ in range(dice.randrange(60, 3_000)):
+            yield _poisson(dice, mean * level)
+
+
+def _load_in_batches(dice: random.Random) -> Iterator[int]:
+    usual = _even_load(dice)
+    while True:
+        for _ in range(dice.randrange(720, 4_000)):
+            yield next(usual)
+        for _ in range(dice.randrange(60, 360)):
+            yield next(usual) + dice.randrange(50, 150)
+
+
+def _load_with_a_tail(dice: random.Random) -> Iterator[int]:
+    """Another level every five minutes, now and then a hundred times the usual."""
+    middle, wide = dice.uniform(0, 3), dice.uniform(0.7, 1.5)
+    while True:
+        level = math.exp(dice.gauss(middle, wide))
+        for _ in range(30):
+            yield _poisson(dice, level)
+
+
+def _load_of_a_household(dice: random.Random) -> Iterator[int]:
+    """Nothing by night, and by day now and then something, seldom much at once."""
+    begins_h = dice.uniform(0, 24)
+    for step in count():
+        awake = 7 <= (begins_h + step * STEP_S / 3600) % 24 <= 23
+        yield int(dice.paretovariate(1.1)) if awake and dice.random() < 0.3 else 0
+
+
+def _under_days(dice: random.Random) -> _Leaked:
+    """The memory follows the load of the day as well."""
+    rate, wave, each = _rate(dice), _wave(dice), dice.uniform(20, 80) * MIB
+    mean = dice.uniform(0.5, 100)
+    loads = (_poisson(dice, mean * wave(step * STEP_S)) for step in count())
+    return _leaking(dice, lambda at_s: rate * at_s, lambda at_s: each * wave(at_s), loads)
+
+
 _LEAKS: Mapping[str, Callable[[random.Random], _Leaked]] = {
     "steady": _steady,
     "late": _late,
@@ -312,4 +375,10 @@ _LEAKS: Mapping[str, Callable[[random.Random], _Leaked]] = {
     "by request": _by_request,
     "descriptors": _fds,
     "threads": _threads,
+    "steady, load of days": _under(_load_of_days),
+    "steady, load by steps": _under(_load_by_steps),
+    "steady, load in batches": _under(_load_in_batches),
+    "steady, load with a heavy tail": _under(_load_with_a_tail),
+    "steady, load of a household": _under(_load_of_a_household),
+    "steady, memory and load of days": _under_days,
 }

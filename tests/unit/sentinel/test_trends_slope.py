@@ -86,3 +86,21 @@ def test_a_cheap_look_never_says_no_where_the_slope_would_reach_it() -> None:
         found = growth(rows(lows))
         if found is not None and found.low > 0:
             assert may_grow(lows, found.low)
+
+
+def test_growth_is_told_under_a_load_of_which_hardly_two_points_are_alike() -> None:
+    dice = random.Random(4)
+    loads = [int(dice.lognormvariate(3, 1.5)) for _ in range(60)]
+    found = growth(rows(noisy(60, MIB, MIB), loads))
+    assert found is not None
+    assert found.low > 0
+
+
+def test_what_follows_a_load_of_which_hardly_two_points_are_alike_is_no_growth() -> None:
+    claimed = []
+    for seed in range(40):
+        dice = random.Random(seed)
+        loads = [int(dice.lognormvariate(3, 1.5)) for _ in range(60)]
+        found = growth(rows([100 * MIB + load * 50_000 for load in loads], loads))
+        claimed += [seed] if found is not None and found.low > 0 else []
+    assert not claimed
