@@ -94,18 +94,29 @@ class Gatekeeper:
                 self._hold(kept)
         if kept is not None:
             await self._confirm(kept)
+            self._executor.filing.gateway_is_back(None)
             return
+        since_ns = clock.now_ns()
         if lost and not older:
-            await self._tell_of_before()
+            since_ns = await self._tell_of_before(since_ns)
         await self.start()
+        self._keep(self._tell_held(since_ns))
 
-    async def _tell_of_before(self) -> None:
-        """Tell of a gateway that died while nobody watched, with the guard that had watched it."""
+    async def _tell_held(self, since_ns: int) -> None:
+        """Tell the story of the guard before for how long its gateway's place was empty."""
+        while self._wanted:
+            if await is_answered(self._listen_fd, ANSWER_S):
+                self._executor.filing.gateway_is_back((clock.now_ns() - since_ns) // _MS)
+                return
+            await asyncio.sleep(ASK_AGAIN_S)
+
+    async def _tell_of_before(self, now_ns: int) -> int:
+        """Tell of a gateway that died while nobody watched, with the guard that had watched it; return since when."""
         remains = await self._executor.in_hand(remains_before, self._folders.gateway_page)
         if remains is None or remains.page is None:
-            return
-        pulse, now_ns = remains.page.pulse, clock.now_ns()
-        fault_ns = min(now_ns, max(pulse.loop_ns, pulse.thread_ns))
+            return now_ns
+        pulse = remains.page.pulse
+        fault_ns: int = min(now_ns, max(pulse.loop_ns, pulse.thread_ns))
         how = await end_of_orphan(self._folders.exits, remains.pid, fault_ns)
         fact = Testimony(
             "page", Colour.RED, "the gateway of the guard before is gone, and nobody watched it end"
@@ -115,6 +126,7 @@ class Gatekeeper:
         self._story.died(fault_ns, how)
         refused = await self._reckon(remains, how, None)
         self._executor.begin(self._keep_evidence(remains, how, fault_ns, refused))
+        return fault_ns
 
     async def _chosen(self, older: Sequence[Handle]) -> Handle | None:
         kept: Handle | None = None

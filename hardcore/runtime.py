@@ -147,6 +147,8 @@ class Runtime:
         found = setup.leftovers
         self.executor.inherit(found.cores, found.adoptable)
         self.executor.filing.left_open = str(setup.noted["id"]) if stops(setup.noted) else ""
+        if setup.before.unwatched_ns is not None:
+            self.executor.filing.gateway_is_awaited()
         self.executor.begin(self.executor.filing.close_abandoned(setup.abandoned, setup.noted))
         for handle in found.courts:
             self.executor.begin(self.executor.clearing.see_off(handle))

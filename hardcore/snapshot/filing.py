@@ -31,6 +31,13 @@ RETRY_PAUSES_S = (1.0, 5.0, 30.0, 120.0, 600.0)
 LATE_INCIDENTS_MAX = 64
 #: Pieces that wait for a disk longer than all pauses; more are given up.
 WAITING_MAX = 64
+#: What a lost guard has left is told with its gateway's fate, if that is known within this.
+GATEWAY_S = 30.0
+
+
+def went_on(told: Mapping[str, Any]) -> bool:
+    """Whether an incident ended well and its core served all the while."""
+    return told["outcome"] == "recovered" and told["outage_ms"] is None and not told["deaths"]
 
 
 class Hands(Protocol):
@@ -78,6 +85,9 @@ class Filing:
         self._inherited.set()
         #: The incident in which people waited when the guard before this one ended; empty: nobody did.
         self.left_open = ""
+        self._gateway = asyncio.Event()
+        self._gateway.set()
+        self._held_ms: int | None = None  # how long requests met no gateway before this guard had one
 
     def lose(self, incident_id: str, failed: EvidenceFailed) -> None:
         """Remember until an incident is closed that evidence of it is not on its disk, and why."""
@@ -120,6 +130,8 @@ class Filing:
         told = facts(incident, pid, nonce, clock.wall, self._ran(incident))
         if self.left_open and incident.diagnosis is Diagnosis.SENTINEL_LOST:
             told = in_the_middle(told, self.left_open)
+        elif incident.diagnosis is Diagnosis.SENTINEL_LOST and went_on(told):
+            told = {**told, "outage_ms": await self._held()}  # its core served on; did its gateway?
         folder = self._incidents / incident.id
         tried = self._trials.pop(incident.id, None)
         told = told if tried is None else {**told, "trials": tried}
@@ -145,6 +157,24 @@ class Filing:
             await self._have_report(folder)
         if failed is not None:
             await self._bring_home_later(incident.id)
+
+    def gateway_is_awaited(self) -> None:
+        """The guard before was lost: whether its gateway goes on will be told by `gateway_is_back`."""
+        self._gateway.clear()
+
+    def gateway_is_back(self, held_ms: int | None) -> None:
+        """There is a gateway; `held_ms`: for so long there was none, None: it is the one of the guard before."""
+        self._held_ms = held_ms
+        self._gateway.set()
+
+    async def _held(self) -> int | None:
+        """Return for how long there was no gateway; where it is still missing after a while, how long so far."""
+        waits = [asyncio.ensure_future(one.wait()) for one in (self._gateway, self._hands.halted)]
+        since_ns = clock.now_ns()
+        await asyncio.wait(waits, timeout=GATEWAY_S, return_when=asyncio.FIRST_COMPLETED)
+        for one in waits:
+            one.cancel()
+        return self._held_ms if self._gateway.is_set() else (clock.now_ns() - since_ns) // 1_000_000
 
     def _write_facts(self, folder: Path, told: Mapping[str, Any]) -> BundleFailed | None:
         failed = writer.write_facts(folder, told)

@@ -138,6 +138,9 @@ def test_a_gateway_that_died_with_its_guard_is_told_of_by_the_next_one(house: Ho
     house.running()
     stories = {one["diagnosis"]: one["id"] for one in house.incidents()[:2]}
     assert set(stories) == {"GATEWAY_LOST", "SENTINEL_LOST"}
+    until(lambda: all(one["closed_at"] for one in house.incidents()), "all to be told to the end", START_S)
+    lost = next(one for one in house.incidents() if one["id"] == stories["SENTINEL_LOST"])
+    assert lost["outage_ms"] is not None, "nobody says that the ledger went on answering"
     told = in_the_box(house, stories["GATEWAY_LOST"])
     assert (told["pid"], told["ended"]) == (gateway.pid, "died")
     known = refused_paths.read(house.folders.refused_paths)

@@ -381,3 +381,20 @@ def test_the_end_of_a_guard_in_the_middle_of_an_outage_names_that_outage(tmp_pat
     told = facts(tmp_path / ID)
     assert told["left_open"] == "01a20310-1"
     assert "01a20310-1" in told["evidence"][-1]["text"]
+
+
+@pytest.mark.parametrize("held_ms", [None, 1100])
+def test_that_the_ledger_went_on_without_its_guard_is_told_only_where_its_gateway_did_too(
+    tmp_path: Path, held_ms: int | None
+) -> None:
+    async def told() -> dict[str, Any]:
+        hands = Hands(lambda: None)
+        filing = Filing(tmp_path, hands, hands.report)
+        filing.gateway_is_awaited()
+        lost = replace(incident(), diagnosis=Diagnosis.SENTINEL_LOST, outcome="recovered", waits_for=None)
+        closing = asyncio.create_task(filing.close(lost, 1, "", ()))
+        filing.gateway_is_back(held_ms)
+        await closing
+        return facts(tmp_path / ID)
+
+    assert asyncio.run(told())["outage_ms"] == held_ms
