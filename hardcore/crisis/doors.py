@@ -73,6 +73,7 @@ class Doors:
         self._teller = teller
         self._silence_ms = silence_ms
         self._now_ns = now_ns
+        self._born_ns = now_ns()
         self._told: StandingHeard | None = None
         self._told_ns = 0
         self._asked_ns: int | None = None
@@ -98,7 +99,7 @@ class Doors:
         standing = self._standing()
         match way:
             case Route.LIVE:
-                return pages.live(heard=self._is_heard(standing))
+                return pages.live(heard=self._is_heard(standing), young=self._is_young(standing))
             case Route.READY:
                 return pages.ready(standing.state, serving=ready(standing))
             case Route.STARTUP:
@@ -115,6 +116,10 @@ class Doors:
 
     def _is_heard(self, standing: Standing) -> bool:
         return alive(standing, self._now_ns(), self._silence_ms)
+
+    def _is_young(self, standing: Standing) -> bool:
+        """Whether we have heard nobody yet, and have not had the same time for it."""
+        return not standing.heard_ns and self._now_ns() - self._born_ns <= self._silence_ms * 1_000_000
 
     def _health(self, standing: Standing, *, near: bool) -> pages.Answer:
         heard = self._is_heard(standing)

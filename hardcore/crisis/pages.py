@@ -225,11 +225,15 @@ def stored_for_tab(answer: Answer, head: RequestHead) -> Answer:
     return whole(answer.head.status, HTML, body, _of_a_page(tongue, _PLAIN_POLICY))
 
 
-def live(*, heard: bool) -> Answer:
-    """Whether the guard is alive: this process, and a sentinel that was heard lately."""
-    extra = [] if heard else [(b"Retry-After", b"1")]
-    body = json.dumps({"alive": heard}).encode()
-    return whole(200 if heard else 503, b"application/json", body, extra)
+def live(*, heard: bool, young: bool) -> Answer:
+    """Whether the guard is alive: this process, and a sentinel that was heard lately.
+
+    `young`: we are new, and have heard nobody yet; that is no reason to end us, and is said beside it.
+    """
+    extra = [] if heard or young else [(b"Retry-After", b"1")]
+    told = {"alive": heard or young, **({"heard": False} if young and not heard else {})}
+    body = json.dumps(told).encode()
+    return whole(200 if heard or young else 503, b"application/json", body, extra)
 
 
 def ready(state: str, *, serving: bool) -> Answer:

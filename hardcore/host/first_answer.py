@@ -10,10 +10,12 @@ import os
 import socket
 from contextlib import suppress
 
-#: A line of status is all that is read.
-LINE_BYTES_MAX = 4096
+#: More than this is not read of an answer.
+ANSWER_BYTES_MAX = 4096
 _ASK = b"GET /livez HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"
 _LIVES = b"HTTP/1.1 200 "
+#: It accepts, and has heard nobody yet: whoever asks it for anything still waits.
+_UNHEARD = b'"heard": false'
 #: Where to dial what listens everywhere.
 _HERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104  # nothing is bound here
 
@@ -37,10 +39,13 @@ async def is_answered(listen_fd: int, limit_s: float) -> bool:
 
 
 async def _ask(host: str, port: int) -> bool:
-    reader, writer = await asyncio.open_connection(host, port, limit=LINE_BYTES_MAX)
+    reader, writer = await asyncio.open_connection(host, port, limit=ANSWER_BYTES_MAX)
     try:
         writer.write(_ASK)
-        return (await reader.readline()).startswith(_LIVES)
+        told = b""
+        while len(told) < ANSWER_BYTES_MAX and (more := await reader.read(ANSWER_BYTES_MAX)):
+            told += more
+        return told.startswith(_LIVES) and _UNHEARD not in told
     finally:
         writer.close()
         with suppress(OSError):

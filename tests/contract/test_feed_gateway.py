@@ -1,5 +1,6 @@
 """The feed between sentinel and gateway, as `docs/wires.md` section 6 has it."""
 
+import json
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +24,8 @@ def test_the_gateway_subscribes_with_its_pid(tmp_path: Path) -> None:
 def test_the_gateway_waits_for_a_sentinel_that_is_not_there_yet(tmp_path: Path) -> None:
     with world(tmp_path, feed_retry_ms=5) as w:
         w.start()
-        assert w.ask("GET", "/livez").status == 503
+        young = w.ask("GET", "/livez")
+        assert (young.status, json.loads(young.body)) == (200, {"alive": True, "heard": False})
         w.feed.open()
         w.feed.wait_subscribed()
 
