@@ -43,7 +43,11 @@ ALERT_TEXTS: Final[Mapping[str, Text]] = {
     "alerts_unmute": _text("다시 켜기", "Unmute"),
     "alerts_muted": _text("알림을 꺼 두었어요. 다시 켜지는 때: {at}", "Alerts are muted until {at}."),
     "alerts_lately": _text("최근 알림", "Lately"),
-    "alerts_lately_none": _text("보낼 일이 아직 없었어요.", "Nothing has had to be told yet."),
+    "alerts_lately_none": _text("보낸 알림이 아직 없어요.", "No alert is on record yet."),
+    "alerts_lately_nobody": _text(
+        "기록된 사건: {n}건. 채널이 없어서 알림을 보내지 않았어요.",
+        "Incidents on record: {n}. Nobody was told of any, as there was no channel.",
+    ),
     "alerts_what": _text("알림", "Alert"),
     "alerts_became": _text("결과", "What came of it"),
     "alerts_delivered": _text("보냄", "sent"),

@@ -19,6 +19,7 @@ from frontend.catalogue_alerts import alert_text, cause_text, failure_text, held
 from frontend.render import Language
 from postmortem.incident import mapping, mappings, number, optional_text, text
 from postmortem.placing import read_up_to
+from postmortem.views import Filter
 from postmortem.web.lobby import Lobby, field, lead_to, reader_of, words_of
 
 BOOK_BYTES_MAX: Final = 4 << 20
@@ -45,6 +46,7 @@ async def alerts(lobby: Lobby, request: Request) -> Response:
         _HERE,
         away=named is None,
         nobody=named == [],
+        untold=(await lobby.read(lambda: lobby.reads.incidents(Filter(), 1))).total if named == [] else 0,
         channels=[_channel(words, one, lang) for one in shown],
         muted=_still(optional_text(muted.get("until"))),
         silences=SILENCES,

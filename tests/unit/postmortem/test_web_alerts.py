@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.unit.postmortem.web_archive import Archive, Visitor
+from tests.unit.postmortem.web_archive import Archive, Visitor, line
 
 HERE = "/admin/alerts"
 HOSTILE = "<script>alert(1)</script>\u202egnp.exe\x1b[2J"
@@ -40,7 +40,12 @@ def test_the_page_stands_without_a_guard_and_without_a_book(visitor: Visitor, la
 
 def test_that_nobody_would_be_told_is_a_warning(visitor: Visitor) -> None:
     visitor.answers["policy"] = {"ok": True, "policy": {}, "alerts": []}
-    assert "No channel: you would not be told." in visitor.get(HERE).text
+    page = visitor.get(HERE).text
+    assert "No channel: you would not be told." in page
+    assert "No alert is on record yet." in page
+    visitor.archive.lines.append(line())
+    page = visitor.get(HERE).text
+    assert "Incidents on record: 1. Nobody was told of any, as there was no channel." in page
     visitor.answers["policy"] = {"ok": True, "policy": {}, "alerts": [CHANNEL]}
     page = visitor.get(HERE).text
     assert "you would not be told" not in page
