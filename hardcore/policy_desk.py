@@ -135,7 +135,7 @@ class PolicyDesk:
         changed = self._take(found)
         if found.policy is None:
             faults = [{"line": one.line, "name": one.name, "reason": one.reason} for one in found.faults]
-            first = found.faults[0]
+            first = standing.first_of(found.faults)
             words = f"The policy file is not right ({first}); the policy before it stays in force."
             return refuse("policy-faults", words, faults=faults)
         return {"ok": True, "changed": changed, "later": [name for name in changed if _is_later(name)]}, []
@@ -160,7 +160,7 @@ class PolicyDesk:
     def _take(self, found: Found) -> list[str]:
         """Go by what was found, if it is right; return the names of what is other than before."""
         if found.policy is None:
-            why = standing.fault_of(self._house.folders, found.faults[0])
+            why = standing.fault_of(self._house.folders, found.faults)
             if why != self.fault:
                 self.fault = why
                 self._alarm(why)

@@ -3,6 +3,7 @@
 import contextlib
 import dataclasses
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeGuard
@@ -76,9 +77,15 @@ def stamp_of(path: Path) -> tuple[int, ...] | None:
     return told.st_ino, told.st_size, told.st_mtime_ns, told.st_ctime_ns
 
 
-def fault_of(folders: Folders, first: PolicyFault) -> str:
-    """Return why the policy file is not what is gone by, as one line."""
-    return f"{folders.policy.name}: {first}"
+def fault_of(folders: Folders, found: Sequence[PolicyFault]) -> str:
+    """Return why the policy file is not what is gone by, as one line: the first fault, and how many more there are."""
+    return f"{folders.policy.name}: {first_of(found)}"
+
+
+def first_of(found: Sequence[PolicyFault]) -> str:
+    """Return the first of some faults, and how many more there are."""
+    more = f" (and {len(found) - 1} more; `hardcore policy check` names them)" if len(found) > 1 else ""
+    return f"{found[0]}{more}"
 
 
 def policy_in_force(folders: Folders) -> PolicyInForce:
@@ -102,7 +109,7 @@ def policy_at_next_start(folders: Folders) -> PolicyInForce:
     found = load_policy_file(folders.policy)
     if isinstance(found, Policy):
         return PolicyInForce(found)
-    fault = fault_of(folders, found[0])
+    fault = fault_of(folders, found)
     kept = load_policy_file(folders.good_policy)
     if isinstance(kept, Policy):
         return PolicyInForce(kept, fault)

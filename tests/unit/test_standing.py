@@ -86,3 +86,10 @@ def test_a_policy_that_was_mended_becomes_the_last_good_one(folders: Folders) ->
         folders.policy.write_text(text)
         standing.keep(folders, 1)
     assert folders.good_policy.read_text() == '{"spare": false}'
+
+
+def test_a_file_with_two_faults_is_said_to_have_more_than_the_first(folders: Folders) -> None:
+    folders.policy.write_text('{"version": 1, "max_restart_count": -1, "no_such_name": 7}', "utf-8")
+    fault = standing.policy_in_force(folders).fault
+    assert "max_restart_count" in fault or "no_such_name" in fault
+    assert "and 1 more" in fault
