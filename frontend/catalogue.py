@@ -68,8 +68,8 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "This ledger is already running. Change `mode` in the policy, or `hardcore down` and start it with --mode.",
     ),
     "policy_next": (
-        "고친 뒤 다시 시작하거나, 파일을 지우면 기본값으로 시작해요.",
-        "Mend it and start again, or remove it to start with the defaults.",
+        "이대로는 쓰이지 않아요. 돌고 있는 감시자는 고친 파일을 몇 초 안에 읽어요.",
+        "It is not taken as it is. A running guard reads the mended file within seconds.",
     ),
     "policy_changed": (
         "정책 파일과 달라요. 방금 바뀌었거나, 이번 실행에만 쓰는 값이 있어요 (`hardcore policy show --file`로 볼 수 있어요).",

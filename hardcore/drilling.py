@@ -149,7 +149,10 @@ def drill(
 def _fits(fault: str, component: str, *, leak_named: bool) -> None:
     """End with a sentence where what was named does not go with this drill."""
     if bool(component) != (fault == "stall"):
-        raise click.UsageError("A part is named for `stall`, and for no other drill.")
+        raise click.UsageError(
+            "A part is named for `stall`, and for no other drill: `hardcore drill stall importer`. "
+            "`hardcore status --json` names the parts."
+        )
     if leak_named and fault != "leak":
         raise click.UsageError("--seconds and --mb-per-s go with `leak` alone.")
 
