@@ -165,6 +165,9 @@ def close(c: Course, now_ns: int, *, recovered: bool) -> None:
     """Close the open incident, if there is one. `recovered`: a core serves everything again."""
     if c.story is None:
         return
+    if c.repair.name and c.repair.asked and c.story.planned and not c.story.down:
+        why = f"the part {c.repair.name} was to begin anew, and nobody had answered when something else came"
+        c.story.add_evidence((Testimony("parts", Colour.YELLOW, why),))
     # A stop in the middle of the probation does not undo a recovery: a proven core had served.
     unwanted = c.wanted is Wanted.DOWN
     handed_over = left_to_a_person(c) if recovered else None
@@ -278,7 +281,8 @@ def _count(c: Course, diagnosis: Diagnosis, now_ns: int, *, free: bool) -> None:
         keep(c, c.budget.after_death(now_ns))
     locked = Diagnosis.STORE_CORRUPT if c.safety.locked else None
     spent = c.budget.spent(now_ns)
-    failed = c.trying if c.trying in SLOW else None  # the try has shown that reading goes on
+    damaged = diagnosis is Diagnosis.STORE_CORRUPT
+    failed = c.trying if c.trying in SLOW and not damaged else None  # the try has shown that reading goes on
     c.hopeless = c.reader or locked or failed or plan.hopeless(c.policy, diagnosis, spent=spent)
     if spent and plan.passes(c.policy, c.hopeless):
         c.hopeless = Diagnosis.CRASH_LOOP  # readers that die count as any other

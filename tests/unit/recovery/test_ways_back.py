@@ -10,10 +10,10 @@ from hardcore.model import observations as seen
 from hardcore.model.actions import AlertStage
 from hardcore.model.looks import ProcessSample
 from hardcore.model.phases import HAState, Phase
-from hardcore.model.recorder import Beats, LifeState, Threads
+from hardcore.model.recorder import Beats, LifeState, Threads, Witness
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy, Word, in_full
-from tests.unit.recovery.play import MS, Play, S, a_page, drained, fall_silent, kinds, look
+from tests.unit.recovery.play import MS, Play, S, a_page, drained, fall_silent, kinds, look, proven
 
 LOOP, CRASHED = Diagnosis.CRASH_LOOP, Diagnosis.CRASHED
 READ = frozenset({Word.SEND_ALERT, Word.SAFE_MODE_ENTER})
@@ -90,6 +90,24 @@ def test_a_core_that_dies_in_the_probation_of_such_a_try_is_followed_by_a_reader
     play.die(seen.Exit(code=0))
     play.ready(6).die()
     assert play.spawned().safe is LOOP
+
+
+def test_a_try_that_finds_the_ledger_damaged_is_the_last_one() -> None:
+    play = _reader()
+    _tries(play)
+    play.die(seen.Exit(code=0))
+    play.tell(seen.CoreSpawned(play.now_ns, play.life, 9))
+    play.tell(seen.GatewayWitnessed(play.now_ns, Witness(8, 5, "h8")))
+    proven(play, 6)
+    play.die()
+    assert play.spawned().safe is Diagnosis.STORE_CORRUPT
+    play.tell(seen.CoreSpawned(play.now_ns, play.life, 9))
+    play.tell(seen.CoreReady(play.now_ns, play.life, 6, seen.Proof("none", 0, 7, "h7")))
+    assert play.manager.reading().state is HAState.MANUAL_INTERVENTION
+    before = kinds(play.ordered).count("Terminate")
+    while play.manager.next_deadline_ns() is not None:
+        play.ring()
+    assert kinds(play.ordered).count("Terminate") == before
 
 
 def test_the_pauses_between_tries_grow_no_longer_than_the_policy_says() -> None:
