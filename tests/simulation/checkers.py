@@ -274,11 +274,10 @@ class Checkers:
     def ordered(self, guard: "Guard", action: orders.Action) -> None:
         """Each order is right at the moment it is given."""
         self.judges.ordered(action)
+        self._consent.ordered(action)
         match action:
             case orders.Spawn():
                 self._spawn(guard, action)
-            case orders.KeepBudget():
-                self._consent.kept(action)
             case SetAside() if not action.letter.held and self._deaths_ns:
                 self._deaths_ns.pop()  # what it explains is not held against anybody
             case orders.SpawnSpare():
@@ -365,7 +364,8 @@ class Checkers:
             since_ns = self.world.clock.now_ns - guard.policy.restart_window_sec * NS_PER_S + SLACK_NS
             recent = [at_ns for at_ns in self._deaths_ns if at_ns > since_ns]
             hold(len(recent) <= guard.policy.max_restart_count, "restarts stay within the budget")
-        hold(laws.may_be_read_for(self.world, order.safe), f"{order.safe} was never the matter")
+        reads = laws.may_be_read_for(self.world, order.safe) or self._consent.reads(order.safe)
+        hold(reads, f"{order.safe} was never the matter")
         self._spawned_ns, self._newest = self.world.clock.now_ns, order.life
 
     def _kill(self, guard: "Guard", order: orders.Kill) -> None:
@@ -447,7 +447,7 @@ class Checkers:
             hold(told.proof is not None and told.next_epoch, "recovered means proven, in a new epoch")
             hold(bool(self._ready - {told.life}), "recovered means that a successor served")
         hold(
-            told.planned or told.deaths or troubled or left,
+            told.planned or told.deaths or troubled or left or self._consent.shut,
             "an incident nobody planned has a death or a trouble",
         )
         self.closed[told.id] = told.outcome
