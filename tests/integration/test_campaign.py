@@ -6,7 +6,7 @@ from tests.campaign.block import carry_out
 from tests.campaign.faults import FAULTS
 from tests.campaign.run import plan
 
-SEEDS = (3, 11, 19)
+SEEDS = (3, 11)
 
 
 def test_every_law_holds_over_faults_that_a_seed_has_chosen() -> None:
