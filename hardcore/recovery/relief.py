@@ -72,7 +72,12 @@ def looked(c: Course, fact: seen.StoreLooked) -> None:
 
 
 def switched(c: Course, fact: seen.SafeSwitched) -> None:
-    """Take in the core's answer to an order to read only, or to write again."""
+    """Take in the core's answer to an order to read only, or to write again.
+
+    One to an order of before it served may come when that is wanted no more: what it obeyed is taken back.
+    """
+    if fact.on and fact.done and c.safety.asked is None and c.safety.found(BY_OPERATOR, fact.at_ns):
+        heed(c, c.safety.try_to_write(fact.at_ns), fact.at_ns, asked=True)
     c.safety.switched(fact)
     settle(c, fact.at_ns)
 

@@ -143,3 +143,11 @@ def test_a_wish_that_comes_while_the_core_is_drained_holds_if_it_serves_again() 
     play.ask(seen.Verb.RESTART)
     play.ask(seen.Verb.SAFE_ON)
     assert ON(1, on=True, reason=WISH) in drained(play, done=False)
+
+
+def test_an_order_that_is_obeyed_when_the_wish_is_over_is_taken_back() -> None:
+    play = Play(wanted=Wanted.SAFE).begin().ready(4)
+    assert "Release" in kinds(play.ask(seen.Verb.SAFE_OFF))
+    assert _opens(_switched(play, on=True))
+    _switched(play, on=False)
+    assert play.manager.reading().safe is None
