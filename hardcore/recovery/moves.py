@@ -157,7 +157,7 @@ def _enter(c: Course, phase: Phase, now_ns: int) -> None:
     if phase is Phase.BACKOFF:
         c.delay_ns = hearing.pause_ns(c, plan.pause_ns(c.policy, c.tries, c.given.jitter()), now_ns)
     if phase is Phase.FATAL:
-        c.left = mandate.withheld(c) and c.hopeless is None
+        c.left = mandate.withheld(c) and (c.hopeless is None or plan.passes(c.policy, c.hopeless))
         c.hopeless = c.hopeless or c.blame
     elif phase is not Phase.STOPPED:
         c.left = False

@@ -1,11 +1,14 @@
 """A core that is to write and finds the ledger's lock with another program: waited for, named, read meanwhile."""
 
+import dataclasses
+import json
+
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.looks import LockHolder
 from hardcore.model.phases import HAState, Phase
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery.policy import Policy, Word
+from hardcore.recovery.policy import Policy, Word, in_full
 from tests.unit.recovery.play import MS, Play, S, a_page, kinds
 
 UNPROVEN = seen.Proof("none", 0, 7, "h7")
@@ -159,3 +162,16 @@ def test_a_serving_core_that_ends_as_if_locked_is_a_death_like_any_other() -> No
     before = play.manager.reading().deaths
     play.die(seen.Exit(code=69), a_page(4, words="DB_LOCKED"))
     assert play.manager.reading().deaths == before + 1
+
+
+def test_a_reader_that_died_in_a_mode_that_leaves_it_is_replaced_once_the_mode_is_act_again() -> None:
+    play = _after_a_crash()
+    _meets_the_lock(play)
+    _reads(play)
+    for mode in ("observe", "act"):
+        policy = dataclasses.replace(play.policy, mode=mode)
+        play.tell(seen.PolicyRead(play.now_ns, json.dumps(in_full(policy))))
+        if mode == "observe":
+            play.die()
+            assert play.phase is Phase.FATAL
+    assert "Spawn" in kinds(play.ring())
