@@ -91,6 +91,8 @@ class FailoverManager:
                     c.store.told(fact.witness)
                 elif c.store.lacks(fact.witness):
                     relief.lacking(c, fact)
+                else:
+                    c.store.doubts(fact.witness)
             case seen.FirstServed():
                 if fact.epoch == c.epoch:
                     mark(c, "serving", fact.at_ns)

@@ -23,7 +23,8 @@ UNPROVEN = "none"
 
 def raised(c: Course, epoch: int, now_ns: int) -> None:
     """Take in that the core has raised the epoch."""
-    c.store.epoch, c.store.certain, c.epoch = epoch, True, epoch
+    c.store.raised(epoch)
+    c.epoch = epoch
     if c.behind is not None:
         c.behind.fenced = True
     mark(c, "fenced", now_ns)
@@ -35,10 +36,11 @@ def ready(c: Course, fact: seen.CoreReady) -> None:
         c.epoch = fact.epoch  # as it stands in the store: nobody has raised it
     elif fact.proof.kind == UNPROVEN:
         return  # it was started to write, and must have proven what it writes to
-    elif c.phase in BOOTING and c.store.misses(fact.proof.seq):
-        _misses(c, fact, fact.at_ns)
-        return
     else:
+        c.store.reaches(fact.epoch)
+        if c.phase in BOOTING and c.store.misses(fact.proof.seq):
+            _misses(c, fact, fact.at_ns)
+            return
         c.store.is_proven(Witness(fact.proof.seq, fact.epoch, fact.proof.hash, fact.at_ns))
     if c.phase not in BOOTING:
         return  # it is being ended: what it has proven serves nobody

@@ -23,11 +23,27 @@ class StoreKnowledge:
     passed_on: Witness | None = None
     proven: Witness | None = None  # where the ledger ended when the last core proved it
     served: int | None = None  # the epoch of the last core that served; 0: no word of any that served counts
+    doubtful: Witness | None = None  # passed on by a core that no page tells of
 
     def forget(self) -> None:
         """Take the ledger as it stands: the operator has put another copy in its place and says so."""
         self.epoch, self.certain, self.served = None, False, 0
-        self.witness = self.passed_on = self.proven = None
+        self.witness = self.passed_on = self.proven = self.doubtful = None
+
+    def raised(self, epoch: int) -> None:
+        """A core has raised the epoch."""
+        self.epoch, self.certain = epoch, True
+        self.reaches(epoch)
+
+    def reaches(self, epoch: int) -> None:
+        """Decide on a commit that was passed on by a core which left no page, now that a core has raised the epoch.
+
+        It is this ledger's if that core came between. Of a ledger that was put back the gateway remembers an epoch that
+        this one has not reached.
+        """
+        doubtful, self.doubtful = self.doubtful, None
+        if doubtful is not None and self.proven is None and 0 < (self.served or 0) < doubtful.epoch < epoch:
+            self.told(doubtful)
 
     def witnesses(self) -> tuple[Witness, ...]:
         """Return the commits that the next core has to show: what a page proves, and what a client was told."""
@@ -55,6 +71,11 @@ class StoreKnowledge:
         Where no page says which core that was, it is the only witness left.
         """
         return self.served is None or witness.epoch == self.served
+
+    def doubts(self, witness: Witness) -> None:
+        """Keep a commit of which the next epoch says whether it is this ledger's."""
+        if self.doubtful is None or witness.seq > self.doubtful.seq:
+            self.doubtful = witness
 
     def told(self, witness: Witness) -> None:
         """The gateway has passed this commit on to a client."""

@@ -89,3 +89,32 @@ def test_who_accepts_the_ledger_forgets_both_witnesses() -> None:
     play.tell(seen.OperatorAsked(play.now_ns, seen.Verb.RESUME, accept_ledger=True))
     play.die(seen.Exit(code=0))
     assert play.spawned() == orders.Spawn(play.life, None, ())
+
+
+def _found(served: int) -> Play:
+    """A guard that begins finds the page of a core that has served under this epoch, and starts another."""
+    play = Play()
+    play.tell(seen.SentinelBegan(play.now_ns, leftovers=True, page=a_page(served, seq=9)))
+    play.tell(seen.CoreExited(play.now_ns, 0, seen.Exit(signal=9), None))
+    return play
+
+
+def test_the_gateways_word_of_a_core_without_a_page_counts_when_it_came_between() -> None:
+    play = _found(4)
+    _told(play, 11, 5)
+    raised(play, 6)
+    assert "Release" not in kinds(proven(play, 6, 9))
+    assert play.phase is Phase.SNAPSHOT_LIVE
+
+
+def test_it_counts_also_when_the_core_says_its_epoch_with_its_proof_only() -> None:
+    play = _found(4)
+    _told(play, 11, 5)
+    assert "Release" not in kinds(proven(play, 6, 9))
+
+
+def test_the_gateways_word_of_another_ledger_asks_nothing_of_one_that_was_put_back() -> None:
+    play = _found(4)
+    _told(play, 11, 7)
+    raised(play, 5)
+    assert "Release" in kinds(proven(play, 5, 9))
