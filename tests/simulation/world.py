@@ -160,7 +160,7 @@ class World:
         plan = self.switches.spare_plan() if spare else self.switches.boot_plan(prepared=safe is None)
         if self.build in self.bad_builds:
             at = Stage.WARM if spare else Stage.BORN
-            plan = replace(plan, fails_at=at, end=seen.Exit(code=1), hangs=False)
+            plan = replace(plan, fails_at=at, end=seen.Exit(code=1), words="", hangs=False)
         life = Life(self, number, len(self.lives) + 1, expected, plan, safe, spare)
         life.guard = self.guard.number
         self.lives.append(life)
