@@ -41,8 +41,8 @@ from tests.simulation.run import POLICIES, Script, run, write_script
 
 P, T, S = Phase, Trigger, Step
 
-SEEDS = 2_500
-FRESH_SEEDS = 1_000
+SEEDS = 1_500
+FRESH_SEEDS = 300
 #: A mutant must be found within so many seeds.
 MUTANT_SEEDS = 5000
 
