@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from postmortem import bundle
-from tests.campaign.faults import CORE, GATEWAY, SENTINEL, Fault
+from tests.campaign.faults import CORE, FAULTS, GATEWAY, SENTINEL, Fault
 from tests.integration.clients import Clients, assert_exactly_once
 from tests.integration.house import START_S, House
 from tests.waiting import until
@@ -28,6 +28,8 @@ MEMORY_MORE_MAX_BYTES: Final = 64 << 20
 EVENTS_A_PAGE: Final = 500
 #: A switch that somebody asked for needs no diagnosis of a fault.
 ALWAYS_CALLED: Final = frozenset({"OPERATOR", "PLANNED_SWITCH"})
+#: What an operator asks for, and drills: the guard's own memory of them ends with it.
+ORDERS: Final = frozenset(f.name for f in FAULTS if f.name.startswith(("restart", "drill")))
 #: Who of ours is told of by an incident of its own, whatever the core does meanwhile.
 LOST: Final = {SENTINEL: "SENTINEL_LOST", GATEWAY: "GATEWAY_LOST"}
 
@@ -132,7 +134,9 @@ class Audit:
             struck = [fault.name for fault in hit if lost in fault.called]
             found = [item for item in new if item["diagnosis"] == lost]
             hold(found or not struck, f"(6) {struck} ended the {who} and left no {lost}")
-        struck = [fault.name for fault in hit if fault.called - set(LOST.values())]
+        # What was asked of a guard that died before it was done is a wish nobody remembers, and no incident.
+        forgotten = ORDERS if any(SENTINEL in fault.ends for fault in hit) else frozenset()
+        struck = [f.name for f in hit if f.called - set(LOST.values()) and f.name not in forgotten]
         found = [item for item in new if item["diagnosis"] not in LOST.values()]
         hold(found or not struck, f"(6) {struck} left no incident of the core")
         return [(item["diagnosis"], item["detected_ms"], item["outage_ms"]) for item in new]
