@@ -130,6 +130,10 @@ class Audit:
             )
             folder = self.house.folders.incidents / item["id"]
             until(partial(_reported, folder), f"(6) a report of {item['id']}", START_S)
+        if any(fault.name == "kill all" for fault in hit):
+            # Nobody was left to see who ended of what: that nobody watched is told, and what else is found out.
+            hold(new, "(6) all were killed and nobody told of it")
+            return [(item["diagnosis"], item["detected_ms"], item["outage_ms"]) for item in new]
         for who, lost in LOST.items():
             struck = [fault.name for fault in hit if lost in fault.called]
             found = [item for item in new if item["diagnosis"] == lost]
