@@ -60,8 +60,8 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "The policy file is faulty, so the last good one stays in force. See `hardcore policy check {path}`.",
     ),
     "policy_later": (
-        "돌고 있는 감시자가 몇 초 안에 이 정책을 써요: {path}. 바뀐 것은 `hardcore policy reload`로 볼 수 있어요.",
-        "The running sentinel takes this policy within seconds: {path}. `hardcore policy reload` says what changed.",
+        "돌고 있는 감시자가 몇 초 안에 이 정책을 써요: {path}. 지금 쓰는 정책은 `hardcore policy show`로 볼 수 있어요.",
+        "The running sentinel takes this policy within seconds: {path}. `hardcore policy show` tells what is in force.",
     ),
     "mode_later": (
         "이 가계부는 이미 돌고 있어요. 정책의 mode를 바꾸거나, `hardcore down` 뒤에 --mode로 다시 시작하세요.",

@@ -1,5 +1,6 @@
 """What a gateway does while no core serves, whose answers it believes, and how it leaves."""
 
+import json
 import socket
 from pathlib import Path
 
@@ -366,9 +367,10 @@ def test_signals_meant_for_the_people_at_the_terminal_are_ignored(tmp_path: Path
         assert w.process.poll() is None
 
 
-def test_a_broken_setting_is_one_sentence_and_exit_78(tmp_path: Path) -> None:
+def test_a_broken_setting_is_one_line_of_the_log_and_exit_78(tmp_path: Path) -> None:
     with world(tmp_path, hold_ms=-1) as w:
         w.start()
         assert w.process is not None
         assert w.process.wait(20) == 78
-        assert w.log.read_text() == "gateway: hold_ms must be 0 to 600000, not -1\n"
+        (line,) = map(json.loads, w.log.read_text().splitlines())
+        assert (line["level"], line["text"]) == ("ERROR", "hold_ms must be 0 to 600000, not -1")

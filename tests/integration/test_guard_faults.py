@@ -105,7 +105,7 @@ def test_down_ends_a_core_and_a_gateway_that_nobody_watches(new_house: MakeHouse
     until(lambda: not house.processes(), "everything to be stopped")
 
 
-def test_up_after_launcher_and_sentinel_are_gone_goes_on_with_the_core_on_a_listener_of_its_own(
+def test_up_after_launcher_and_sentinel_are_gone_goes_on_with_core_and_gateway_at_their_address(
     new_house: MakeHouse,
 ) -> None:
     house = new_house(actions={"SENTINEL_LOST": ["SEND_ALERT"]}).up()  # no agent brings another meanwhile
@@ -116,9 +116,10 @@ def test_up_after_launcher_and_sentinel_are_gone_goes_on_with_the_core_on_a_list
     house.launcher.kill()
     sentinel.hit(signal.SIGKILL)
     house.launcher.wait(START_S)
+    address = house.url
     house.up()
-    until(lambda: gateway.gone, "the gateway of the old listener to leave")
-    assert house.status()["core"]["pid"] == core.pid
+    status = house.status()
+    assert (house.url, status["core"]["pid"], status["gateway"]["pid"]) == (address, core.pid, gateway.pid)
     story = house.closed(1)
     assert (story["diagnosis"], story["outage_ms"]) == ("SENTINEL_LOST", None)
     assert house.booked() == ["before"]

@@ -82,6 +82,7 @@ def test_a_spare_says_what_it_is_and_serves_nothing_before_it_is_promoted(
         "spare": True,
         "build": own_build(),
         "drained": False,
+        "checkpoint": "",
     }
     assert spare.order(verb="status") == {"ok": True, "pid": spare.pid, **standing}
     assert spare.order(verb="drain", within_ms=100) == REFUSED["waiting"]
