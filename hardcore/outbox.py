@@ -255,8 +255,8 @@ class Outbox:
         waiting, due_s = await self._hands.in_hand(self._put_off)
         # What a sender has put off did not end it.
         self._runs = {name: self._runs.get(name, 0) + 1 for name in waiting if due_s.get(name, 0.0) <= 0}
-        if not waiting:
-            return
+        if not waiting or not self._wanted:
+            return  # the guard may have been told to leave during the pause before this one
         try:
             self._sender = await self._hands.in_hand(self._spawn, [])
         except OSError as error:
