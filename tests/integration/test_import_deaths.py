@@ -158,10 +158,10 @@ def test_uploads_that_find_no_place_take_no_place(core: Core, data: Path) -> Non
 
 def test_an_end_that_could_not_be_written_is_written_as_soon_as_it_can_be(core: Core, data: Path) -> None:
     import_id = made(core, statement(1_000, "row"))
-    assert on(core, import_id, "commit").status == 202
-    obstacle = folder_of(data, import_id) / "manifest.json.new"
+    obstacle = folder_of(data, import_id) / "progress.json"
     obstacle.mkdir()
-    until(lambda: "could not be kept" in core.said(), "the end to fail", END_S)
+    assert on(core, import_id, "commit").status == 202
+    until(lambda: "The end of import" in core.said(), "the end to fail", END_S)
     now = seen(core, import_id)
     assert (now["state"], now["done"]) == ("committing", 1_000)
     obstacle.rmdir()
@@ -171,7 +171,9 @@ def test_an_end_that_could_not_be_written_is_written_as_soon_as_it_can_be(core: 
 
 def test_a_look_that_can_not_be_kept_says_so(core: Core, data: Path) -> None:
     import_id = made(core, statement(2, "row"))
-    (folder_of(data, import_id) / "survey.json.new").mkdir()
+    obstacle = folder_of(data, import_id) / "survey.json"
+    obstacle.unlink()
+    obstacle.mkdir()
     answer = on(core, import_id, "preview")
     assert (answer.status, answer.body["type"]) == (507, "/problems/import-not-kept")
 
