@@ -6,6 +6,7 @@ chose. Whatever the instant, it ends with one core under the store's epoch, a ga
 which every acknowledged transaction stands once.
 """
 
+import itertools
 import random
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import Any, Final
 
 import pytest
@@ -26,6 +28,12 @@ from tests.waiting import until
 #: How long a kill by chance may come after the fault: a crash is over in far less, a hang in little more.
 LATEST_S: Final = {"crash": 0.15, "hang": 2.5, "switch": 0.25}
 SEEDS: Final = 1
+#: A step may last for less time than a busy machine leaves its killer waiting: then the fault begins anew.
+ATTEMPTS_MAX: Final = 5
+#: So long nobody asks the guard for its status, which would be in the way of who is tested.
+UNASKED_S: Final = 3.0
+#: One for each load: no test takes another's keys, which one that failed has left in the ledger, for its own.
+LOADS: Final = itertools.count(100)
 
 
 @pytest.fixture(scope="module")
@@ -73,11 +81,43 @@ def begin(house: House, fault: str) -> None:
                 house.order("restart")
 
 
+def strike(house: House, fault: str, step: str) -> None:
+    """Bring about the fault until the guard was killed at the step; whoever books meanwhile goes on."""
+    for _ in range(ATTEMPTS_MAX):
+        before = house.spared()
+        sentinel = house.hold("sentinel")
+        house.folders.switch.unlink(missing_ok=True)  # what stands there is of the last switch
+        with killer(house, step) as process:
+            begin(house, fault)
+            ended = partial(has_ended, house, process, before["core"]["pid"])
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(UNASKED_S)
+            until(ended, f"the guard to come to {step!r}, or to be done without", START_S)
+        if process.returncode == 0 or sentinel.gone:
+            return
+    raise AssertionError(f"the guard was not met at {step!r} in {ATTEMPTS_MAX} attempts")
+
+
+def has_ended(house: House, process: "subprocess.Popen[bytes]", core_pid: int) -> bool:
+    """Whether the killer has killed, or the guard has answered the fault with another core before it could."""
+    if process.poll() is not None:
+        assert process.returncode == 0, f"the killer failed with {process.returncode}"
+        return True
+    status = house.status()
+    return bool(
+        status
+        and status["phase"] == "RUNNING"
+        and status["incident"] is None
+        and status["core"]["pid"] not in {None, core_pid}
+        and status["spare"]
+        and status["spare"]["ready"]
+    )
+
+
 def converges(house: House, fault: str, kill: Callable[[], object]) -> None:
     """Have clients book while a fault and the guard's death happen; then hold everything to what was promised."""
     before = house.spared()
-    prefix = f"{fault}-{before['sentinel']['pid']}"
-    with at_work(house, 2, prefix) as clients:
+    with at_work(house, 2, f"{fault}-load{next(LOADS)}") as clients:
         until(lambda: len(clients.told) > 5, "the load to run")
         kill()
         house.until(lambda s: s["sentinel"]["pid"] != before["sentinel"]["pid"], "another sentinel")
@@ -112,27 +152,16 @@ def converges(house: House, fault: str, kill: Callable[[], object]) -> None:
 def test_a_guard_that_is_killed_at_a_step_is_followed_to_one_core(
     house: House, fault: str, step: str
 ) -> None:
-    house.spared()
-    house.folders.switch.unlink(missing_ok=True)  # what stands there is of the last switch
-    with killer(house, step) as process:
-
-        def kill() -> None:
-            begin(house, fault)
-            assert process.wait(START_S) == 0, f"the guard never came to {step!r}"
-
-        converges(house, fault, kill)
+    converges(house, fault, lambda: strike(house, fault, step))
 
 
 @pytest.mark.parametrize("step", ["promote", "released"])
 def test_a_death_that_its_guard_did_not_live_to_tell_is_told_by_the_next(house: House, step: str) -> None:
     house.spared()
     before = {item["id"] for item in house.incidents()}
-    house.folders.switch.unlink(missing_ok=True)
-    with at_work(house, 2, f"told-{step}") as clients:
+    with at_work(house, 2, f"told-load{next(LOADS)}") as clients:
         until(lambda: len(clients.told) > 5, "the load to run")
-        with killer(house, step) as process:
-            house.hit("core", signal.SIGKILL)
-            assert process.wait(START_S) == 0, f"the guard never came to {step!r}"
+        strike(house, "crash", step)
         house.spared()
 
     def told() -> dict[str, dict[str, Any]]:
@@ -140,7 +169,10 @@ def test_a_death_that_its_guard_did_not_live_to_tell_is_told_by_the_next(house: 
         return {
             item["diagnosis"]: item
             for item in new
-            if (item["closed_at"] and item["served_again_at"]) or item["diagnosis"] == "SENTINEL_LOST"
+            if (
+                item["closed_at"] and item["served_again_at"] and item["outcome"] != "recovered"
+            )  # before it was met
+            or item["diagnosis"] == "SENTINEL_LOST"
         }
 
     until(lambda: set(told()) == {"KILLED_FROM_OUTSIDE", "SENTINEL_LOST"}, "both to be told", START_S)
