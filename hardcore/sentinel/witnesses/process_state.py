@@ -47,7 +47,7 @@ class ProcessState:
         stopped = last is not None and last.state == sample.state == "T"
         loop = _sleep(last.loop if last else None, sample.loop)
         writer = _sleep(last.writer if last else None, sample.writer)
-        quiet = last is not None and last.state == sample.state == "S" and last.cpu_ns == sample.cpu_ns
+        quiet = last is not None and _quiet(last, sample)
         return ProcessFacts(
             stopped=stopped,
             stopped_ns=self._stopped.look(stopped, seen),
@@ -72,6 +72,17 @@ class ProcessFacts:
     writer: Sleep
     writer_ns: int
     quiet_ns: int
+
+
+def _quiet(before: ProcessSample, now: ProcessSample) -> bool:
+    """Whether no thread ran: whoever waits for the interpreter wakes up for less than the process's time can tell."""
+    threads = ((before.loop, now.loop), (before.writer, now.writer), (before.beat, now.beat))
+    still = all(_turns(was) == _turns(is_) for was, is_ in threads)
+    return still and before.state == now.state == "S" and before.cpu_ns == now.cpu_ns
+
+
+def _turns(thread: ThreadSample | None) -> tuple[int, int] | None:
+    return None if thread is None else (thread.cpu_ns, thread.switches)
 
 
 def _sleep(before: ThreadSample | None, now: ThreadSample | None) -> Sleep:

@@ -22,8 +22,9 @@ DOZING_PERCENT = 5
 #: The whole process, with all that wake up in it; its time is told in steps of 10 ms.
 IDLE_PERCENT = 10
 IDLE_STEP_NS = 10 * NS_PER_MS
-#: Wake-ups in a second of a thread that waits for the interpreter: 200 when it is let, 40 is a healthy beat.
-ASKING_PER_S = 100
+#: Wake-ups in a second of a thread that waits for the interpreter: 200 when it is let, a third of it where twenty others
+#: compute. A healthy beat has 40, and beats.
+ASKING_PER_S = 50
 #: A thread that was ready for this share of the time and got next to nothing is not scheduled.
 UNSCHEDULED_PERCENT = 80
 

@@ -111,6 +111,27 @@ def test_an_interpreter_whose_holder_sleeps_is_held_for_certain(asleep: bool) ->
     assert looks[[v.colour for v in verdicts].index(Colour.RED)].loop_age_ms < PATIENCE.hang_ms
 
 
+@pytest.mark.parametrize(("every_ms", "found"), [(16, Diagnosis.GIL_HELD), (50, None)])
+def test_a_core_in_which_somebody_asks_for_the_interpreter_now_and_then_is_not_called_over(
+    every_ms: int, found: Diagnosis | None
+) -> None:
+    # Asking costs less than a step of the process's time, so that does not grow.
+    looks = [
+        Look(
+            at,
+            at - 1000,
+            at - 1000,
+            loop=traces.LOCKED,
+            beat=traces.asking(at, every_ms),
+            busy=0,
+            burned_ms=0,
+        )
+        for at in range(1070, 4000, 100)
+    ]
+    verdict = red(judged(WELL + looks))
+    assert (verdict and verdict.diagnosis) is found
+
+
 def test_an_interpreter_held_by_nobody_knows_whom_is_given_the_longer_time() -> None:
     looks = WELL + _held(2500, asleep=False, busy=None)
     verdicts = judged(looks)

@@ -43,9 +43,9 @@ def running(at_ms: int) -> ThreadSample:
     return ThreadSample("R", at_ms * MS, "")
 
 
-def asking(at_ms: int) -> ThreadSample:
-    """A thread that waits for the interpreter: asleep on a lock, awake every 5 ms to ask for it."""
-    return ThreadSample("S", at_ms * 10_000, "futex_wait_queue", 0, at_ms // 5)
+def asking(at_ms: int, every_ms: int = 5) -> ThreadSample:
+    """A thread that waits for the interpreter: asleep on a lock, awake every 5 ms (where it is let) to ask for it."""
+    return ThreadSample("S", at_ms * 10_000, "futex_wait_queue", 0, at_ms // every_ms)
 
 
 def unlet(at_ms: int) -> ThreadSample:
