@@ -16,6 +16,7 @@ import signal
 import socket
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -121,7 +122,12 @@ class Gateway:
         await self._history.finish()
 
     async def _stock(self) -> None:
-        """Render the gateway's own pages and files, beside the serving."""
+        """Render the gateway's own pages and files: once the first requests are served, or if one asks for a file.
+
+        Before its hold is over nobody needs a page of ours, and rendering takes the interpreter from who is served.
+        """
+        with suppress(TimeoutError):
+            await asyncio.wait_for(self._desk.counter.wanted.wait(), self._limits.paper_after_ms / 1000)
         shelf = Shelf()
         try:
             shelf = await self._loop.run_in_executor(None, partial(stock, demo=self._demo))

@@ -88,6 +88,11 @@ class Barrier:
             return
         self._reading = self._loop.create_task(self._look(self._folder / "quarantine.json", self._thread))
 
+    async def current(self) -> None:
+        """Wait until what the guard has said of its rules is read: what nobody waits for may wait for that."""
+        if self._reading is not None:
+            await asyncio.wait({self._reading})
+
     async def _look(self, path: Path, thread: ThreadPoolExecutor) -> None:
         self._again = True
         while self._again:

@@ -6,6 +6,7 @@ then waits for them, because a browser never asks again for a module that was no
 it is told of the core. How many may wait is bounded by the connections.
 """
 
+import asyncio
 from functools import partial
 from typing import assert_never
 
@@ -38,6 +39,7 @@ class Counter:
         self._live = live
         self._doors = doors
         self._drills = drills  # in a demo only
+        self.wanted = asyncio.Event()  # somebody asks for what is on the shelf
         self._early: list[Exchange] | None = []  # ask for what is not on the shelf yet; None: all of it is
 
     def stocked(self, shelf: Shelf) -> None:
@@ -71,6 +73,7 @@ class Counter:
             return
         elif way is Route.OWN and self._early is not None:
             self._early.append(exchange)  # a module that is not there is never asked for again
+            self.wanted.set()
             return
         else:
             self._give(exchange, way)

@@ -112,6 +112,10 @@ class Dock:
 
     # -- what is promised ------------------------------------------------------------------------------
 
+    async def current(self) -> None:
+        """Wait until the rules that were told of are read."""
+        await self._barrier.current()
+
     def letter(self, wish: Wish) -> str | None:
         """The letter under which a promised wish is set aside now."""
         return self._barrier.letter(wish.key_hash) or self._barrier.rules.digests.get(wish.digest)

@@ -29,6 +29,12 @@ class GatewayLimits(Limits):
     )
     doubt_told_ms: int = setting(500, "pages are told of a doubt that nobody confirmed", low=0, high=60_000)
     feed_retry_ms: int = setting(100, "a lost feed is dialled again after this", low=5, high=60_000)
+    paper_after_ms: int = setting(
+        200,
+        "the gateway's own pages are made this long after its start, or when one is asked for",
+        low=0,
+        high=60_000,
+    )
     stats_ms: int = setting(200, "numbers are told at most this often", low=5, high=60_000)
     witness_ms: int = setting(
         100, "a commit that was passed on is told at most this often", low=0, high=60_000

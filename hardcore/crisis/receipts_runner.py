@@ -68,7 +68,7 @@ RESTS_DOUBLE_MAX = 6
 @dataclass(slots=True)
 class _Past:
     """What this gateway remembers of a receipt's courses. `lost_ns`: since when no connection of ours carries it
-    (awake time); `answered_epoch`: the last core that had it and has given its word on it; `barred_epoch`: a core
+    (awake time); `answered_epoch`: the last core that has given its word on it, or that it never reached; `barred_epoch`: a core
     that itself does not know; `turned`: a no of which only the ledger can say whether it was meant for the wish.
     """
 
@@ -231,6 +231,7 @@ class Runner:
             return
         if receipt.outcome in ASKED:
             return
+        await self._dock.current()  # it may be set aside by a rule that was written just before this core came
         case = Case(
             old=is_old(receipt.since, self._now(), self._limits.receipt_ask_after_ms),
             suspected=receipt.wish.key_hash in self._outlook.standing.suspects,
@@ -288,9 +289,10 @@ class Runner:
             if failure is Clash.OVERTAKEN:
                 self.overtaken()
             return
-        if self._leaving or pool is not self._outlook.pool or self._outlook.posture is not Face.FORWARD:
-            return
         self.book.put(claimed)
+        if self._leaving or pool is not self._outlook.pool or self._outlook.posture is not Face.FORWARD:
+            past.answered_epoch = claimed.sent_epoch  # claimed, and never sent: that core has none of it
+            return
         past.sent = True
         try:
             said = await self._ask(pool, _request_bytes(receipt, body))

@@ -387,6 +387,10 @@ class Client:
         self.socket.close()
 
 
+#: Most look at no page: none is made for them unless they ask for one of its files.
+PAPER_NEVER_MS = 60_000
+
+
 @dataclass
 class World:
     """A gateway process, and everything around it."""
@@ -408,7 +412,8 @@ class World:
         fd = self._listener.fileno()
         command = [sys.executable, "-m", "hardcore.crisis", "--listen-fd", str(fd)]
         command += ["--control", str(self.feed.path), *self.options]
-        environment = {**os.environ, "HARDCORE_LIMITS": json.dumps(self.limits)}
+        limits = {"paper_after_ms": PAPER_NEVER_MS, **self.limits}
+        environment = {**os.environ, "HARDCORE_LIMITS": json.dumps(limits)}
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
                 command, pass_fds=(fd,), env=environment, stdout=log, stderr=log, start_new_session=True

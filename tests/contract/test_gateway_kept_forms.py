@@ -34,7 +34,7 @@ from tests.waiting import until
 @pytest.fixture
 def w(tmp_path: Path) -> Iterator[World]:
     """A world in an outage."""
-    with promising(tmp_path) as made:
+    with promising(tmp_path, paper_after_ms=0) as made:
         hold(made)
         yield made
 
@@ -120,7 +120,7 @@ def test_a_form_without_a_key_is_offered_nothing(w: World) -> None:
 
 
 def test_a_person_answers_for_an_old_one_with_a_form(tmp_path: Path) -> None:
-    with promising(tmp_path, receipt_ask_after_ms=0) as w:
+    with promising(tmp_path, receipt_ask_after_ms=0, paper_after_ms=0) as w:
         hold(w)
         assert keep(w, offered(w)).status == 303
         ledger = Ledger()
@@ -134,7 +134,7 @@ def test_a_person_answers_for_an_old_one_with_a_form(tmp_path: Path) -> None:
 
 
 def test_whoever_waits_for_a_disk_that_hangs_is_told_in_time_that_nobody_knows(tmp_path: Path) -> None:
-    with promising(tmp_path, receipt_store_ms=300) as w:
+    with promising(tmp_path, receipt_store_ms=300, paper_after_ms=0) as w:
         hold(w)
         fields = offered(w)
         until(lambda: wish(w, "k0").read().status == 202, "the receipts to be read")

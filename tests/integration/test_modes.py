@@ -36,7 +36,7 @@ def test_observe_does_not_touch_a_frozen_core_nor_replace_a_dead_one(new_house: 
     core.hit(signal.SIGCONT)
     house.until(lambda s: s["phase"] == "RUNNING" and s["incident"] is None, "it to be well again")
     assert house.status()["core"]["pid"] == core.pid
-    assert house.incidents()[0]["outcome"] == "assist"
+    until(lambda: house.incidents()[0]["outcome"] == "assist", "its story to be told to the end")
     core.hit(signal.SIGKILL)
     told = house.until(lambda s: s["state"] == "MANUAL_INTERVENTION", "a person to be needed")
     assert told["core"]["pid"] is None
