@@ -231,7 +231,9 @@ class Runner:
             return
         if receipt.outcome in ASKED:
             return
-        await self._dock.current()  # it may be set aside by a rule that was written just before this core came
+        await (
+            self._dock.current()
+        )  # it may be set aside by a rule that was written just before this core came
         case = Case(
             old=is_old(receipt.since, self._now(), self._limits.receipt_ask_after_ms),
             suspected=receipt.wish.key_hash in self._outlook.standing.suspects,

@@ -10,6 +10,7 @@ import errno
 import os
 import signal
 import subprocess
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,12 +37,14 @@ def start_of(pid: int) -> int | None:
 
 
 class Handle:
-    """A process of ours, held by its pidfd."""
+    """A process of ours, held by its pidfd. Once it is closed, whose number the descriptor has now is never signalled."""
 
     def __init__(self, identity: Identity, pidfd: int, *, child: bool) -> None:
         self.identity = identity
         self.pidfd = pidfd
         self.child = child
+        self._closed = False
+        self._using = threading.Lock()  # a hand may signal while the loop gives the descriptor back
 
     @property
     def pid(self) -> int:
@@ -50,11 +53,14 @@ class Handle:
 
     def signal(self, number: int) -> bool:
         """Send a signal through the pidfd; return whether the process was still there."""
-        try:
-            signal.pidfd_send_signal(self.pidfd, number)
-        except ProcessLookupError:
-            return False
-        return True
+        with self._using:
+            if self._closed:
+                return False
+            try:
+                signal.pidfd_send_signal(self.pidfd, number)
+            except ProcessLookupError:
+                return False
+            return True
 
     def kill_tree(self) -> None:
         """SIGKILL the process and everything in its session.
@@ -95,14 +101,24 @@ class Handle:
 
     def close(self) -> None:
         """Give the descriptor back."""
-        os.close(self.pidfd)
+        with self._using:
+            if not self._closed:
+                self._closed = True
+                os.close(self.pidfd)
+
+    def copy(self) -> int | None:
+        """Return a descriptor of the process for whoever waits for its end; None: it was given back."""
+        with self._using:
+            return None if self._closed else os.dup(self.pidfd)
 
 
 async def gone(handle: Handle, within_s: float) -> bool:
     """Wait until the process is gone; return whether it is."""
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
-    fd = os.dup(handle.pidfd)
+    fd = handle.copy()
+    if fd is None:  # somebody has seen to its end meanwhile
+        return start_of(handle.pid) != handle.identity.start
     loop.add_reader(fd, ended.set)
     try:
         await asyncio.wait_for(ended.wait(), max(0.0, within_s))

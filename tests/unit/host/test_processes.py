@@ -1,5 +1,6 @@
 """Processes of ours by pidfd: a number that names somebody else by now is never signalled."""
 
+import asyncio
 import errno
 import os
 import select
@@ -240,3 +241,34 @@ def test_a_process_that_is_gone_has_no_sample(spawn: Spawn) -> None:
     gone(ours)
     ours.reap()
     assert ours.sample(Wanted()) is None
+
+
+def test_a_handle_that_was_closed_signals_nobody_who_has_its_descriptor_now(
+    spawn: Spawn, tmp_path: Path
+) -> None:
+    stranger = spawn(SLEEPER)
+    ours = processes.spawn(SLEEPER, {"PATH": os.environ["PATH"]}, tmp_path / "ours", tmp_path)
+    number = ours.pidfd
+    ours.kill_tree()
+    gone(ours)
+    ours.reap()
+    ours.close()
+    os.dup2(stranger.pidfd, number)  # its number again, and another's process
+    try:
+        assert not ours.signal(signal.SIGKILL)
+        ours.kill_tree()
+        ours.close()
+        assert ours.copy() is None
+        assert stranger.signal(0)
+        assert asyncio.run(processes.gone(ours, 0)), "who waits for it need not look"
+    finally:
+        os.close(number)
+    assert stranger.reap() is None
+
+
+def test_a_handle_that_was_closed_early_says_truly_that_its_process_lives(spawn: Spawn) -> None:
+    living = spawn(SLEEPER)
+    found = processes.find(living.identity)
+    assert found is not None
+    found.close()
+    assert not asyncio.run(processes.gone(found, 0))
