@@ -39,6 +39,8 @@ IMAGES_MAX = 4
 FACTS = "incident.json"
 #: What was known of it while it was open; without FACTS it is the story.
 OPENING = "opening.json"
+#: The last that is written of a report.
+REPORT = "report.md"
 _HAS_ONE = "this incident has a bundle already"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,95}")

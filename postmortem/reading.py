@@ -21,7 +21,7 @@ from postmortem.reports.report import Contents, Past, Report, make_report
 LISTED_MAX = 1_000
 
 #: The files that are made of all the others, and can be made again.
-REPORTS = ("report.json", "report.md")
+REPORTS = ("report.json", bundle.REPORT)
 
 _FACTS = "incident.json"
 #: Earlier incidents that are looked at for repetition, and of each the beginning of its report.

@@ -260,16 +260,22 @@ class Filing:
     async def close_abandoned(
         self, found: Sequence[writer.Abandoned], known: Mapping[str, Any] | None = None
     ) -> None:
-        """Close what a dead guard left open: each gets closing facts and a report, or is removed.
+        """Close what a dead guard left open: each gets closing facts and a report, or is removed; and make the reports
+        that are missing of what it had closed.
 
         `known`: what that guard had noted beside its last deed, of the one among them that it was dealing with.
         """
         self._inherited.clear()
         try:
             await self._hands.in_hand(writer.sweep, self._incidents)
+            unreported = await self._hands.in_hand(writer.find_unreported, self._incidents)
             left, pauses = await self._close_each(found, known), self._pauses()
         finally:
             self._inherited.set()
+        for folder in unreported:
+            async with self._alone(folder.name):  # one that is being closed now gets its own
+                if await self._hands.in_hand(writer.is_unreported, folder):
+                    await self._have_report(folder)
         while left:
             pause_s = next(pauses, None)
             if pause_s is None or self._hands.halted.is_set():

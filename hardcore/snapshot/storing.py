@@ -24,7 +24,7 @@ SHELTERED_BYTES_MAX = 16 << 20
 #: What the guard heard and ordered; `hardcore replay` reads it.
 RECORDING = "observations.jsonl"
 #: Files about the whole incident, of which there is one; all others are evidence of a life.
-OF_THE_INCIDENT = (bundle.FACTS, bundle.OPENING, RECORDING, "report.json", "report.md")
+OF_THE_INCIDENT = (bundle.FACTS, bundle.OPENING, RECORDING, "report.json", bundle.REPORT)
 #: By this name evidence is missing that is lost, and by this one what waits for room.
 LOST = "evidence"
 WAITING = "evidence (kept in the run folder)"

@@ -34,6 +34,8 @@ DEAD_STORE_MS = 10_000
 REQUESTS_MAX = 4096
 #: Incidents in which recovery had stopped that are told when a core serves again: the newest.
 STOPPED_MAX = 64
+#: Incidents that a new guard looks through for a report that was not made.
+UNREPORTED_MAX = 16
 
 Abandoned = bundle.Found
 #: What the guard heard and ordered; `hardcore replay` reads it.
@@ -230,6 +232,17 @@ def close_abandoned(
     known = {} if isinstance(opening, bundle.BundleFailed) else opening
     failed = write_facts(path, left_open({**(noted or {}), **known}, told, (noted or {}).get("released_at")))
     return path if failed is None else failed
+
+
+def find_unreported(incidents: Path) -> list[Path]:
+    """Return the folders of the newest closed incidents that have no report: their guard ended before it was made."""
+    newest = [one.path for one in bundle.find_bundles(incidents)[:UNREPORTED_MAX] if not one.partial]
+    return [path for path in newest if is_unreported(path)]
+
+
+def is_unreported(path: Path) -> bool:
+    """Tell whether an incident has its facts and no report."""
+    return bundle.is_there(path / bundle.FACTS) and not bundle.is_there(path / bundle.REPORT)
 
 
 def sweep(incidents: Path) -> None:

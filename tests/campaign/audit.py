@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from postmortem import bundle
-from tests.campaign.faults import CORE, FAULTS, GATEWAY, SENTINEL, Fault
+from tests.campaign.faults import CORE, FAULTS, GATEWAY, SENTINEL, SPARE, Fault
 from tests.integration.clients import Clients, assert_exactly_once
 from tests.integration.house import START_S, House
 from tests.waiting import until
@@ -26,11 +26,13 @@ from tests.waiting import until
 FDS_MORE_MAX: Final = 40
 MEMORY_MORE_MAX_BYTES: Final = 64 << 20
 EVENTS_A_PAGE: Final = 500
-LONG_READ: Final = "/api/ledger/transactions?limit=500"
+LONG_READS: Final = ("/api/ledger/transactions?limit=500", "/api/ledger/verify")
 #: A switch that somebody asked for needs no diagnosis of a fault.
 ALWAYS_CALLED: Final = frozenset({"OPERATOR", "PLANNED_SWITCH"})
 #: What an operator asks for, and drills: the guard's own memory of them ends with it.
 ORDERS: Final = frozenset(f.name for f in FAULTS if f.name.startswith(("restart", "drill")))
+#: It waits for a spare, which may only come once we have looked.
+AWAITS_SPARE: Final = frozenset({"restart"})
 #: Who of ours is told of by an incident of its own, whatever the core does meanwhile.
 LOST: Final = {SENTINEL: "SENTINEL_LOST", GATEWAY: "GATEWAY_LOST"}
 
@@ -74,8 +76,8 @@ class Audit:
     ) -> list[tuple[str, int | None, int | None]]:
         """Hold every invariant against the house as it is now. Raises Broken, or AssertionError."""
         hold(all(told.status == 201 for told in clients.told), "(5) every request is answered in the end")
-        # A core that has just collected millions of objects may give up one long read; it is asked again.
-        until(lambda: self.house.ask("GET", LONG_READ).status == 200, "the ledger to be read", START_S)
+        # A core that still collects millions of objects may give a long read up; it is asked again until it has done so.
+        until(self._reads_in_peace, "the ledger to be read", START_S)
         assert_exactly_once(self.house, clients)
         verdict = self.house.ask("GET", "/api/ledger/verify").body
         hold(verdict.get("ok"), f"(3) the ledger is whole: {verdict}")
@@ -85,6 +87,10 @@ class Audit:
         hold(self.house.status().get("wanted") == "UP", "(11) what the operator wants holds")
         self._bounded()
         return self._incidents(before, hit)
+
+    def _reads_in_peace(self) -> bool:
+        """Whether the longest reads are answered, some of them in a row."""
+        return all(self.house.ask("GET", path).status == 200 for path in (*LONG_READS, *LONG_READS))
 
     def _epochs(self, before: Before, hit: Sequence[Fault]) -> None:
         """Commits never go back to an epoch, and no core ended but by what was done to it."""
@@ -143,6 +149,8 @@ class Audit:
             hold(found or not struck, f"(6) {struck} ended the {who} and left no {lost}")
         # What was asked of a guard that died before it was done is a wish nobody remembers, and no incident.
         forgotten = ORDERS if any(SENTINEL in fault.ends for fault in hit) else frozenset()
+        if any(SPARE in fault.ends for fault in hit):
+            forgotten |= AWAITS_SPARE
         struck = [f.name for f in hit if f.called - set(LOST.values()) and f.name not in forgotten]
         found = [item for item in new if item["diagnosis"] not in LOST.values()]
         hold(found or not struck, f"(6) {struck} left no incident of the core")

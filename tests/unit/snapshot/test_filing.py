@@ -2,6 +2,7 @@ import asyncio
 import json
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -152,6 +153,24 @@ def test_what_was_known_of_it_is_not_lost_with_its_guard(tmp_path: Path) -> None
         True,
     )
     assert [line["kind"] for line in told["evidence"]] == ["pidfd", "guard"]
+
+
+def test_the_report_that_a_dead_guard_did_not_come_to_is_made_by_the_next_one_once(tmp_path: Path) -> None:
+    async def closed_by_one_that_dies() -> None:
+        async def dies(_: Path) -> None:
+            raise asyncio.CancelledError
+
+        with suppress(asyncio.CancelledError):
+            await Filing(tmp_path, Hands(lambda: None), dies, ()).close(incident(), 7, "n", [])
+
+    asyncio.run(closed_by_one_that_dies())
+    assert not writer.find_abandoned(tmp_path), "it is closed"
+    hands = Hands(lambda: None)
+    asyncio.run(Filing(tmp_path, hands, hands.report, ()).close_abandoned([]))
+    assert hands.reported == [ID]
+    (tmp_path / ID / bundle.REPORT).write_text("# told")
+    asyncio.run(Filing(tmp_path, hands, hands.report, ()).close_abandoned([]))
+    assert hands.reported == [ID]
 
 
 def test_an_opening_that_no_disk_takes_keeps_no_closing_waiting(tmp_path: Path) -> None:
