@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from hardcore.model import observations as seen
 from hardcore.model.looks import Conduct, DiskFacts
+from hardcore.senses import PROBE_S
 from tests.simulation.clock import NS_PER_MS
 from tests.simulation.looks import stacks
 from tests.simulation.machine import Life
@@ -19,7 +20,7 @@ if TYPE_CHECKING:  # the guard owns its surveyor
     from tests.simulation.guard import Guard
 
 #: A probe that is not answered is given up after its time.
-PROBE_NS = 500 * NS_PER_MS
+PROBE_NS = int(PROBE_S * 1000) * NS_PER_MS
 #: A survey waits so long for its own write before it says that it is under way.
 OWN_WRITE_NS = 200 * NS_PER_MS
 #: One that is under way is looked at again so soon.
