@@ -79,6 +79,9 @@ def switched(c: Course, fact: seen.SafeSwitched) -> None:
     if fact.on and fact.done and c.safety.asked is None and c.safety.found(BY_OPERATOR, fact.at_ns):
         heed(c, c.safety.try_to_write(fact.at_ns), fact.at_ns, asked=True)
     c.safety.switched(fact)
+    if fact.on and fact.done and c.safety.reason is BY_OPERATOR:
+        # What it said of its store was of its own writes: it makes none now, and would never take that back.
+        c.bench.hear(seen.StoreTold(fact.at_ns, fact.life, seen.StoreFault.OK))
     settle(c, fact.at_ns)
 
 

@@ -296,10 +296,11 @@ class Safety:
         return self.retry_ns, RETRY_NS_MAX
 
     def _plan(self, now_ns: int) -> None:
-        # Whoever was started to read only makes room for one that is told to.
+        # Whoever was started to read only makes room for one that is told to. While a person wants reads only, what has
+        # passed is let go of, and no write is tried.
         held = self.held and not self._started
-        again = self.goal in PASSING or self.goal is BY_OPERATOR or self._slowly()
-        self.due_ns = now_ns + self._wait_ns if again and not (self.locked or held) else None
+        again = self.goal in PASSING or (not held and (self.goal is BY_OPERATOR or self._slowly()))
+        self.due_ns = now_ns + self._wait_ns if again and not self.locked else None
 
     def _ask_again(self, now_ns: int, *, quiet: bool) -> Deed:
         if quiet and not (self.locked or self.held) and self.reason is None:

@@ -6,7 +6,7 @@ from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.phases import HAState, Phase, Wanted
 from hardcore.model.verdicts import Diagnosis
-from tests.unit.recovery.play import Play, S, a_page, drained, kinds, proven, raised
+from tests.unit.recovery.play import Play, S, a_page, drained, kinds, look, proven, raised
 
 WISH = Diagnosis.OPERATOR
 ON = orders.SetSafe
@@ -128,6 +128,19 @@ def test_a_disk_that_has_room_again_does_not_open_what_a_person_closed() -> None
     assert play.manager.reading().safe_by == "operator"
     for _ in range(5):
         assert play.manager.next_deadline_ns() is None or not _opens(play.ring())
+
+
+def test_a_trouble_that_has_passed_is_over_though_a_person_wants_reads_only_and_no_write_is_tried() -> None:
+    play = _running()
+    play.tell(seen.StoreTold(play.now_ns, 1, seen.StoreFault.FULL))
+    play.ask(seen.Verb.SAFE_ON)
+    ordered = [one for _ in range(1200) for one in look(play, 0)]  # two minutes
+    assert ON(1, on=True, reason=WISH) in ordered
+    _switched(play, on=True)
+    ordered += [one for _ in range(1200) for one in look(play, 0)]
+    told = play.manager.reading()
+    assert (told.incident, told.state, told.safe) == (None, HAState.SAFE_MODE, WISH)
+    assert not _opens(ordered)
 
 
 def test_a_damaged_ledger_stays_read_only_when_the_wish_is_over() -> None:
