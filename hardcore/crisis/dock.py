@@ -94,6 +94,7 @@ class Dock:
         self.cases = cases(lambda name: teller.say_or_keep(case_line(name)))
         self._outlook = outlook
         self._barrier = barrier
+        self.current = barrier.current  # until the rules that were told of are read
         self._teller = teller
         self._step = step
         self._waiting: dict[str, dict[Exchange, None]] = {}
@@ -111,10 +112,6 @@ class Dock:
         return judged or self.suspects(exchange)
 
     # -- what is promised ------------------------------------------------------------------------------
-
-    async def current(self) -> None:
-        """Wait until the rules that were told of are read."""
-        await self._barrier.current()
 
     def letter(self, wish: Wish) -> str | None:
         """The letter under which a promised wish is set aside now."""

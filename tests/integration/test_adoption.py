@@ -97,11 +97,13 @@ def test_a_request_that_is_held_when_the_guard_dies_is_answered_once(house: Hous
 
 
 def test_the_core_that_was_gone_on_with_is_watched_like_any_other(house: House) -> None:
+    count = len(house.incidents())
     sentinel = house.hit("sentinel")
     another_sentinel(house, sentinel.pid)
-    before, count = house.running(), len(house.incidents())
+    house.closed(count + 1)  # that nobody watched
+    before = house.running()
     house.hit("core")
-    story = house.closed(count + 1)
+    story = house.closed(count + 2)
     assert (story["diagnosis"], story["outcome"]) == ("KILLED_FROM_OUTSIDE", "recovered")
     after = house.running()
     assert after["core"]["epoch"] == before["core"]["epoch"] + 1
