@@ -102,6 +102,7 @@ class Ward:
             found: Reply | Lost | Ending = self._until(limit_ms, exchange.step, exchange)
         finally:
             exchange.close()
+        self._hear()  # it spoke before it answered, and perhaps after we had last listened
         self.told = next((word for word in reversed(self._words) if FINGERPRINT in word), {})
         if isinstance(found, Ending):
             return found

@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 from tests.browser.bank_files import PASSWORD, hana_csv, kakao_xlsx
 from tests.browser.conftest import MakeHouse, OpenTab
 from tests.browser.readers import BANK, a_bank, answer_of, is_joined
-from tests.integration.house import House
+from tests.integration.house import House, bytes_of
 from tests.waiting import until
 
 MB = 1 << 20
@@ -98,9 +98,7 @@ def test_a_locked_workbook_asks_for_its_password_and_keeps_it_nowhere(
         "JSON.stringify([{...sessionStorage}, {...localStorage}, document.cookie])"
     )
     kept = [
-        path
-        for path in own_house.data.rglob("*")
-        if path.is_file() and PASSWORD.encode() in path.read_bytes()
+        path for path in own_house.data.rglob("*") if path.is_file() and PASSWORD.encode() in bytes_of(path)
     ]
     assert kept == []
 

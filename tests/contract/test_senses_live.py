@@ -24,6 +24,7 @@ from hardcore.snapshot.image import ImageLimits
 
 BOUNDS = Bounds(CoreLimits(4321, 300 << 20), ImageLimits(1000, 1 << 30))
 GIVE_UP_S = 40.0
+LOOKS_MAX = 5
 Fact = TypeVar("Fact")
 
 
@@ -104,10 +105,14 @@ def test_the_stacks_of_a_core_that_serves_are_looked_at_for_free_and_kept_as_fir
 ) -> None:
     async def scenario(house: House) -> None:
         life = await house.serving()
-        house.executor.carry_out(orders.SampleStacks(1))
-        told = await house.told(seen.StacksSampled)
-        if told.fault:
+        for looks in range(1, LOOKS_MAX + 1):  # a thread that moves under the look may spoil one
+            house.executor.carry_out(orders.SampleStacks(1))
+            told = await house.told(seen.StacksSampled, looks)
+            if not told.fault:
+                break
+        if "permission" in told.fault.lower():
             pytest.skip(told.fault)
+        assert not told.fault, "a core that may be traced is seen"
         assert life.handle is not None
         assert life.sample is None or life.sample.state != "T"
         main = next(stack for stack in told.stacks if stack.tid == life.handle.pid)

@@ -371,6 +371,14 @@ class House(Doors):
         return story
 
 
+def bytes_of(path: Path) -> bytes:
+    """What stands in a file; a draft may have been given its name meanwhile, and is found under that."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return b""
+
+
 def whole(house: House, count: int) -> dict[str, Any]:
     """Wait until `count` incidents are closed and the newest one's box is whole, its report included; its story."""
     incident = house.closed(count)["id"]

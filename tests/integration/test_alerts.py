@@ -11,7 +11,7 @@ import pytest
 from hardcore.host.files import read_json
 from hardcore.host.muting import muted_until_ms
 from tests.contract.alert_targets import HANGS, Web, comes, web
-from tests.integration.house import House
+from tests.integration.house import House, bytes_of
 from tests.waiting import until
 
 TOKEN = "CANARY-0a1b2c"
@@ -104,5 +104,5 @@ def test_no_token_stands_in_anything_but_the_policy(house: House) -> None:
     written = [
         path for place in (house.data, house.folders.run) for path in place.rglob("*") if path.is_file()
     ]
-    found = [path for path in written if path not in policies and TOKEN.encode() in path.read_bytes()]
+    found = [path for path in written if path not in policies and TOKEN.encode() in bytes_of(path)]
     assert found == []

@@ -18,7 +18,7 @@ from msoffcrypto.format.ooxml import OOXMLFile  # type: ignore[import-untyped]  
 
 from hardcore.host.recorder import PageReader
 from hardcore.model.recorder import ComponentBeat, Page
-from tests.integration.house import ANSWER_S, BANK, Answer, House
+from tests.integration.house import ANSWER_S, BANK, Answer, House, bytes_of
 from tests.integration.lone_core import ready, started
 from tests.waiting import until
 
@@ -308,7 +308,7 @@ def test_the_password_of_a_locked_file_is_kept_nowhere(house: House, mark: str) 
     upload(house, file, name="bank.xlsx", password=password)
     house.hit("core")
     house.closed(incidents + 1)
-    searched = [path for path in files_of(house) if password.encode() in path.read_bytes()]
+    searched = [path for path in files_of(house) if password.encode() in bytes_of(path)]
     assert searched == []
 
 
