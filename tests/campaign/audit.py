@@ -143,21 +143,29 @@ class Audit:
             # Nobody was left to see who ended of what: that nobody watched is told, and what else is found out.
             hold(new, "(6) all were killed and nobody told of it")
             return [(item["diagnosis"], item["detected_ms"], item["outage_ms"]) for item in new]
+        lasting = [fault for fault in hit if not _undone(fault, hit)]
         for who, lost in LOST.items():
-            struck = [fault.name for fault in hit if lost in fault.called]
+            struck = [fault.name for fault in lasting if lost in fault.called]
             found = [item for item in new if item["diagnosis"] == lost]
             hold(found or not struck, f"(6) {struck} ended the {who} and left no {lost}")
         # What was asked of a guard that died before it was done is a wish nobody remembers, and no incident.
         forgotten = ORDERS if any(SENTINEL in fault.ends for fault in hit) else frozenset()
         if any(SPARE in fault.ends for fault in hit):
             forgotten |= AWAITS_SPARE
-        struck = [f.name for f in hit if f.called - set(LOST.values()) and f.name not in forgotten]
+        struck = [f.name for f in lasting if f.called - set(LOST.values()) and f.name not in forgotten]
         found = [item for item in new if item["diagnosis"] not in LOST.values()]
         hold(found or not struck, f"(6) {struck} left no incident of the core")
         return [(item["diagnosis"], item["detected_ms"], item["outage_ms"]) for item in new]
 
     def _new(self, before: Before) -> list[dict[str, Any]]:
         return [item for item in self.house.incidents() if item["id"] not in before.incidents]
+
+
+def _undone(fault: Fault, hit: Sequence[Fault]) -> bool:
+    """Whether another blow of the run may have let go on whom this one had stopped."""
+    return fault.name.startswith("freeze ") and any(
+        other.thaws and fault.name.endswith(other.thaws) for other in hit
+    )
 
 
 def _reported(folder: Path) -> bool:

@@ -36,13 +36,16 @@ class Struck:
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault. `ends`: whose process may end of it; `called`: the diagnoses that an incident of it may have."""
+    """One fault. `ends`: whose process may end of it; `called`: the diagnoses that an incident of it may have; `thaws`:
+    whom it lets go on after a while, whoever has stopped it meanwhile.
+    """
 
     name: str
     strike: Callable[[House, random.Random], Struck]
     ends: frozenset[str] = frozenset()
     called: frozenset[str] = frozenset()
     weight: int = 2
+    thaws: str = ""
 
 
 def signalled(who: str, number: int) -> Callable[[House, random.Random], Struck]:
@@ -133,8 +136,8 @@ FAULTS: Final = (
     Fault("abort", signalled(CORE, signal.SIGABRT), _CORE, frozenset({"CRASHED"}), 1),
     Fault("bus", signalled(CORE, signal.SIGBUS), _CORE, frozenset({"CRASHED"}), 1),
     Fault("term", signalled(CORE, signal.SIGTERM), _CORE, frozenset({"KILLED_FROM_OUTSIDE"})),
-    Fault("freeze", signalled(CORE, signal.SIGSTOP), _CORE, frozenset({"FROZEN"}), 3),
-    Fault("short stop", stopped_for(CORE, SHORT_STOP_S)),
+    Fault("freeze core", signalled(CORE, signal.SIGSTOP), _CORE, frozenset({"FROZEN"}), 3),
+    Fault("short stop", stopped_for(CORE, SHORT_STOP_S), thaws=CORE),
     Fault("drill exit", drilled("exit"), _CORE, frozenset({"EXITED"})),
     Fault("drill block", drilled("block"), _CORE, _HANG),
     Fault("drill spin", drilled("spin"), _CORE, _HANG, 1),
@@ -153,7 +156,7 @@ FAULTS: Final = (
         frozenset({GATEWAY}),
         frozenset({"GATEWAY_LOST"}),
     ),
-    Fault("stop gateway shortly", stopped_for(GATEWAY, SHORT_STOP_S)),
+    Fault("stop gateway shortly", stopped_for(GATEWAY, SHORT_STOP_S), thaws=GATEWAY),
     Fault(
         "kill sentinel",
         signalled(SENTINEL, signal.SIGKILL),
@@ -168,9 +171,13 @@ FAULTS: Final = (
         frozenset({"SENTINEL_LOST"}),
     ),
     Fault(
-        "thaw sentinel", stopped_for(SENTINEL, THAW_S), frozenset({SENTINEL}), frozenset({"SENTINEL_LOST"})
+        "thaw sentinel",
+        stopped_for(SENTINEL, THAW_S),
+        frozenset({SENTINEL}),
+        frozenset({"SENTINEL_LOST"}),
+        thaws=SENTINEL,
     ),
-    Fault("stop sentinel shortly", stopped_for(SENTINEL, LONGER_STOP_S)),
+    Fault("stop sentinel shortly", stopped_for(SENTINEL, LONGER_STOP_S), thaws=SENTINEL),
     Fault(
         "kill all",
         all_killed,
