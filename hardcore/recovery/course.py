@@ -151,6 +151,8 @@ class Course:
         None  # what another core would help against, where the mode leaves that to a person
     )
     relieved_ns: tuple[int, ...] = ()  # when the last switches were done that no person asked for
+    relief_pause_ns: int = 0  # after one that could not be done: how long none is tried
+    relief_after_ns: int = 0  # and until when
     calm: Calm = field(default_factory=Calm)
     state: HAState = HAState.STARTING  # as it was last told
     history: tuple[StateChange, ...] = ()

@@ -13,7 +13,8 @@ start, and what lies there has not.
 
 A switch that no person asked for (what grows reaches its limit, a part stands still again and again) waits for a calm
 moment (`calm.py`), and when none comes for as long as there is room. So many a day are done, because a core
-that is worth changing every hour is a person's matter.
+that is worth changing every hour is a person's matter; one that could not be done counts for nothing, and is tried again
+after a pause that grows.
 
 Not chosen: a spare that takes over by itself when the core is silent. Two judges are one too many, and the fence
 would be all that stood between them.
@@ -46,6 +47,8 @@ NEAR_NS = 120 * NS_PER_S
 #: How often it is looked for.
 CALM_AGAIN_NS = NS_PER_S
 DAY_NS = 86_400 * NS_PER_S
+#: One of those that could not be done is tried again after this, and after twice as long each time.
+RELIEF_AGAIN_NS = 300 * NS_PER_S
 #: The spare is kept while the core is proven; a core on probation may yet need this machine for itself.
 _KEEPING = frozenset({Phase.RUNNING, Phase.SUSPECT})
 
@@ -133,22 +136,32 @@ def relieve(c: Course, trouble: Trouble, now_ns: int, *, limit_ns: int | None = 
     not done by a guard that only watches (a person's `resume` does it), beside another switch, or more often in a day
     than the policy says.
     """
-    lately = tuple(at_ns for at_ns in c.relieved_ns if now_ns - at_ns < DAY_NS)
     busy = c.switching is not None or c.phase not in _KEEPING or c.wanted is Wanted.DOWN
     if busy or c.reader is not None or c.safety.troubled:
         return False
     if mandate.watches_only(c):
         c.offered = trouble
         return False
-    if len(lately) >= c.policy.forecast_switches_max:
+    if now_ns < c.relief_after_ns or len(_lately(c, now_ns)) >= c.policy.forecast_switches_max:
         return False
-    c.relieved_ns = (*lately, now_ns)
     why = telling.worst(trouble.death)
     c.switching = Switching(
         trouble, why, "", c.born, ours=True, patience_ns=now_ns + PATIENCE_NS, limit_ns=limit_ns
     )
     tend(c, now_ns)
     return True
+
+
+def _lately(c: Course, now_ns: int) -> tuple[int, ...]:
+    """Return when those of the last day were done that no person asked for."""
+    return tuple(at_ns for at_ns in c.relieved_ns if now_ns - at_ns < DAY_NS)
+
+
+def _count(c: Course, wish: Switching | None, now_ns: int) -> None:
+    """A switch is being done: one that no person asked for is one of the day's."""
+    if wish is not None and wish.ours:
+        c.relieved_ns = (*_lately(c, now_ns), now_ns)
+        c.relief_pause_ns = c.relief_after_ns = 0
 
 
 def resumed(c: Course, now_ns: int) -> None:
@@ -171,6 +184,7 @@ def drained(c: Course, fact: seen.Drained) -> None:
         return
     if fact.done:
         ready = c.spare.fit(fact.at_ns)
+        _count(c, c.switching, fact.at_ns)
         c.switching = None
         fire(
             c,
@@ -228,6 +242,7 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
     if c.spare.fit(now_ns):
         c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
         if c.safety.troubled:
+            _count(c, wish, now_ns)
             c.switching = None
             fire(c, Trigger.RESTART, now_ns, wish.reason)
         else:
@@ -291,6 +306,7 @@ def _give_up(c: Course, wish: Switching, now_ns: int) -> None:
         text = f"The code that lies on the disk was not seen to start ({why}). The core that serves goes on."
         _refuse(c, why, text, now_ns)
         return
+    _count(c, wish, now_ns)
     c.switching = None
     c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
     fire(c, Trigger.RESTART, now_ns, wish.reason)
@@ -298,6 +314,9 @@ def _give_up(c: Course, wish: Switching, now_ns: int) -> None:
 
 def _refuse(c: Course, why: str, text: str, now_ns: int) -> None:
     """The wish is not done: the core that serves goes on."""
+    if c.switching is not None and c.switching.ours:
+        c.relief_pause_ns = min(2 * c.relief_pause_ns or RELIEF_AGAIN_NS, DAY_NS)
+        c.relief_after_ns = now_ns + c.relief_pause_ns
     c.switching, c.switch_fault = None, why
     telling.close_switch(c, why, now_ns)
     telling.alert(c, Diagnosis.PLANNED_SWITCH, text)

@@ -1,5 +1,9 @@
 """What is done about what will run out: told once, changed for another core where that helps, and judged."""
 
+import dataclasses
+
+import pytest
+
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
 from hardcore.model.forecasts import Resource
@@ -7,10 +11,10 @@ from hardcore.model.looks import DiskFacts, ProcessSample
 from hardcore.model.phases import Phase
 from hardcore.model.recorder import Beats, LifeState, Threads
 from hardcore.model.verdicts import Diagnosis
-from hardcore.recovery import flight
+from hardcore.recovery import flight, foretelling, succession
 from hardcore.recovery.foresight import Foresight, Judgement, numbers
 from hardcore.recovery.policy import Policy, Word
-from tests.unit.recovery.play import MS, Play, drained, kinds, proven, raised
+from tests.unit.recovery.play import MS, Play, S, drained, kinds, proven, raised
 
 MIB = 1 << 20
 QUICK = Policy(
@@ -145,6 +149,24 @@ def test_a_leak_that_goes_on_in_each_core_is_switched_for_so_often_in_a_day() ->
     given = _pass(play, 55, 200, grows=5, calm=True)
     assert _forecasts(given)
     assert "Drain" not in kinds(given)
+
+
+def test_a_switch_that_could_not_be_done_is_none_of_the_days_and_is_tried_again_after_a_pause(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(succession, "RELIEF_AGAIN_NS", 5 * S)
+    monkeypatch.setattr(foretelling, "AGAIN_NS", S)
+    play = _spared(dataclasses.replace(QUICK, forecast_switches_max=1))
+    assert "Drain" in kinds(_pass(play, 55, 200, grows=5, calm=True))
+    for _ in range(succession.DRAINS_MAX - 1):
+        drained(play, done=False)
+        assert "Drain" in kinds(_pass(play, 5, 480, grows=1, calm=True))
+    drained(play, done=False)
+    assert "Drain" not in kinds(_pass(play, 4, 485, grows=1, calm=True)), "it pauses"
+    assert "Drain" in kinds(_pass(play, 20, 489, grows=1, calm=True)), "and was not the one of the day"
+    _changed(play, 5)
+    play.spared()
+    assert "Drain" not in kinds(_pass(play, 55, 200, grows=5, calm=True)), "that was the one of the day"
 
 
 def test_descriptors_run_out_as_memory_does() -> None:
