@@ -153,12 +153,17 @@ class Audit:
         if any(SPARE in fault.ends for fault in hit):
             forgotten |= AWAITS_SPARE
         struck = [f.name for f in lasting if f.called - set(LOST.values()) and f.name not in forgotten]
-        found = [item for item in new if item["diagnosis"] not in LOST.values()]
+        # Struck in the same moment as its guard, it was seen by nobody: one incident tells of both, and of the outage.
+        found = [item for item in new if item["diagnosis"] not in LOST.values() or _tells_of_both(item)]
         hold(found or not struck, f"(6) {struck} left no incident of the core")
         return [(item["diagnosis"], item["detected_ms"], item["outage_ms"]) for item in new]
 
     def _new(self, before: Before) -> list[dict[str, Any]]:
         return [item for item in self.house.incidents() if item["id"] not in before.incidents]
+
+
+def _tells_of_both(item: dict[str, Any]) -> bool:
+    return item["diagnosis"] == LOST[SENTINEL] and item["outage_ms"] is not None
 
 
 def _undone(fault: Fault, hit: Sequence[Fault]) -> bool:
