@@ -8,6 +8,7 @@ import argparse
 import contextlib
 import sys
 import time
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -26,12 +27,15 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, help="only this one")
     parser.add_argument("--jobs", type=int, default=1, help="houses at a time (1)")
     parser.add_argument("--write", type=Path, metavar="FILE", help="write the table there as Markdown")
+    parser.add_argument(
+        "--keep", type=Path, metavar="DIR", help="leave logs and incidents of broken runs there"
+    )
     asked = parser.parse_args(argv)
     if not 1 <= asked.runs <= RUNS_MAX:
         parser.error(f"--runs must be 1 to {RUNS_MAX}")
     seeds = [asked.seed] if asked.seed is not None else range(asked.first, asked.first + asked.runs)
     began = time.monotonic()
-    told = _all(list(seeds), max(1, asked.jobs))
+    told = _all(list(seeds), max(1, asked.jobs), asked.keep)
     took_s = time.monotonic() - began
     sys.stdout.write(summary(told, took_s))
     if asked.write is not None:
@@ -39,16 +43,16 @@ def main(argv: list[str] | None = None) -> int:
     return 1 if any(one.broken for one in told) else 0
 
 
-def _all(seeds: list[int], jobs: int) -> list[Told]:
+def _all(seeds: list[int], jobs: int, keep: Path | None) -> list[Told]:
     blocks = [seeds[at : at + BLOCK] for at in range(0, len(seeds), BLOCK)]
     told: list[Told] = []
     if jobs == 1:
         with contextlib.suppress(KeyboardInterrupt):  # what was carried out is told all the same
             for block in blocks:
-                told += carry_out(block, _say)
+                told += carry_out(block, _say, keep)
         return told
     with get_context("spawn").Pool(jobs) as pool, contextlib.suppress(KeyboardInterrupt):
-        for done in pool.imap_unordered(carry_out, blocks):
+        for done in pool.imap_unordered(partial(carry_out, keep=keep), blocks):
             for one in done:
                 _say(one)
             told += done

@@ -17,8 +17,13 @@ BLOCK: Final = 20
 BUDGET: Final[dict[str, Any]] = {"max_restart_count": 8, "restart_window_sec": 20}
 
 
-def carry_out(seeds: Iterable[int], say: Callable[[Told], None] = lambda _: None) -> list[Told]:
-    """Carry out these seeds, one after the other, on one house; a house whose law broke is replaced."""
+def carry_out(
+    seeds: Iterable[int], say: Callable[[Told], None] = lambda _: None, keep: Path | None = None
+) -> list[Told]:
+    """Carry out these seeds, one after the other, on one house; a house whose law broke is replaced.
+
+    `keep`: where the logs and the incidents of such a house are left, by the seed.
+    """
     told: list[Told] = []
     left = list(seeds)
     while left:
@@ -31,9 +36,16 @@ def carry_out(seeds: Iterable[int], say: Callable[[Told], None] = lambda _: None
             runs = Runs(house, Audit(house, stranger))
             while left and not (runs.done and runs.done[-1].broken):
                 say(runs.run(left.pop(0)))
+                if keep is not None and runs.done[-1].broken:
+                    _keep(house, keep / str(runs.done[-1].seed))
             told += runs.done
         finally:
             dismiss(stranger)
             house.end()
             shutil.rmtree(folder, ignore_errors=True)
     return told
+
+
+def _keep(house: House, place: Path) -> None:
+    for folder in (house.folders.logs, house.folders.incidents):
+        shutil.copytree(folder, place / folder.name, dirs_exist_ok=True)
