@@ -33,7 +33,7 @@ def begin(c: Course, fact: seen.SentinelBegan) -> None:
             _shut_again(c, fact.shut, fact.at_ns)
     elif c.wanted is Wanted.DOWN and not fact.leftovers:
         fire(c, Trigger.STOP, fact.at_ns, "the operator wants no core")
-    elif fact.leftovers or (fact.page is not None and fact.page.beats.state is LifeState.READY):
+    elif fact.leftovers or _served(fact) or (fact.unwatched_ns is not None and fact.shut is None):
         why = "the core of a guard that is gone was found" if fact.leftovers else "guard and core are gone"
         found = Testimony("run folder", Colour.RED, why)
         death = Death(Diagnosis.SENTINEL_LOST, Grade.CERTAIN, (found, *_unwatched(fact)))
@@ -43,6 +43,11 @@ def begin(c: Course, fact: seen.SentinelBegan) -> None:
         fire(c, Trigger.HOPELESS, fact.at_ns, f"{fact.shut}: the policy has shut the service down")
     else:
         fire(c, Trigger.START, fact.at_ns, "the guard is up")
+
+
+def _served(fact: seen.SentinelBegan) -> bool:
+    """Whether a core that is gone served when its page was last written."""
+    return fact.page is not None and fact.page.beats.state is LifeState.READY
 
 
 def _adopt(c: Course, fact: seen.SentinelBegan, page: Page) -> None:

@@ -27,6 +27,8 @@ from tests.simulation.workload import Gateway, Request
 DENIED, NEVER = 0.15, 0.1
 #: Memory for a spare, and to spare.
 FREE_BYTES = 8 << 30
+#: For so long nobody watched, as the next guard is told; how long it was does not decide anything.
+UNWATCHED_NS = NS_PER_MS
 
 
 class World:
@@ -105,8 +107,17 @@ class World:
         suspects = self._suspected(before) if before is not None and self.warm else ()
         since_ns = found.served_ns if found is not None else None
         memory = guard.courtroom.take_up(self.disk_court)
+        lost = before is not None and not before.halted
         began = seen.SentinelBegan(
-            self.clock.now_ns, others, last, own, suspects, since_ns, memory, shut=self.disk_shut
+            self.clock.now_ns,
+            others,
+            last,
+            own,
+            suspects,
+            since_ns,
+            memory,
+            unwatched_ns=UNWATCHED_NS if lost else None,
+            shut=self.disk_shut,
         )
         guard.hear(began)
 

@@ -255,6 +255,24 @@ def test_a_guard_says_how_long_nobody_watched() -> None:
     assert kinds(play.ordered).count("CloseIncident") == 1
 
 
+def test_a_guard_that_was_lost_while_no_core_was_there_is_told_of_too() -> None:
+    play = Play()
+    play.tell(seen.SentinelBegan(play.now_ns, unwatched_ns=4 * S, found_frozen=True))
+    assert play.phase is Phase.ADOPTING
+    play.die()
+    play.ready(5)
+    play.ring()
+    incident = play.closed()
+    assert (incident.diagnosis, incident.outcome) == (Diagnosis.SENTINEL_LOST, "recovered")
+    assert any("4000 ms" in one.why for one in incident.evidence)
+
+
+def test_what_the_policy_has_shut_down_stays_so_when_its_guard_is_lost() -> None:
+    play = Play()
+    play.tell(seen.SentinelBegan(play.now_ns, unwatched_ns=S, shut=Diagnosis.STORE_CORRUPT))
+    assert play.phase is Phase.FATAL
+
+
 def test_a_guard_that_ended_itself_for_a_drill_is_told_as_a_drill_and_to_nobody() -> None:
     play = Play()
     play.tell(seen.SentinelBegan(play.now_ns, adoptable=a_page(4, seq=9), unwatched_ns=S, drilled=True))
