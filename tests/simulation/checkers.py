@@ -377,7 +377,11 @@ class Checkers:
         if diagnosis is None:
             served_nobody = life.spare and life.stage is not Stage.READY  # it did not take over
             changed = self._asked_by_operator or order.life in self._renewed or served_nobody
-            hold(changed, "a living core is killed for a verdict, by the operator's word, or to be changed")
+            shut = self.world.disk_shut is not None  # by a guard before this one, as the policy says
+            hold(
+                changed or shut,
+                "a living core is killed for a verdict, by the operator's word or the policy's, or to be changed",
+            )
             return
         if not guard.policy.asks(diagnosis, Word.SNAPSHOT):
             return
