@@ -373,15 +373,11 @@ class Checkers:
         self._sent_away.add(order.life)
         if life is None or life.number != order.life or not life.alive:
             return
-        diagnosis = self._judged.get(order.life)
-        if diagnosis is None:
+        if (diagnosis := self._judged.get(order.life)) is None:
             served_nobody = life.spare and life.stage is not Stage.READY  # it did not take over
-            changed = self._asked_by_operator or order.life in self._renewed or served_nobody
-            shut = self.world.disk_shut is not None  # by a guard before this one, as the policy says
-            hold(
-                changed or shut,
-                "a living core is killed for a verdict, by the operator's word or the policy's, or to be changed",
-            )
+            word = self._asked_by_operator or self.world.disk_shut is not None  # the policy's shut it
+            changed = order.life in self._renewed or served_nobody
+            hold(word or changed, "a living core is killed for a verdict, by a word, or to be changed")
             return
         if not guard.policy.asks(diagnosis, Word.SNAPSHOT):
             return
