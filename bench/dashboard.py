@@ -16,9 +16,10 @@ import time
 import uuid
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
+
+from msgspec.structs import replace
 
 from bench.figures import Figure, Target
 from bench.instance import ACCOUNTS, Watched, fill, transaction

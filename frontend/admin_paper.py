@@ -9,11 +9,11 @@ chosen, because its words and files are another process's.
 import datetime as dt
 import functools
 import hashlib
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+import msgspec
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from frontend.amounts import show_count
@@ -40,16 +40,14 @@ _TYPES: Final = MappingProxyType(
 _WORDS: Final = MappingProxyType({**TEXTS, **LETTER_TEXTS, **ALERT_TEXTS, **GUARD_TEXTS})
 
 
-@dataclass(frozen=True, slots=True)
-class AdminFile:
+class AdminFile(msgspec.Struct, frozen=True):
     """One file as it is sent."""
 
     body: bytes
     content_type: str
 
 
-@dataclass(frozen=True, slots=True)
-class AdminReader:
+class AdminReader(msgspec.Struct, frozen=True):
     """Who reads: the language, and the path that a change of language leads back to."""
 
     lang: Language

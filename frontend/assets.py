@@ -10,10 +10,11 @@ import functools
 import gzip
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
+
+import msgspec
 
 from frontend.catalogue_pages import SCRIPT_WORDS, TEXTS
 from frontend.catalogue_receipts import RECEIPTS
@@ -31,8 +32,7 @@ _HASH_CHARACTERS: Final = 12
 _LANGUAGES: Final[tuple[Language, ...]] = ("ko", "en")
 
 
-@dataclass(frozen=True, slots=True)
-class Asset:
+class Asset(msgspec.Struct, frozen=True):
     """One file as it is sent. `etag` has its quotes; `packed` is the body in gzip."""
 
     body: bytes
@@ -41,8 +41,7 @@ class Asset:
     etag: str
 
 
-@dataclass(frozen=True, slots=True)
-class Assets:
+class Assets(msgspec.Struct, frozen=True):
     """All files of the pages, by name, and the folder they are served under (no slashes around it)."""
 
     folder: str

@@ -5,14 +5,14 @@ for each drill; what came instead of a promise is told by the incident's own sum
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
+
+import msgspec
 
 LANGUAGES: Final = ("ko", "en")
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
+class Told(msgspec.Struct, frozen=True):
     """One drill in words, each (ko, en): what is done, and what is promised to come of it."""
 
     done: tuple[str, str]

@@ -13,11 +13,11 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final, Literal, get_args
 
+import msgspec
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from frontend.catalogue_crisis import LANGUAGES, words
@@ -80,16 +80,14 @@ _GAP: Final = re.compile(r"\n{2,}")
 _COMMENT: Final = re.compile(r"^ *//[^\n]*\n|^ */\*.*?\*/ *\n", flags=re.MULTILINE | re.DOTALL)
 
 
-@dataclass(frozen=True, slots=True)
-class OwnFile:
+class OwnFile(msgspec.Struct, frozen=True):
     """A file of the gateway's own paths, as it is sent."""
 
     body: bytes
     content_type: str
 
 
-@dataclass(frozen=True, slots=True)
-class Page:
+class Page(msgspec.Struct, frozen=True):
     """A page that needs nothing but itself. The hashes are what its content security policy has to allow,
     without the quotes around them: `sha256-...`.
     """

@@ -8,10 +8,10 @@ readable beside what it draws.
 
 import datetime as dt
 import functools
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import msgspec
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from frontend.amounts import show_amount, show_count
@@ -24,8 +24,7 @@ _TEMPLATES: Final = Path(__file__).parent.parent / "templates"
 LANGUAGES: Final[tuple[Language, ...]] = ("ko", "en")
 
 
-@dataclass(frozen=True, slots=True)
-class Reader:
+class Reader(msgspec.Struct, frozen=True):
     """Who reads: the language, the day it is for the household, and the path the page stands on."""
 
     lang: Language

@@ -7,8 +7,9 @@ that an agent starts must be what the launcher would have started, and a choice 
 
 import os
 import sys
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.host import files, logs
 from hardcore.host.folders import Folders
@@ -24,8 +25,7 @@ STARTS_MAX, WINDOW_S = 5, 60
 _LISTENER = "{listen_fd}"
 
 
-@dataclass(frozen=True, slots=True)
-class Guard:
+class Guard(msgspec.Struct, frozen=True):
     """Who this sentinel is. `nonce`: at most 32 letters, as in its page."""
 
     generation: int

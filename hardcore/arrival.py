@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from hardcore import quarantine_file, standing
 from hardcore.agents_file import Guard, write_agents
 from hardcore.court_words import unruled
@@ -37,8 +39,7 @@ EXIT_UNUSABLE = 78
 LOOKS_MAX, LOOK_S = 3, 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Before:
+class Before(msgspec.Struct, frozen=True):
     """How the guard before this one was lost. `unwatched_ns` None: none was, or nobody can tell. `drilled`: it ended itself."""
 
     unwatched_ns: int | None = None

@@ -8,10 +8,11 @@ may hang for minutes.
 """
 
 import asyncio
-import dataclasses
 import datetime as dt
 from collections.abc import Coroutine, Mapping, Sequence
 from typing import Any, Final, assert_never
+
+from msgspec import structs
 
 from hardcore import quarantine_file, sitting
 from hardcore.court_words import (
@@ -376,7 +377,7 @@ def _with_letter(aside: Aside, letter: Letter, told: Mapping[str, Any]) -> Aside
         return aside
     after = quarantine_file.set_aside(aside, letter, told)
     left = tuple(one for one in after.suspects if one.name != letter.name)
-    return dataclasses.replace(after, suspects=left)
+    return structs.replace(after, suspects=left)
 
 
 async def _to_its_end(work: Coroutine[Any, Any, str], before: "asyncio.Task[str] | None") -> str:

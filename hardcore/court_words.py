@@ -4,9 +4,10 @@ The words are `docs/wires.md` sections 6, 14 and 15. They are made here and not 
 successor says again is what its predecessor said.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any, Final
+
+from msgspec import structs
 
 from hardcore.host.docket import Case, Unknown
 from hardcore.model.trials import CourtMemory, Letter, Ordeal, Reason, Suspect, SuspectNote, Tried
@@ -73,9 +74,9 @@ def settled_by(memory: CourtMemory, aside: Aside) -> CourtMemory:
         if rule is None:
             return one
         ordeal = Ordeal.UNTRIED if rule.get("reason") in _HELD else Ordeal.DIED
-        return dataclasses.replace(one, ordeal=ordeal, letter=str(rule["id"]))
+        return structs.replace(one, ordeal=ordeal, letter=str(rule["id"]))
 
-    return dataclasses.replace(memory, suspects=tuple(map(settled, memory.suspects)))
+    return structs.replace(memory, suspects=tuple(map(settled, memory.suspects)))
 
 
 def unruled(memory: CourtMemory, aside: Aside) -> tuple[Suspect, ...]:

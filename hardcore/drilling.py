@@ -15,10 +15,11 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from typing import Any, NoReturn
 
 import click
+import msgspec
+from msgspec import structs
 
 from frontend.catalogue import spare_lack
 from frontend.catalogue_drills import done_words, end_words, promised_words
@@ -49,8 +50,7 @@ LEAK_BACK_S = 60.0
 AT_ONCE_MS = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Promise:
+class Promise(msgspec.Struct, frozen=True):
     """What a drill must lead to."""
 
     diagnosis: str
@@ -157,8 +157,7 @@ def _fits(fault: str, component: str, *, leak_named: bool) -> None:
         raise click.UsageError("--seconds and --mb-per-s go with `leak` alone.")
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
+class Result(msgspec.Struct, frozen=True):
     """What a drill has shown: said to whoever ran it, and kept for the dashboard. `end` and `fail` do not return."""
 
     asked: Asked
@@ -210,7 +209,9 @@ def _comes_back(result: Result, first: Mapping[str, Any]) -> None:
         detected=noticed(asked, story["detected_ms"]),
         incident=story["id"],
     )
-    result.end({"incident": story["id"], "promised": asdict(promise), "story": story}, sentence, ok=kept)
+    result.end(
+        {"incident": story["id"], "promised": structs.asdict(promise), "story": story}, sentence, ok=kept
+    )
 
 
 def _story_after(result: Result, first: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -243,7 +244,7 @@ def _is_relieved(result: Result, first: Mapping[str, Any], seconds: int) -> None
     sentence = end_words(
         "leak_kept" if kept else "leak_other", asked.lang, incident=story["id"], summary=story["summary"]
     )
-    promised = asdict(PROMISES["leak"])
+    promised = structs.asdict(PROMISES["leak"])
     result.end({"incident": story["id"], "promised": promised, "story": story}, sentence, ok=kept)
 
 
@@ -256,7 +257,9 @@ def _goes_on(result: Result, first: Mapping[str, Any]) -> None:
     sentence = end_words(
         "stall_kept" if kept else "stall_other", asked.lang, incident=story["id"], summary=story["summary"]
     )
-    result.end({"incident": story["id"], "promised": asdict(promise), "story": story}, sentence, ok=kept)
+    result.end(
+        {"incident": story["id"], "promised": structs.asdict(promise), "story": story}, sentence, ok=kept
+    )
 
 
 def _is_set_aside(result: Result, first: Mapping[str, Any], key: str) -> None:
@@ -288,7 +291,12 @@ def _is_set_aside(result: Result, first: Mapping[str, Any], key: str) -> None:
         deaths=deaths,
         status=status or end_words("none", asked.lang),
     )
-    told = {"incident": story["id"], "letter": letter or None, "promised": asdict(promise), "story": story}
+    told = {
+        "incident": story["id"],
+        "letter": letter or None,
+        "promised": structs.asdict(promise),
+        "story": story,
+    }
     result.end({**told, "status": status}, sentence, ok=kept)
 
 
@@ -399,7 +407,7 @@ def _another_accepts(result: Result, first: Mapping[str, Any]) -> None:
         ms=f"{story['outage_ms'] or 0:.0f}",
         incident=story["id"],
     )
-    told_whole = {"incident": story["id"], "promised": asdict(promise), "story": story}
+    told_whole = {"incident": story["id"], "promised": structs.asdict(promise), "story": story}
     result.end(told_whole, sentence, ok=as_promised)
 
 
@@ -428,5 +436,5 @@ def _another_watches(result: Result, first: Mapping[str, Any]) -> None:
         seconds=f"{watched_s:.1f}",
         incident=story["id"],
     )
-    told_whole = {"incident": story["id"], "promised": asdict(promise), "story": story}
+    told_whole = {"incident": story["id"], "promised": structs.asdict(promise), "story": story}
     result.end({**told_whole, "watched_again_s": round(watched_s, 3)}, sentence, ok=kept)

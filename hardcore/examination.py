@@ -11,10 +11,10 @@ import resource
 import sys
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 import click
+import msgspec
 
 from frontend.catalogue_doctor import doctor_text
 from hardcore import standing
@@ -42,8 +42,7 @@ _NO_ROOM = frozenset({"ENOSPC", "EDQUOT"})
 _MARKS = {Colour.GREEN: "ok  ", Colour.YELLOW: "note", Colour.RED: "BAD "}
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """One thing that was looked at: its name, how it is, and the text that says so, with its values."""
 
     name: str

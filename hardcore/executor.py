@@ -6,13 +6,14 @@ a collector that hangs in the kernel can't keep the next core from being started
 """
 
 import asyncio
-import dataclasses
 import functools
 import signal
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+
+from msgspec import structs
 
 from hardcore.bounds import Bounds
 from hardcore.clearing import Clearing
@@ -390,7 +391,7 @@ class Executor:
 
         The next deed writes it as well, in brief: a guard that dies in the middle of it has told of it all the same.
         """
-        brief = dataclasses.replace(
+        brief = structs.replace(
             incident, in_flight=(), requests=(), suspects=incident.suspects[:SUSPECTS_A_LINE]
         )
         self.steps.tell(facts(brief, *self._whose(incident), clock.wall, self._ran(incident)))

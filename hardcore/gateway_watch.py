@@ -6,8 +6,10 @@ all the same; then only the kernel's word counts, and what that alone can show (
 
 import asyncio
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from pathlib import Path
+
+import msgspec
+from msgspec import structs
 
 from hardcore.host import clock, files, memory, processes, vitals
 from hardcore.host.gateway_page import FILE_BYTES, GatewayPageReader, decode
@@ -28,8 +30,7 @@ STATUS_S, STATUS_LOOKS = 0.05, 10
 _MS = 1_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Remains:
+class Remains(msgspec.Struct, frozen=True):
     """What a gateway has left. `oom_kills`: how often the kernel killed for memory in its life; None: nobody can tell."""
 
     pid: int
@@ -54,10 +55,10 @@ class Remains:
             "pid": self.pid,
             "start": self.start,
             "ended": ended,
-            "exit": asdict(how) if how is not None else None,
+            "exit": structs.asdict(how) if how is not None else None,
             "oom_kills": self.oom_kills,
             "refused_paths": list(refused),
-            "last_sample": asdict(self.sample) if self.sample is not None else None,
+            "last_sample": msgspec.to_builtins(self.sample) if self.sample is not None else None,
             **self._of_the_page(at_ns),
         }
         raw = {"gateway.bin": self.raw} if len(self.raw) == FILE_BYTES else {}
@@ -67,10 +68,10 @@ class Remains:
         if self.page is None:
             return {"beats": None, "requests": []}
         requests = [
-            {**asdict(one), "stage": one.stage.name, "age_ms": max(0, at_ns - one.since_ns) // _MS}
+            {**structs.asdict(one), "stage": one.stage.name, "age_ms": max(0, at_ns - one.since_ns) // _MS}
             for one in self.page.requests
         ]
-        return {"beats": asdict(self.page.pulse), "requests": requests}
+        return {"beats": structs.asdict(self.page.pulse), "requests": requests}
 
 
 def remains_before(path: Path) -> Remains | None:

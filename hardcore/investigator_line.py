@@ -13,10 +13,11 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlencode
+
+import msgspec
 
 from hardcore.control import client
 from hardcore.host.folders import Folders
@@ -36,8 +37,7 @@ class Interrupted(Unreachable):
     """An investigator that was reached went away; whether it did what was asked is not known."""
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(msgspec.Struct, frozen=True):
     """An answer: its status, and the object in it."""
 
     status: int

@@ -1,11 +1,12 @@
 """What has happened: the commands that read the black boxes. All of them work with everything stopped."""
 
 import sys
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
+import msgspec
+from msgspec import structs
 
 from hardcore.asked import Asked, keep, operator, options, until
 from hardcore.replay import Replayed, replay_incident
@@ -98,8 +99,8 @@ def replay(asked: Asked, incident: str) -> None:
     other = found.first_difference
     asked.say("replay_same" if found.same else "replay_other", facts=found.facts, orders=found.orders)
     if other is not None:
-        asked.say("replay_where", **asdict(other))
-    asked.tell({"ok": found.same, "incident": folder.id, **asdict(found)})
+        asked.say("replay_where", **structs.asdict(other))
+    asked.tell({"ok": found.same, "incident": folder.id, **msgspec.to_builtins(found)})
     sys.exit(0 if found.same else 1)
 
 

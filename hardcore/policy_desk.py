@@ -11,7 +11,8 @@ import asyncio
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+
+import msgspec
 
 from hardcore import standing
 from hardcore.host import clock
@@ -46,8 +47,7 @@ OF_A_CORE = frozenset(
 OF_A_GATEWAY = "gateway."
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
+class Found(msgspec.Struct, frozen=True):
     """What the file says: a policy with the text it stands in, or everything that is wrong with it."""
 
     policy: Policy | None

@@ -6,14 +6,15 @@ what its message to the investigators needs until that is written: so a guard th
 one that writes it. Not chosen: a rule that the guard sends in words; a core that starts later would not know it.
 """
 
-import dataclasses
 import errno
 import json
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
+
+import msgspec
+from msgspec import structs
 
 from hardcore.host import files
 from hardcore.host.folders import Folders
@@ -48,8 +49,7 @@ _SEQ_MAX = 2**63 - 1
 Rule = Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Aside:
+class Aside(msgspec.Struct, frozen=True):
     """Everything that the file says, as one value."""
 
     serial: int = 0
@@ -122,7 +122,7 @@ def write(folders: Folders, aside: Aside, *, durable: bool = True) -> None:
     raw = _printed(in_full(aside))
     if len(raw) > FILE_BYTES_MAX:  # who is suspect counts more than whose accounts wait for that
         brief = tuple(SuspectNote(one.name, ()) for one in aside.suspects)
-        raw = _printed(in_full(dataclasses.replace(aside, suspects=brief)))
+        raw = _printed(in_full(structs.replace(aside, suspects=brief)))
     if len(raw) > FILE_BYTES_MAX:
         raise OSError(errno.EFBIG, "the file of rules is too long")
     files.write_whole(folders.quarantine, raw, durable=durable)
@@ -161,7 +161,7 @@ def set_aside(before: Aside, letter: Letter, unsent: Mapping[str, Any]) -> Aside
     while len(kept) >= RULES_MAX:
         oldest = next((one for one in kept if one.get("type") in LETTER_TYPES), kept[0])
         kept.remove(oldest)
-    return dataclasses.replace(before, serial=before.serial + 1, rules=(*kept, rule))
+    return structs.replace(before, serial=before.serial + 1, rules=(*kept, rule))
 
 
 def _rule_of(letter: Letter) -> dict[str, Any]:
@@ -189,33 +189,33 @@ def sent(before: Aside, letter: str) -> Aside:
         {k: v for k, v in rule.items() if k != UNSENT} if rule["id"] == letter else rule
         for rule in before.rules
     )
-    return dataclasses.replace(before, rules=rules)
+    return structs.replace(before, rules=rules)
 
 
 def with_rule(before: Aside, rule: Rule) -> Aside:
     """Return what it says with one rule more."""
     released = tuple(one for one in before.released if one != rule["id"])
     rules = (*before.rules, rule)
-    return dataclasses.replace(before, serial=before.serial + 1, rules=rules, released=released)
+    return structs.replace(before, serial=before.serial + 1, rules=rules, released=released)
 
 
 def without_rule(before: Aside, rule_id: str) -> Aside:
     """Return what it says with one rule less."""
     rules = tuple(rule for rule in before.rules if rule["id"] != rule_id)
     released = (*before.released, rule_id)[-RELEASED_MAX:]
-    return dataclasses.replace(before, serial=before.serial + 1, rules=rules, released=released)
+    return structs.replace(before, serial=before.serial + 1, rules=rules, released=released)
 
 
 def with_suspects(before: Aside, suspects: Sequence[SuspectNote]) -> Aside:
     """Return what it says while these are suspect."""
-    return dataclasses.replace(before, serial=before.serial + 1, suspects=tuple(suspects[:SUSPECTS_MAX]))
+    return structs.replace(before, serial=before.serial + 1, suspects=tuple(suspects[:SUSPECTS_MAX]))
 
 
 def with_source(before: Aside, source: str, until: str, now: str) -> Aside:
     """Return what it says while this source changes nothing; those whose time is over go."""
     kept = tuple((one, end) for one, end in before.sources if one != source and end > now)
     sources = (*kept, (source, until))[-SOURCES_MAX:]
-    return dataclasses.replace(before, serial=before.serial + 1, sources=sources)
+    return structs.replace(before, serial=before.serial + 1, sources=sources)
 
 
 # ---- the rules that people make ----

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from hardcore.model.codec import Json, Undecodable
 from hardcore.model.observations import Observation, PolicyRead
 from hardcore.model.phases import Wanted
@@ -29,8 +31,7 @@ SHOWN_MAX = 400
 _NO_DEEDS = frozenset({"SampleStacks", "LookAtStore", "KeepBudget", "KeepCourt", "AddAudit", "AddTrials"})
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
+class Difference(msgspec.Struct, frozen=True):
     """The first line (counted from 1) after which the orders differ, and both kinds of orders as JSON."""
 
     line: int
@@ -39,8 +40,7 @@ class Difference:
     given: str
 
 
-@dataclass(frozen=True, slots=True)
-class Replayed:
+class Replayed(msgspec.Struct, frozen=True):
     """What came of asking again. `same`: every fact led to the orders that the recording tells.
 
     `facts` were heard, `orders` given. `cut_short`: the recording had grown too long and does not tell all.
@@ -53,8 +53,7 @@ class Replayed:
     first_difference: Difference | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Compared:
+class Compared(msgspec.Struct, frozen=True):
     """The first fact after which another policy leads to other orders; each order by its name. `fact` None: none does."""
 
     fact: str | None

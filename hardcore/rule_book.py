@@ -9,10 +9,11 @@ forget a poison that somebody was told is set aside.
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Final, Protocol
+
+import msgspec
 
 from hardcore import quarantine_file
 from hardcore.host import clock, core_control
@@ -45,8 +46,7 @@ class Hands(Protocol):
         """Write a line to the guard's log."""
 
 
-@dataclass(frozen=True, slots=True)
-class Doors:
+class Doors(msgspec.Struct, frozen=True):
     """Whom the court speaks to. `cores`: the control sockets of those that live; `calm`: no switch is under way."""
 
     tell: Callable[[Observation], None]

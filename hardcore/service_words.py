@@ -14,11 +14,11 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import click
+import msgspec
 
 from frontend.catalogue_service import service_words
 from hardcore import standing
@@ -42,8 +42,7 @@ MODE: Final = 0o644
 SHOWN: Final = ("ActiveState", "SubState", "MainPID", "NRestarts", "Result", "UnitFileState")
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(msgspec.Struct, frozen=True):
     """Whose service it is, and under which name. `owner`: who a service of the whole machine runs as."""
 
     name: str

@@ -11,6 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import msgspec
+
 from hardcore.host import clock
 from hardcore.host.folders import Folders
 from hardcore.host.ids import new_id
@@ -42,8 +44,7 @@ class Hands(Protocol):
         """Write a line to the guard's log; nothing waits for it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Loss:
+class Loss(msgspec.Struct, frozen=True):
     """What was found. Times are monotonic; `fault_ns` is the last sign of life, as far as anybody can tell."""
 
     diagnosis: Diagnosis

@@ -12,9 +12,10 @@ import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
+
+import msgspec
 
 from hardcore.host import clock, docket, files, lives, logs, processes
 from hardcore.host.docket import Heard, Said
@@ -52,8 +53,7 @@ class Hands(Protocol):
         """Write a line to the guard's log."""
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
+class Terms(msgspec.Struct, frozen=True):
     """What the cases of a docket may cost. `memory_bytes` 0: without a bound."""
 
     limit_ms: int
@@ -67,8 +67,7 @@ class Terms:
         return each_s * STARTS_OF_A_SEARCH if self.search else each_s
 
 
-@dataclass(frozen=True, slots=True)
-class Over:
+class Over(msgspec.Struct, frozen=True):
     """How a sitting ended. Empty `fault`: it did its work. `unusable`: it would not take its docket."""
 
     fault: str

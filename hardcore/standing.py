@@ -4,9 +4,10 @@ import contextlib
 import dataclasses
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeGuard
+
+import msgspec
 
 from hardcore.bounds import Bounds
 from hardcore.host import clock, files, leftovers, wish
@@ -33,8 +34,7 @@ REASON_CHARACTERS_MAX = 500
 GENERATION_MAX = 1 << 53
 
 
-@dataclass(frozen=True, slots=True)
-class PolicyInForce:
+class PolicyInForce(msgspec.Struct, frozen=True):
     """A policy, and why it is not the file's if it is not."""
 
     policy: Policy

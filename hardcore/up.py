@@ -13,9 +13,10 @@ import signal
 import socket
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
+
+import msgspec
 
 from frontend.catalogue import text
 from hardcore import standing
@@ -33,16 +34,14 @@ HANDED_FD = 3
 AGENTS_S, LOOK_S = 3.0, 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
+class Refused(msgspec.Struct, frozen=True):
     """Why it can't be started, in words for the operator, and the exit code."""
 
     words: str
     code: int = 1
 
 
-@dataclass(frozen=True, slots=True)
-class Wishes:
+class Wishes(msgspec.Struct, frozen=True):
     """What `up` leaves in the launcher's environment, for each sentinel that it starts."""
 
     demo: bool = False  # add a page with buttons that break the core
@@ -50,8 +49,7 @@ class Wishes:
     mode: str = ""  # what the guard may do, whatever the policy says; empty: what that says
 
 
-@dataclass(frozen=True, slots=True)
-class Ready:
+class Ready(msgspec.Struct, frozen=True):
     """All that the launcher needs; both descriptors are kept over the exec."""
 
     folders: Folders

@@ -6,9 +6,10 @@ with its sentence in the asked language). The readings happen on a thread, so th
 
 import json
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import asdict, dataclass
 from typing import Any, Final, assert_never
 
+import msgspec
+from msgspec import structs
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import Response
@@ -31,8 +32,7 @@ _SAID: Final[Mapping[str, str]] = {"retry": "anyway", "correct": "body", "discar
 _SAID_OF_INCIDENTS: Final[Mapping[str, str]] = {"merge": "into", "split": "incident", "note": "text"}
 
 
-@dataclass(frozen=True, slots=True)
-class Api:
+class Api(msgspec.Struct, frozen=True):
     """What the addresses need."""
 
     reads: Reads
@@ -45,7 +45,7 @@ class Api:
         found = await run_in_threadpool(
             self.reads.incidents, asked.listed(request.query_params), *_piece(request)
         )
-        return as_json(as_told.page(found, asdict))
+        return as_json(as_told.page(found, structs.asdict))
 
     async def incident(self, request: Request) -> Response:
         """One incident: its whole story while its folder is kept, else its line."""
@@ -56,7 +56,7 @@ class Api:
         if line is None or not bundle.is_incident_id(incident_id):
             return _no(Refusal("incident_unknown", {}), lang)
         found = [one for one in reading.find(self.places.incidents, line.id) if one.id == line.id]
-        story = as_story(reading.read_report(found[0]), lang) if found else asdict(line)
+        story = as_story(reading.read_report(found[0]), lang) if found else structs.asdict(line)
         proposals = [as_told.proposal(one) for one in self.reads.proposals(line.id)]
         return as_json({**story, "proposals": proposals})
 
@@ -172,10 +172,10 @@ async def _others(api: Api, request: Request) -> Response:
             proposals = await run_in_threadpool(api.reads.proposals, query.get("incident", ""))
             found = {"items": [as_told.proposal(one) for one in proposals]}
         case "audit":
-            found = as_told.page(await run_in_threadpool(api.reads.audit, *_piece(request)), asdict)
+            found = as_told.page(await run_in_threadpool(api.reads.audit, *_piece(request)), structs.asdict)
         case "drills":
             drills = await run_in_threadpool(api.reads.drills, _piece(request)[0])
-            found = {"items": [asdict(one) for one in drills]}
+            found = {"items": [structs.asdict(one) for one in drills]}
         case "trends":
             found = dict(await run_in_threadpool(api.reads.trends, _number(query.get("weeks"), WEEKS)))
         case _:
@@ -238,7 +238,7 @@ def _answer(
         case Group():
             told = as_told.group(found)
         case Bulk() | IncidentLine():
-            told = asdict(found)
+            told = structs.asdict(found)
         case _:
             assert_never(found)
     return as_json(told, status)

@@ -1,8 +1,9 @@
 """The archive's values as the JSON that programs rely on: the API of `/admin/api/` and `hardcore dlq --json`."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
 from typing import Any
+
+from msgspec import structs
 
 from frontend import catalogue_letters as texts
 from postmortem.dead_letters.masking import shown
@@ -28,7 +29,7 @@ _STATUSES: Mapping[str, int] = {
 def letter(one: Letter, lang: str) -> dict[str, Any]:
     """A letter in a list, its secrets hidden. `attempts`: how many deaths and tries are known of it."""
     # A list says nothing of the contents, which may be large: so they are not looked at here.
-    return _line(shown(replace(one, payload=None, row=None)), lang)
+    return _line(shown(structs.replace(one, payload=None, row=None)), lang)
 
 
 def _line(one: Letter, lang: str) -> dict[str, Any]:
@@ -54,7 +55,7 @@ def _line(one: Letter, lang: str) -> dict[str, Any]:
         "note": one.note,
         "discarded_because": one.discarded_because,
         "corrected_by": one.corrected_by,
-        "dry_run": asdict(one.dry_run) if one.dry_run is not None else None,
+        "dry_run": structs.asdict(one.dry_run) if one.dry_run is not None else None,
     }
 
 
@@ -68,18 +69,18 @@ def whole_letter(one: Letter, lang: str, *, revealed: bool = False) -> dict[str,
         "payload": one.payload,
         "row": dict(one.row) if one.row is not None else None,
         "seq": one.seq,
-        "history": [asdict(attempt) for attempt in one.attempts],
+        "history": [structs.asdict(attempt) for attempt in one.attempts],
     }
 
 
 def proposal(one: Proposal) -> dict[str, Any]:
     """A proposal."""
-    return {**asdict(one), "state": str(one.state)}
+    return {**structs.asdict(one), "state": str(one.state)}
 
 
 def group(one: Group) -> dict[str, Any]:
     """A group of equal deaths."""
-    return {**asdict(one), "standing": str(one.standing)}
+    return {**structs.asdict(one), "standing": str(one.standing)}
 
 
 def page(found: Page, told: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:

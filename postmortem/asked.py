@@ -6,9 +6,9 @@ A misspelt filter that narrows nothing would mean every letter there is. So a re
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from typing import Any, Final
 
+from msgspec import structs
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
@@ -17,7 +17,7 @@ from postmortem.views import Filter
 TEXT_CHARACTERS_MAX: Final = 256
 #: What any address may be asked beside a filter.
 _ABOUT: Final = frozenset({"limit", "cursor", "lang", "weeks", "incident"})
-_FILTERS: Final = tuple(one.name for one in fields(Filter) if one.name != "drills")
+_FILTERS: Final = tuple(one.name for one in structs.fields(Filter) if one.name != "drills")
 _NO: Final = ("0", "false", False)
 _YES: Final = ("1", "true", True)
 

@@ -15,8 +15,10 @@ import shutil
 import stat
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import msgspec
+from msgspec import structs
 
 from postmortem import placing
 
@@ -49,23 +51,20 @@ _PARTIAL = re.compile(rf"\.({_ID.pattern})\.partial")
 _IMAGE = re.compile(r"core\.[1-9][0-9]?")
 
 
-@dataclass(frozen=True, slots=True)
-class BundleFailed:
+class BundleFailed(msgspec.Struct, frozen=True):
     """A bundle could not be written or read; `reason` is one sentence for people."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(msgspec.Struct, frozen=True):
     """What the manifest says of one file."""
 
     sha256: str
     size_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class Manifest:
+class Manifest(msgspec.Struct, frozen=True):
     """The contents of a bundle. `complete`: nothing more of its evidence is to come.
 
     `missing` maps what should be there to the reason why it is not. `images` are memory images with their sizes
@@ -75,13 +74,12 @@ class Manifest:
     incident: str
     written_at: str
     complete: bool
-    files: Mapping[str, Entry] = field(default_factory=dict)
-    missing: Mapping[str, str] = field(default_factory=dict)
-    images: Mapping[str, int] = field(default_factory=dict)
+    files: Mapping[str, Entry] = msgspec.field(default_factory=dict)
+    missing: Mapping[str, str] = msgspec.field(default_factory=dict)
+    images: Mapping[str, int] = msgspec.field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
+class Found(msgspec.Struct, frozen=True):
     """One incident's folder. `partial`: its writing never came to an end."""
 
     id: str
@@ -159,7 +157,7 @@ def add_files(
                 complete = False
             absent = {name: why for name, why in before.missing.items() if name not in found}
             finished = before.complete if complete is None else complete
-            after = _put_all(path, replace(before, complete=finished, missing=absent), files, missing)
+            after = _put_all(path, structs.replace(before, complete=finished, missing=absent), files, missing)
             placing.sync_folder(path)
             write_manifest(path, after)
             placing.sync_folder(path)
@@ -188,7 +186,7 @@ def add_image(path: Path, written: Path) -> str | BundleFailed:
             written.rename(path / name)
             missing = {other: why for other, why in before.missing.items() if other != IMAGE}
             images = {**before.images, name: size_bytes}
-            write_manifest(path, replace(before, images=images, missing=missing))
+            write_manifest(path, structs.replace(before, images=images, missing=missing))
             placing.sync_folder(path)
     except OSError as error:
         return BundleFailed(placing.why(error, "the memory image could not be kept"))
@@ -399,7 +397,7 @@ def _put_all(
             entries[name] = Entry(placing.digest(data), len(data))
             absent.pop(name, None)
     placing.replace_all(folder, fitting)
-    return replace(manifest, files=entries, missing=absent)
+    return structs.replace(manifest, files=entries, missing=absent)
 
 
 def write_manifest(folder: Path, manifest: Manifest) -> None:

@@ -8,9 +8,10 @@ import json
 import os
 import shutil
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from postmortem import bundle, reading
 from postmortem.bundle import BundleFailed, Found
@@ -25,8 +26,7 @@ EXPORTS = (".md", ".json", ".html", ".zip")
 _EXAMPLES_MAX = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
+class Refused(msgspec.Struct, frozen=True):
     """Something could not be done; `sentence` tells a person why and what to do next."""
 
     sentence: str

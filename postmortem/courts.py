@@ -12,9 +12,10 @@ import os
 import signal
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from postmortem import placing
 from postmortem.views import DryRun
@@ -28,8 +29,7 @@ WORDS_BYTES_MAX: Final = 4_096
 END_S: Final = 5.0
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(msgspec.Struct, frozen=True):
     """What one dry run may take. `copy_s`: until its ledger is copied and its core has begun."""
 
     limit_ms: int = 15_000
@@ -38,13 +38,12 @@ class Limits:
     copy_s: float = 60.0
 
 
-@dataclass(frozen=True, slots=True)
-class Court:
+class Court(msgspec.Struct, frozen=True):
     """The court of one data folder."""
 
     data: Path
-    limits: Limits = field(default_factory=Limits)
-    _one: asyncio.Lock = field(default_factory=asyncio.Lock)
+    limits: Limits = msgspec.field(default_factory=Limits)
+    _one: asyncio.Lock = msgspec.field(default_factory=asyncio.Lock)
 
     async def try_case(self, case: Mapping[str, Any], name: str) -> DryRun:
         """Try one case and say what it did; what stood in the way is the ordeal `untried` with its why."""

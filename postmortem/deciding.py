@@ -9,9 +9,9 @@ chosen: a death between left a rule in force that nobody could see or revoke.
 import asyncio
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final
 
+import msgspec
 from sqlalchemy import RowMapping
 
 from postmortem.diary import Diary, shown
@@ -28,15 +28,14 @@ NOTE_MAX: Final = 2_000
 REASON_MAX: Final = 500
 
 
-@dataclass(frozen=True, slots=True)
-class Decider:
+class Decider(msgspec.Struct, frozen=True):
     """Takes decisions, one after the other: two at once would ask the guard for two things."""
 
     records: Records
     archive: Archive
     guard: GuardLine
     diary: Diary
-    _one: asyncio.Lock = field(default_factory=asyncio.Lock)
+    _one: asyncio.Lock = msgspec.field(default_factory=asyncio.Lock)
 
     async def decide(self, proposal_id: str, verb: str, owner: str, note: str) -> Proposal | Refusal:
         """Accept, decline, call done or revoke a proposal; what a machine enforces is in force when this returns."""

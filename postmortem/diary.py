@@ -6,8 +6,9 @@ for it, and none can say that it was somebody else.
 
 import re
 from contextvars import ContextVar
-from dataclasses import dataclass
 from typing import Final
+
+import msgspec
 
 from postmortem import placing
 from postmortem.records import log
@@ -20,8 +21,7 @@ SPEAKER: Final = ContextVar("speaker", default="dashboard")
 _NUMBER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 
 
-@dataclass(frozen=True, slots=True)
-class Diary:
+class Diary(msgspec.Struct, frozen=True):
     """The audit log, for those who do something."""
 
     records: Records

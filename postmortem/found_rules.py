@@ -9,9 +9,10 @@ be read with everything stopped. What the file does not say in its shape is pass
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from postmortem import placing
 from postmortem.dead_letters import slip as slips
@@ -28,8 +29,7 @@ _UNSENT: Final = "unsent"
 _PROPOSAL = re.compile(re.escape(PROPOSAL_RULE) + r"([0-9a-f]{32})")
 
 
-@dataclass(frozen=True, slots=True)
-class FoundRules:
+class FoundRules(msgspec.Struct, frozen=True):
     """The rules of one file, as they stood when it was read."""
 
     rules: tuple[Mapping[str, Any], ...]

@@ -8,16 +8,16 @@ share a wire, not code.
 import asyncio
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 ANSWER_BYTES_MAX: Final = 8 << 20
 ASK_S: Final = 5.0
 
 
-@dataclass(frozen=True, slots=True)
-class Service:
+class Service(msgspec.Struct, frozen=True):
     """The guarded service as the guard sees it: where it is asked, who serves, and whether it does."""
 
     url: str
@@ -26,8 +26,7 @@ class Service:
     serving: bool
 
 
-@dataclass(frozen=True, slots=True)
-class GuardLine:
+class GuardLine(msgspec.Struct, frozen=True):
     """The guard at one control socket."""
 
     control: Path

@@ -8,8 +8,9 @@ story beats none.
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 TEXT_MAX = 4_096
 ITEMS_MAX = 2_000
@@ -20,8 +21,7 @@ GRADES = frozenset({"certain", "likely", "unknown"})
 REPRODUCED = frozenset({"died", "hung", "grew"})
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(msgspec.Struct, frozen=True):
     """One moment of the timeline; `offset_ms` counts from the fault."""
 
     step: str
@@ -29,24 +29,21 @@ class Step:
     offset_ms: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Exit:
+class Exit(msgspec.Struct, frozen=True):
     """How a process ended; both None: nobody could read its status."""
 
     code: int | None = None
     signal: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Words:
+class Words(msgspec.Struct, frozen=True):
     """A short code and the sentence to it: last words of a core, or one line of evidence."""
 
     code: str
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(msgspec.Struct, frozen=True):
     """A command in flight when the core was lost."""
 
     command_id: str
@@ -58,8 +55,7 @@ class Command:
     age_ms: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(msgspec.Struct, frozen=True):
     """What became of one request that met the outage."""
 
     method: str
@@ -70,8 +66,7 @@ class Request:
     held_ms: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class Proof:
+class Proof(msgspec.Struct, frozen=True):
     """What the next core proved before it served. `witness_seq` None: nobody had seen a last commit."""
 
     kind: str
@@ -81,8 +76,7 @@ class Proof:
     witness_seq: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class Audit:
+class Audit(msgspec.Struct, frozen=True):
     """What the proof of the whole ledger said, which the next core made while it served.
 
     Whole up to number `seq`, or `fault` says why not.
@@ -93,8 +87,7 @@ class Audit:
     fault: str
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
+class Trial(msgspec.Struct, frozen=True):
     """What came of one suspect in a throw-away core (docs/wires.md, section 12). `letter`: empty if it was cleared.
 
     What is known of the command beyond its name is told where whoever wrote the facts knew it.
@@ -117,8 +110,7 @@ class Trial:
         return self.ordeal in REPRODUCED
 
 
-@dataclass(frozen=True, slots=True)
-class Versions:
+class Versions(msgspec.Struct, frozen=True):
     """What ran: the name of the core's code, the hash of the policy, the schema of the store. None: not on record."""
 
     build: str | None = None
@@ -126,8 +118,7 @@ class Versions:
     schema: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Death:
+class Death(msgspec.Struct, frozen=True):
     """One death inside the incident."""
 
     at: str | None
@@ -135,8 +126,7 @@ class Death:
     exit: Exit
 
 
-@dataclass(frozen=True, slots=True)
-class Money:
+class Money(msgspec.Struct, frozen=True):
     """The verdict on the money. A number stands only where a recorded proof gives it; None: not known."""
 
     lost: int | None
@@ -144,8 +134,7 @@ class Money:
     verified: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Incident:
+class Incident(msgspec.Struct, frozen=True):
     """The story of one outage. Times are RFC 3339 texts, None where nobody recorded them."""
 
     id: str

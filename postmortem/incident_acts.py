@@ -6,9 +6,10 @@ what nobody wants to keep; that there was an incident can't.
 """
 
 import asyncio
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+import msgspec
 
 from postmortem import bundle, keeping
 from postmortem.diary import Diary, shown
@@ -21,8 +22,7 @@ from postmortem.wording import cleaned_lines
 NOTE_MAX: Final = 2_000
 
 
-@dataclass(frozen=True, slots=True)
-class IncidentDesk:
+class IncidentDesk(msgspec.Struct, frozen=True):
     """The desk for incidents. `folder`: where their evidence lies."""
 
     records: Records

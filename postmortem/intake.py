@@ -11,10 +11,11 @@ import os
 import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from postmortem import bundle, found_rules, placing, reading
 from postmortem.bundle import Found
@@ -46,8 +47,7 @@ _ENDS: Final = {
 _LOG: Final = logging.getLogger("postmortem.intake")
 
 
-@dataclass(frozen=True, slots=True)
-class Intake:
+class Intake(msgspec.Struct, frozen=True):
     """The places that are looked at, and the archive that it goes into. `rules`: the guard's file."""
 
     records: Records

@@ -10,8 +10,9 @@ import re
 import shutil
 from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec import structs
 
 from postmortem import bundle, placing
 
@@ -99,7 +100,9 @@ def _remove_images(path: Path, names: Collection[str]) -> bool:
             if isinstance(before, bundle.Manifest):
                 whole = (name for name in names if bundle.is_image(name))
                 told = dict.fromkeys(whole, "removed to make room for newer ones")
-                bundle.write_manifest(path, replace(before, images={}, missing={**before.missing, **told}))
+                bundle.write_manifest(
+                    path, structs.replace(before, images={}, missing={**before.missing, **told})
+                )
     except OSError:
         return False
     return True

@@ -8,8 +8,9 @@ incidents exist.
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec import structs
 
 from postmortem import bundle, incident
 from postmortem.analyzer.case import Case, read_threads
@@ -65,7 +66,7 @@ def read_report(found: Found, past: Sequence[Past] | None = None) -> Report:
         else incident.still_open(found.id, opened_at, recorder)
     )
     tape = read_tape(_text(found.path, "observations.jsonl"))
-    story = replace(_with_slots(story, recorder), versions=_versions(story, tape.policy_sha256))
+    story = structs.replace(_with_slots(story, recorder), versions=_versions(story, tape.policy_sha256))
     case = Case(
         incident=story,
         threads=read_threads(_json(found.path, "stacks.json")),
@@ -110,7 +111,7 @@ def _value(printed: str) -> object:
 def _versions(story: incident.Incident, policy: str | None) -> incident.Versions:
     """Return what ran: as the facts say, and the policy by the recording where they don't."""
     known = story.versions
-    return known if known.policy is not None else replace(known, policy=policy)
+    return known if known.policy is not None else structs.replace(known, policy=policy)
 
 
 def _one_each(found: list[Found]) -> list[Found]:
@@ -127,7 +128,7 @@ def _with_slots(story: incident.Incident, recorder: object) -> incident.Incident
     if story.in_flight:
         return story
     slots = incident.still_open(story.id, None, recorder).in_flight
-    return replace(story, in_flight=slots)
+    return structs.replace(story, in_flight=slots)
 
 
 def _contents(found: Found, manifest: Manifest | BundleFailed) -> Contents:

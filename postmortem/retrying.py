@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Final
 
+import msgspec
 from sqlalchemy import RowMapping
 
 from postmortem import placing
@@ -43,8 +44,7 @@ _CORRECTED: Final = "corrected: sent as another request"
 _LOG: Final = logging.getLogger("postmortem.retrying")
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
+class _End(msgspec.Struct, frozen=True):
     """How a retry ended: what that does to the letter, one word for its attempt, and why."""
 
     trigger: Trigger

@@ -19,11 +19,11 @@ import stat
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import uvicorn
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.applications import Starlette
@@ -67,8 +67,7 @@ FAILED: Final = 1
 _LOG: Final = logging.getLogger("postmortem")
 
 
-@dataclass(frozen=True, slots=True)
-class Wishes:
+class Wishes(msgspec.Struct, frozen=True):
     """How the investigator is started."""
 
     data: Path
@@ -76,7 +75,7 @@ class Wishes:
     control: Path
     idle_s: float = 600.0
     pace_s: float = PACE_S
-    limits: Limits = field(default_factory=Limits)
+    limits: Limits = msgspec.field(default_factory=Limits)
 
 
 def serve(wishes: Wishes) -> int:

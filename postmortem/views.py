@@ -6,9 +6,10 @@ and as JSON, and has to be the same list. Times are RFC 3339 texts in UTC.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol
+
+import msgspec
 
 Texts = Mapping[str, str]  # by language: ko, en
 
@@ -42,8 +43,7 @@ class ProposalState(StrEnum):
     REVOKED = "revoked"
 
 
-@dataclass(frozen=True, slots=True)
-class IncidentLine:
+class IncidentLine(msgspec.Struct, frozen=True):
     """One incident in a list."""
 
     id: str
@@ -62,8 +62,7 @@ class IncidentLine:
     note: str = ""  # a person's
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
+class Group(msgspec.Struct, frozen=True):
     """Equal deaths. `why`: what they have in common, as facts; `merged`: the fingerprints that a person put into it."""
 
     fingerprint: str
@@ -81,8 +80,7 @@ class Group:
     merged: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Attempt:
+class Attempt(msgspec.Struct, frozen=True):
     """One death or retry of a letter's request."""
 
     at: str
@@ -92,8 +90,7 @@ class Attempt:
     detail: str
 
 
-@dataclass(frozen=True, slots=True)
-class DryRun:
+class DryRun(msgspec.Struct, frozen=True):
     """What a letter's request did in a throw-away core. `ordeal` is the wire's word."""
 
     at: str
@@ -104,8 +101,7 @@ class DryRun:
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Letter:
+class Letter(msgspec.Struct, frozen=True):
     """One dead letter. `sum_text`: the amounts it moves, one text for each currency, empty if it moves none."""
 
     id: str
@@ -135,8 +131,7 @@ class Letter:
     corrected_by: str = ""  # the key of the request that a person sent instead
 
 
-@dataclass(frozen=True, slots=True)
-class Filter:
+class Filter(msgspec.Struct, frozen=True):
     """What a list is narrowed to; an empty field narrows nothing. `since`, `until`: RFC 3339."""
 
     state: str = ""
@@ -150,8 +145,7 @@ class Filter:
     drills: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Page:
+class Page(msgspec.Struct, frozen=True):
     """A piece of a list, newest first; `more`: the cursor of the next piece."""
 
     items: tuple[Any, ...]
@@ -159,8 +153,7 @@ class Page:
     more: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Proposal:
+class Proposal(msgspec.Struct, frozen=True):
     """Something that would have prevented an incident. `rule`: the wire's object, for those a machine enforces."""
 
     id: str
@@ -176,8 +169,7 @@ class Proposal:
     note: str
 
 
-@dataclass(frozen=True, slots=True)
-class Bulk:
+class Bulk(msgspec.Struct, frozen=True):
     """Many letters at once, one at a time. `ended`: "done", "cancelled", "stopped" (the service went down), "" while it runs."""
 
     id: str
@@ -189,8 +181,7 @@ class Bulk:
     current: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Act:
+class Act(msgspec.Struct, frozen=True):
     """One line of the audit log."""
 
     at: str
@@ -201,16 +192,14 @@ class Act:
     outcome: str
 
 
-@dataclass(frozen=True, slots=True)
-class Refusal:
+class Refusal(msgspec.Struct, frozen=True):
     """Something asked of a letter, a proposal or a group can't be done. `code` has its sentence in the catalogue."""
 
     code: str
     values: Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Drill:
+class Drill(msgspec.Struct, frozen=True):
     """One drill that was run."""
 
     at: str

@@ -6,9 +6,10 @@ answered with a code, never with a closed connection and silence.
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeGuard
+
+import msgspec
 
 LINE_BYTES_MAX = 1 << 20
 REASON_CHARACTERS_MAX = 500
@@ -57,8 +58,7 @@ LEAK_S, LEAK_MB_PER_S = 120, 8
 LEAK_MB_PER_S_MAX = 1024
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(msgspec.Struct, frozen=True):
     """One line from a client. `rule`: as it came, and `id` a rule's; `audited`: whoever asks keeps a record of it itself.
 
     `component`: of a restart or a drill, the part that is meant alone; `on`: of the safe mode; `channel`: a number, or
@@ -83,8 +83,7 @@ class Request:
     mb_per_s: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class BadRequest:
+class BadRequest(msgspec.Struct, frozen=True):
     """A line that can't be understood, and why."""
 
     code: str

@@ -5,9 +5,9 @@ differently does not reach the core. One connection is one socket: nothing here 
 """
 
 import asyncio
-from dataclasses import dataclass
 from typing import Protocol, cast
 
+import msgspec
 from websockets.client import ClientProtocol
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -30,46 +30,39 @@ _WRITE_HIGH_BYTES = 64 << 10
 _ANYWHERE = WebSocketURI(secure=False, host="localhost", port=80, path="/", query="")
 
 
-@dataclass(frozen=True, slots=True)
-class Accepted:
+class Accepted(msgspec.Struct, frozen=True):
     """The core opened its end."""
 
     head: AnswerHead
 
 
-@dataclass(frozen=True, slots=True)
-class Declined:
+class Declined(msgspec.Struct, frozen=True):
     """The core answered with something else. Nothing more comes."""
 
     answer: Answer
 
 
-@dataclass(frozen=True, slots=True)
-class Broken:
+class Broken(msgspec.Struct, frozen=True):
     """What came is no answer. Nothing more comes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
+class Told(msgspec.Struct, frozen=True):
     """The core said something."""
 
     message: Message
 
 
-@dataclass(frozen=True, slots=True)
-class Closed:
+class Closed(msgspec.Struct, frozen=True):
     """The core said that the socket is over. Nothing more comes."""
 
     code: int
 
 
-@dataclass(frozen=True, slots=True)
-class Lost:
+class Lost(msgspec.Struct, frozen=True):
     """The connection is gone. Nothing more comes."""
 
 
-@dataclass(frozen=True, slots=True)
-class NotTaken:
+class NotTaken(msgspec.Struct, frozen=True):
     """There never was a connection. Nothing more comes."""
 
 

@@ -7,9 +7,10 @@ request it concerns. Everything runs in one thread, and nothing here waits.
 import asyncio
 from collections import Counter as Tally
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import assert_never
+
+from msgspec import structs
 
 from hardcore.crisis.admin import AdminDoor
 from hardcore.crisis.counter import Counter
@@ -265,4 +266,4 @@ def _read_key(exchange: Exchange) -> None:
     if head.navigation and not head.safe and head.key is None and exchange.whole and not exchange.streamed:
         form = form_in(head, b"".join(exchange.body), "/")
         if form is not None:
-            exchange.head = replace(head, key=form.key.encode("ascii"))
+            exchange.head = structs.replace(head, key=form.key.encode("ascii"))

@@ -8,9 +8,11 @@ are for this machine alone: a reverse proxy that publishes a ledger must not pub
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from http import HTTPStatus
 from typing import Any, Final
+
+import msgspec
+from msgspec import structs
 
 from hardcore import __version__
 from hardcore.crisis import metrics, pages
@@ -34,8 +36,7 @@ _AGAIN: Final = (b"Retry-After", b"1")
 _OF_A_PROOF: Final[Mapping[bool | None, str]] = {None: "warn", True: "pass", False: "fail"}
 
 
-@dataclass(frozen=True, slots=True)
-class Traffic:
+class Traffic(msgspec.Struct, frozen=True):
     """What goes on in this gateway at a moment; `settled`: requests that met an outage so far, by outcome."""
 
     held: int
@@ -230,7 +231,7 @@ def _only_reads(head: RequestHead) -> pages.Answer:
     """The refusal of what would change something; it names the methods of a door, and not those of the ledger."""
     answer = pages.problem(Problem.METHOD_NOT_ALLOWED, head.accept_language)
     headers = tuple(_ALLOW if name == b"Allow" else (name, value) for name, value in answer.head.headers)
-    return replace(answer, head=replace(answer.head, headers=headers))
+    return structs.replace(answer, head=structs.replace(answer.head, headers=headers))
 
 
 def _some(told: object, *names: str) -> dict[str, Any]:

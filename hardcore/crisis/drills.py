@@ -6,7 +6,8 @@ question goes over a connection of its own, because the feed's is for facts and 
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
+
+import msgspec
 
 from hardcore.control.protocol import DRILLS, BadRequest, read_object, write_line
 from hardcore.crisis.routing import DRILL_PREFIX
@@ -20,22 +21,19 @@ ANSWER_S = 5.0
 _FAULTS = {fault.encode(): fault for fault in DRILLS if fault not in {"poison", "leak", "stall"}}
 
 
-@dataclass(frozen=True, slots=True)
-class Begun:
+class Begun(msgspec.Struct, frozen=True):
     """The core is being broken."""
 
     fault: str
 
 
-@dataclass(frozen=True, slots=True)
-class Declined:
+class Declined(msgspec.Struct, frozen=True):
     """The sentinel will not, and the code it gives."""
 
     code: str
 
 
-@dataclass(frozen=True, slots=True)
-class Unheard:
+class Unheard(msgspec.Struct, frozen=True):
     """No sentinel answered."""
 
 

@@ -9,8 +9,9 @@ promise itself can be judged. Means and interpolated percentiles were tried: the
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 #: Outages that are remembered of each way; older ones say little about this machine.
 SAMPLES_MAX = 50
@@ -29,16 +30,14 @@ class Way(StrEnum):
     SPARE = "spare"  # it stood ready and took over
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
+class Told(msgspec.Struct, frozen=True):
     """A range as people are told it, in whole seconds."""
 
     low_s: int
     high_s: int
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(msgspec.Struct, frozen=True):
     """One outage that is over: how long it was, and how long it had lasted when each stage was reached.
 
     `reached_ms` has one number for each stage, 1 to 4; a stage that was passed over has that of the next. `told` is
@@ -56,8 +55,7 @@ class Sample:
         return self.told is not None and self.total_ms <= self.told.high_s * 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Score:
+class Score(msgspec.Struct, frozen=True):
     """How good the promises were: outages remembered, those of them with a promise, those that kept it."""
 
     samples: int
@@ -65,8 +63,7 @@ class Score:
     within: int
 
 
-@dataclass(frozen=True, slots=True)
-class Range:
+class Range(msgspec.Struct, frozen=True):
     """What an outage usually lasts, from its begin: at the middle, and at most nine times in ten."""
 
     low_ms: int

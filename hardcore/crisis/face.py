@@ -9,8 +9,10 @@ feed's fields on as they come was not chosen: stage and begin are of the phase t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from enum import StrEnum
+
+import msgspec
+from msgspec import structs
 
 from hardcore.crisis.estimate import Sample, Told, Way, estimate, in_seconds, narrowed, of_way, sample
 from hardcore.crisis.standing import Standing, posture
@@ -36,8 +38,7 @@ class Text(StrEnum):
     OFF = "OFF"
 
 
-@dataclass(frozen=True, slots=True)
-class Pace:
+class Pace(msgspec.Struct, frozen=True):
     """When time alone changes what is told.
 
     A wait counts as long without a promise after `longer_than_ms`, with one never before `floor_ms`; nobody is
@@ -49,8 +50,7 @@ class Pace:
     doubt_ms: int
 
 
-@dataclass(frozen=True, slots=True)
-class Outage:
+class Outage(msgspec.Struct, frozen=True):
     """One time without a core. Times are monotonic nanoseconds.
 
     `epoch`: the core that served before it, None if this gateway saw none; `reached`: when each stage was first
@@ -77,8 +77,7 @@ class Outage:
         return self.reached[-1][0]
 
 
-@dataclass(frozen=True, slots=True)
-class Shown:
+class Shown(msgspec.Struct, frozen=True):
     """One moment of an outage as a page is told it; `text` None: the ledger is being served."""
 
     state: str
@@ -110,13 +109,13 @@ def follow(
         served = before.serving.epoch if before.serving and posture(before) is Face.FORWARD else None
         outage = Outage(now_ns, served, (), measured=served is not None)
     if known.unanswered:
-        outage = replace(outage, sure=True)
+        outage = structs.replace(outage, sure=True)
     if known.phase and known.face is not Face.FORWARD:
         # The guard knows better than we when it began; a doubt of our own may have been earlier still.
         began_ns = min(outage.began_ns, known.since_ns or now_ns)
         plain = outage.plain and known.face is Face.HOLD
         measured = outage.measured or known.incident is not None
-        outage = replace(
+        outage = structs.replace(
             outage,
             began_ns=began_ns,
             planned=known.planned,
@@ -137,7 +136,7 @@ def _reach(outage: Outage, stage: int, samples: Sequence[Sample], now_ns: int) -
     promise = estimate(alike, stage, _elapsed_ms(outage, now_ns))
     told = narrowed(outage.told, in_seconds(promise) if promise is not None else None)
     reached = (*outage.reached, (stage, now_ns))
-    return replace(outage, reached=reached, told=told, of=len(alike))
+    return structs.replace(outage, reached=reached, told=told, of=len(alike))
 
 
 def is_sure(outage: Outage, pace: Pace, now_ns: int) -> bool:

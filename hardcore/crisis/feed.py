@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
 
+import msgspec
+
 from hardcore.model.phases import Face
 
 #: The longest line either side may say. Suspects come in as many lines as they need, and add up.
@@ -24,8 +26,7 @@ PATH_CHARS_MAX = 200
 _DIAGNOSIS = re.compile(r"[A-Z_]{1,40}")
 
 
-@dataclass(frozen=True, slots=True)
-class PhaseHeard:
+class PhaseHeard(msgspec.Struct, frozen=True):
     """Where the guarded process is, and what that means to a request."""
 
     generation: int
@@ -39,8 +40,7 @@ class PhaseHeard:
     safe: str | None = None  # the diagnosis because of which the core serves reads only
 
 
-@dataclass(frozen=True, slots=True)
-class ServingHeard:
+class ServingHeard(msgspec.Struct, frozen=True):
     """Where the serving core listens."""
 
     generation: int
@@ -48,8 +48,7 @@ class ServingHeard:
     epoch: int
 
 
-@dataclass(frozen=True, slots=True)
-class SuspectsHeard:
+class SuspectsHeard(msgspec.Struct, frozen=True):
     """Names that may only be looked up until their verdict. `account_ids`: what they would have touched."""
 
     generation: int
@@ -71,8 +70,7 @@ class Verdict(StrEnum):
         return self in {Verdict.CLEARED, Verdict.DROPPED}
 
 
-@dataclass(frozen=True, slots=True)
-class VerdictHeard:
+class VerdictHeard(msgspec.Struct, frozen=True):
     """A suspect is one no longer. `letter`: the number under which it is set aside."""
 
     generation: int
@@ -82,16 +80,14 @@ class VerdictHeard:
     reason: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class QuarantineHeard:
+class QuarantineHeard(msgspec.Struct, frozen=True):
     """There are other rules than before."""
 
     generation: int
     serial: int
 
 
-@dataclass(frozen=True, slots=True)
-class ReleaseHeard:
+class ReleaseHeard(msgspec.Struct, frozen=True):
     """Held and unanswered requests go on."""
 
     generation: int
@@ -99,8 +95,7 @@ class ReleaseHeard:
     incident: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class VerifiedHeard:
+class VerifiedHeard(msgspec.Struct, frozen=True):
     """The whole ledger was proven behind the serving of `epoch`, or was found not to be whole."""
 
     generation: int
@@ -108,8 +103,7 @@ class VerifiedHeard:
     ok: bool
 
 
-@dataclass(frozen=True, slots=True)
-class AlertedHeard:
+class AlertedHeard(msgspec.Struct, frozen=True):
     """Whether whoever runs the server was told of an incident: when the first message arrived, or that none did."""
 
     generation: int
@@ -118,8 +112,7 @@ class AlertedHeard:
     failed: bool
 
 
-@dataclass(frozen=True, slots=True)
-class StandingHeard:
+class StandingHeard(msgspec.Struct, frozen=True):
     """How everything stands: what `hardcore status --json` says, and what was counted. Only the doors read it."""
 
     generation: int
@@ -127,8 +120,7 @@ class StandingHeard:
     counters: Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Unreadable:
+class Unreadable(msgspec.Struct, frozen=True):
     """A line that is none of the above, and why."""
 
     why: str
@@ -318,8 +310,7 @@ def stats_line(*, held: int, connections: int, websockets: int, forwarded: int) 
     return _line({"type": "stats", **counts})
 
 
-@dataclass(frozen=True, slots=True)
-class Settled:
+class Settled(msgspec.Struct, frozen=True):
     """What became of one request that met an outage. `outcome` is a word of the wire."""
 
     method: str

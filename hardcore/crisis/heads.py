@@ -10,7 +10,10 @@ import binascii
 import hashlib
 import re
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+import msgspec
+from msgspec import structs
 
 from hardcore.crisis.problems import Problem
 
@@ -65,16 +68,14 @@ _COMMIT = re.compile(rb"([0-9]{1,18}):([0-9a-f]{64})")
 _TONGUES = frozenset({b"ko", b"en"})
 
 
-@dataclass(frozen=True, slots=True)
-class Handshake:
+class Handshake(msgspec.Struct, frozen=True):
     """What a client says that asks for a WebSocket: its key, and the subprotocols it would speak."""
 
     key: str
     protocols: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class RequestHead:
+class RequestHead(msgspec.Struct, frozen=True):
     """A request's head after judgement. `headers` are those that go on to the core, host not among them.
 
     `content_length` is None for a chunked body and 0 for none; `key` is the idempotency key, None if the
@@ -292,7 +293,7 @@ def with_target(head: RequestHead, target: bytes) -> RequestHead | None:
         return head
     if head.handshake is not None or not target.startswith(b"/"):
         return None
-    return replace(head, target=target, path=target.split(b"?", 1)[0])
+    return structs.replace(head, target=target, path=target.split(b"?", 1)[0])
 
 
 def _handshake(method: str, target: bytes, version: str, facts: _Facts) -> Handshake | Problem:
@@ -370,16 +371,14 @@ def request_bytes(head: RequestHead, *, length: int | None, own: Sequence[Header
     return b"".join(parts)
 
 
-@dataclass(frozen=True, slots=True)
-class Commit:
+class Commit(msgspec.Struct, frozen=True):
     """A commit that an answer stands for: its sequence, and the event's hash in hex."""
 
     seq: int
     hash: str
 
 
-@dataclass(frozen=True, slots=True)
-class AnswerHead:
+class AnswerHead(msgspec.Struct, frozen=True):
     """An answer's head. `headers` go on to the client; `length` None: not known (chunked).
 
     `epoch` is the core that answered, None if the answer does not say; `draining`: the core says that it

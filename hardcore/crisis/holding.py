@@ -24,6 +24,8 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import assert_never
 
+import msgspec
+
 from hardcore.crisis.feed import Verdict
 from hardcore.crisis.problems import Problem
 from hardcore.settings import Limits
@@ -249,8 +251,7 @@ WAITING = frozenset({Life.HELD, Life.LOST, Life.ASKED, Life.ON_TRIAL})
 OVER = frozenset({Life.ANSWERED, Life.GONE})
 
 
-@dataclass(frozen=True, slots=True)
-class Plea:
+class Plea(msgspec.Struct, frozen=True):
     """What decides about a request whose core is gone. `sends` counts how often a core was given it."""
 
     safe: bool

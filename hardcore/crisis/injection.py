@@ -9,7 +9,8 @@ suffix would save nothing here, since a ledger's pages are new each time.
 """
 
 import re
-from dataclasses import replace
+
+from msgspec import structs
 
 from hardcore.crisis.heads import AnswerHead, Header, RequestHead, browser_of
 
@@ -74,4 +75,4 @@ def fitted(
     if added:
         headers = [(name, value) for name, value in headers if name.lower() not in _OF_THE_OLD_BYTES]
     length = None if answer.length is None else answer.length + added
-    return replace(answer, headers=tuple(headers), length=length), changed
+    return structs.replace(answer, headers=tuple(headers), length=length), changed

@@ -11,8 +11,9 @@ import asyncio
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from email.utils import formatdate
+
+from msgspec import structs
 
 from hardcore.crisis import face
 from hardcore.crisis.browser_socket import BrowserSocket
@@ -183,7 +184,7 @@ class Live:
 
     def _tell_state(self, *, beat: bool) -> None:
         shown = self._show()
-        lasting = replace(shown, elapsed_ms=0)
+        lasting = structs.replace(shown, elapsed_ms=0)
         # What a new gateway has not heard yet is no news: neither that a core serves nor that none does.
         known = self._shown is not None or self._outage is None or shown.text is not None
         news = known and (beat or lasting != self._shown)

@@ -8,6 +8,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import msgspec
 from websockets.frames import Frame, Opcode
 from websockets.protocol import Event
 
@@ -18,8 +19,7 @@ SILENT.setLevel(logging.CRITICAL + 1)
 PING = Frame(Opcode.PING, b"").serialize(mask=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(msgspec.Struct, frozen=True):
     """A whole message. `text` or bytes."""
 
     text: bool

@@ -7,9 +7,10 @@ client library was not chosen: it keeps counts of its own process, and these are
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Final
+
+import msgspec
 
 from hardcore.model.phases import HAState
 
@@ -33,8 +34,7 @@ class Kind(StrEnum):
     INFO = "info"
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(msgspec.Struct, frozen=True):
     """One line: what is added to the family's name, its labels, its value."""
 
     value: float
@@ -42,8 +42,7 @@ class Sample:
     suffix: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Family:
+class Family(msgspec.Struct, frozen=True):
     """Everything of one name. `name` is without the prefix, and a counter's without `_total`."""
 
     name: str
@@ -53,8 +52,7 @@ class Family:
     unit: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(msgspec.Struct, frozen=True):
     """What the gateway knows now. `status` and `counters` are the guard's last word; empty where it is too old.
 
     `up`: requests go to a core. `silence_s`: since when the guard said nothing; None: it was never heard.
@@ -68,9 +66,9 @@ class Moment:
     held: int
     websockets: int
     connections: int
-    settled: Mapping[str, int] = field(default_factory=dict)
-    status: Mapping[str, Any] = field(default_factory=dict)
-    counters: Mapping[str, Any] = field(default_factory=dict)
+    settled: Mapping[str, int] = msgspec.field(default_factory=dict)
+    status: Mapping[str, Any] = msgspec.field(default_factory=dict)
+    counters: Mapping[str, Any] = msgspec.field(default_factory=dict)
 
 
 def text(moment: Moment, *, openmetrics: bool) -> bytes:

@@ -9,7 +9,8 @@ requests themselves are not known here; the desk is told that something changed.
 import asyncio
 import logging
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+
+import msgspec
 
 from hardcore.crisis import standing as know
 from hardcore.crisis.feed import Heard, ReleaseHeard, Teller, holding_line, served_line
@@ -74,8 +75,7 @@ class Errand:
         """A question has no body to slow down."""
 
 
-@dataclass(frozen=True, slots=True)
-class Ties:
+class Ties(msgspec.Struct, frozen=True):
     """What the outlook calls: `changed` when requests may move, `teller` with a line for the sentinel."""
 
     changed: Callable[[], None]

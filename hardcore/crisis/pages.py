@@ -9,11 +9,12 @@ import html
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from email.utils import formatdate
 from http import HTTPStatus
 from typing import Final, assert_never
 from urllib.parse import urlsplit
+
+import msgspec
 
 from frontend.catalogue_gateway import DOUBTFUL, NUMBER, PROBLEMS
 from frontend.render import language
@@ -24,8 +25,7 @@ from hardcore.crisis.receipts_form import KeptForm, hidden_fields
 from hardcore.crisis.shelf import FIELDS_MARK, HTML, Sheet
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(msgspec.Struct, frozen=True):
     """A whole answer: head and body."""
 
     head: AnswerHead

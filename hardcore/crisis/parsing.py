@@ -10,10 +10,10 @@ compared, because that would be a second parser.
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import Protocol
 
 import httptools
+import msgspec
 
 from hardcore.crisis.heads import Header, RequestHead, read_request, with_target
 from hardcore.crisis.problems import Problem
@@ -39,8 +39,7 @@ class Listener(Protocol):
         """The body is at its end."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Judged:
+class _Judged(msgspec.Struct, frozen=True):
     """The last head of a connection, and what it was judged from."""
 
     method: bytes

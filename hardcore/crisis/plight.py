@@ -5,9 +5,10 @@ request itself. The plight is read from the posture and never from the problem, 
 (`outcome-unknown`) is told in the middle of an outage, after it, and when everything is being stopped.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import assert_never
+
+import msgspec
 
 from hardcore.crisis.problems import Outcome, Problem
 from hardcore.model.phases import Face
@@ -36,8 +37,7 @@ class Asked(StrEnum):
 KEPT = frozenset({Asked.KEEPABLE, Asked.DOUBTFUL})
 
 
-@dataclass(frozen=True, slots=True)
-class Cover:
+class Cover(msgspec.Struct, frozen=True):
     """Names one recovery page."""
 
     plight: Plight

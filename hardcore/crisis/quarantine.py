@@ -10,8 +10,9 @@ import datetime as dt
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final
+
+import msgspec
 
 #: Bytes of the file that are looked at; a longer one is none of the guard's.
 FILE_BYTES_MAX: Final = 8 << 20
@@ -23,27 +24,24 @@ _DIGEST: Final = re.compile(r"[0-9a-f]{64}")
 _SOURCE_CHARACTERS_MAX: Final = 200
 
 
-@dataclass(frozen=True, slots=True)
-class Rules:
+class Rules(msgspec.Struct, frozen=True):
     """All that is in force. `names` and `digests` lead to the letter they are set aside under; `sources` to the
     wall time (seconds) until which they are stopped.
     """
 
     serial: int = 0
-    names: Mapping[str, str] = field(default_factory=dict)
-    digests: Mapping[str, str] = field(default_factory=dict)
-    sources: Mapping[str, float] = field(default_factory=dict)
+    names: Mapping[str, str] = msgspec.field(default_factory=dict)
+    digests: Mapping[str, str] = msgspec.field(default_factory=dict)
+    sources: Mapping[str, float] = msgspec.field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class SetAside:
+class SetAside(msgspec.Struct, frozen=True):
     """It is refused under this letter; empty if nobody said its number."""
 
     letter: str
 
 
-@dataclass(frozen=True, slots=True)
-class Stopped:
+class Stopped(msgspec.Struct, frozen=True):
     """Whoever sends it may change nothing for so many seconds."""
 
     for_s: int

@@ -9,9 +9,11 @@ whenever a core comes was not chosen: after a quarter of an hour the world has m
 import json
 from collections import Counter
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
 from enum import Enum, StrEnum, auto
 from typing import assert_never
+
+import msgspec
+from msgspec import structs
 
 from hardcore.settings import Limits
 
@@ -46,8 +48,7 @@ class Outcome(StrEnum):
 OPEN = frozenset({Outcome.WAITING, Outcome.ASK, Outcome.SET_ASIDE})
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(msgspec.Struct, frozen=True):
     """A time as three clocks tell it: `awake_ns` (monotonic) means something within one `boot` only."""
 
     boot: str
@@ -55,8 +56,7 @@ class Moment:
     wall_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class Wish:
+class Wish(msgspec.Struct, frozen=True):
     """The request that is promised, without its body. `digest` names it in a look-up, in hex; `key_hash` is how a
     suspect is named; `browser` is the cookie of whoever was promised it; `back` is the page to lead back to.
     `size_bytes` counts all that is kept of it.
@@ -79,8 +79,7 @@ class Wish:
         return any(n.lower() == b"content-type" and v.lower().startswith(_FORM) for n, v in self.headers)
 
 
-@dataclass(frozen=True, slots=True)
-class Receipt:
+class Receipt(msgspec.Struct, frozen=True):
     """One promise. `number` is its place in the order; `since` is where its age begins; `changed` is the moment
     of its last outcome; `answer` is the ledger's own, as far as it was one in JSON. `sent_epoch` is the last core
     that was, or may have been, given it; 0: none was.
@@ -137,8 +136,7 @@ class Turn(Enum):
     TRY = auto()  # it is a suspect: it waits for its verdict
 
 
-@dataclass(frozen=True, slots=True)
-class Settled:
+class Settled(msgspec.Struct, frozen=True):
     """An outcome that is a fact."""
 
     outcome: Outcome
@@ -146,8 +144,7 @@ class Settled:
     answer: object = None
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(msgspec.Struct, frozen=True):
     """What decides after a look-up that found nothing. `sendable`: the core is not running it; `weary`: it was sent
     and answered, and no answer settled it; `aside`: its trial has set it aside; `dropped`: nobody could try it.
     """
@@ -273,9 +270,11 @@ def after_word(receipt: Receipt, word: Word, now: Moment) -> Receipt | None:
     """The receipt as it is then; None where the word does not fit, or where the ledger has to be asked first."""
     match word:
         case Word.RUN if receipt.outcome is Outcome.ASK:
-            return replace(receipt, outcome=Outcome.WAITING, status=None, answer=None, since=now, changed=now)
+            return structs.replace(
+                receipt, outcome=Outcome.WAITING, status=None, answer=None, since=now, changed=now
+            )
         case Word.SEEN if not receipt.open:
-            return replace(receipt, seen=True)
+            return structs.replace(receipt, seen=True)
         case _:
             return None
 
@@ -283,8 +282,8 @@ def after_word(receipt: Receipt, word: Word, now: Moment) -> Receipt | None:
 def settle(receipt: Receipt, fact: Settled, now: Moment) -> Receipt:
     """The receipt with the outcome that is a fact now. What was only needed to send it is let go of."""
     assert receipt.open, "what is settled stays as it is"
-    wish = replace(receipt.wish, headers=())
-    return replace(
+    wish = structs.replace(receipt.wish, headers=())
+    return structs.replace(
         receipt, wish=wish, outcome=fact.outcome, status=fact.status, answer=fact.answer, changed=now
     )
 
@@ -292,7 +291,7 @@ def settle(receipt: Receipt, fact: Settled, now: Moment) -> Receipt:
 def set_aside(receipt: Receipt, letter: str, now: Moment) -> Receipt:
     """The receipt of a wish that its trial has set aside: with what whoever waits for an answer is told."""
     answer = {"type": "/problems/set-aside", "status": 422, "outcome": "not_done", "letter": letter}
-    return replace(receipt, outcome=Outcome.SET_ASIDE, status=422, answer=answer, changed=now)
+    return structs.replace(receipt, outcome=Outcome.SET_ASIDE, status=422, answer=answer, changed=now)
 
 
 def letter_of(receipt: Receipt) -> str | None:

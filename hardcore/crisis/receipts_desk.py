@@ -9,11 +9,12 @@ one. If the file is none of ours, nothing is promised and the rest of the gatewa
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import assert_never
 from urllib.parse import unquote_to_bytes
+
+from msgspec import structs
 
 from hardcore.crisis import pages, receipts_pages
 from hardcore.crisis.dock import Dock
@@ -448,7 +449,7 @@ def _elsewhere(receipt: Receipt, head: RequestHead) -> pages.Answer:
     """The answer to a copy of what was promised, where no promise was asked for: nobody knows yet, here is its receipt."""
     answer = _refusal(Problem.OUTCOME_UNKNOWN, head, Said.UNKNOWN)
     place = (b"Location", receipts_pages.address(receipt.wish.key).encode())
-    return pages.Answer(replace(answer.head, headers=(*answer.head.headers, place)), answer.body)
+    return pages.Answer(structs.replace(answer.head, headers=(*answer.head.headers, place)), answer.body)
 
 
 def _kept_answer(kept: Kept, key: str, head: RequestHead) -> pages.Answer:

@@ -11,9 +11,10 @@ import hashlib
 import html
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
 from urllib.parse import parse_qsl, urlencode
+
+import msgspec
 
 from hardcore.crisis.heads import KEY_BYTES_MAX, Header, RequestDigest, RequestHead
 from hardcore.crisis.receipts import Wish
@@ -34,8 +35,7 @@ _NEVER_KEPT: Final = frozenset({b"accept-language", b"authorization", b"cookie",
 _KEPT_FIELDS: Final = ("key", "path", "type", "body", "from")
 
 
-@dataclass(frozen=True, slots=True)
-class KeptForm:
+class KeptForm(msgspec.Struct, frozen=True):
     """A form's wish. `path` is as it was posted to, with its query; `back` is the page of ours that it came from."""
 
     key: str

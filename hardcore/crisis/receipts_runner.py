@@ -11,10 +11,13 @@ requests was not chosen: they have no client, no hold, and more than one life.
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import assert_never
 from urllib.parse import quote
+
+import msgspec
+from msgspec import structs
 
 from hardcore.crisis.dock import Dock
 from hardcore.crisis.heads import AnswerHead
@@ -52,8 +55,7 @@ from hardcore.model.phases import Face
 _LOG = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, slots=True)
-class _Said:
+class _Said(msgspec.Struct, frozen=True):
     """A core's answer to a question of ours. `committed`: it names a commit."""
 
     status: int
@@ -285,7 +287,7 @@ class Runner:
         if body is None:
             _LOG.error("the body of a receipt could not be read; it waits")
             return
-        claimed = replace(receipt, sent_epoch=pool.epoch)
+        claimed = structs.replace(receipt, sent_epoch=pool.epoch)
         failure = await self._file.change(claimed, {Outcome.WAITING})
         if failure is not None:
             if failure is Clash.OVERTAKEN:
@@ -337,9 +339,9 @@ class Runner:
         return settled
 
     def _asked(self, receipt: Receipt, turned: _Said | None) -> Receipt:
-        asked = replace(receipt, outcome=Outcome.ASK, changed=self._now())
+        asked = structs.replace(receipt, outcome=Outcome.ASK, changed=self._now())
         if turned is not None:
-            asked = replace(asked, status=turned.status, answer=value_in(turned.body))
+            asked = structs.replace(asked, status=turned.status, answer=value_in(turned.body))
         return asked
 
     async def _put_to_a_person(self, asked: Receipt) -> None:

@@ -16,10 +16,11 @@ import os
 import sqlite3
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from enum import Enum, auto
 from pathlib import Path
 from typing import Any, Final, TypeVar
+
+from msgspec import structs
 
 from hardcore.crisis.receipts import Moment, Outcome, Receipt, Wish
 
@@ -280,7 +281,7 @@ def _insert(connection: sqlite3.Connection, receipt: Receipt, body: bytes) -> Re
     statement = f"INSERT INTO receipts ({names}) VALUES ({places})"  # noqa: S608 - names are ours
     number = _in_one(connection, lambda: connection.execute(statement, fields).lastrowid)
     assert number is not None
-    return replace(receipt, number=number)
+    return structs.replace(receipt, number=number)
 
 
 def _update(connection: sqlite3.Connection, receipt: Receipt, over: Collection[Outcome]) -> Clash | None:

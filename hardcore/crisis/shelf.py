@@ -9,9 +9,11 @@ compressed form is kept: nearly every browser takes it, and for the rest a page 
 import gzip
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Final, get_args
+
+import msgspec
+from msgspec import structs
 
 from frontend.render import Language, language
 from hardcore.crisis.plight import Asked, Cover, Plight
@@ -35,8 +37,7 @@ _DEMO_POLICY = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Sheet:
+class Sheet(msgspec.Struct, frozen=True):
     """One text as it is kept. `tag` names its content; `policy` is its Content-Security-Policy, if it is a page."""
 
     zipped: bytes
@@ -50,16 +51,15 @@ class Sheet:
         return gzip.decompress(self.zipped)
 
 
-@dataclass(frozen=True, slots=True)
-class Shelf:
+class Shelf(msgspec.Struct, frozen=True):
     """All sheets: files by path, recovery pages by language and cover, receipts' pages by language and outcome, the
     demo's page by language.
     """
 
-    files: Mapping[bytes, Sheet] = field(default_factory=dict)
-    covers: Mapping[tuple[str, Cover], Sheet] = field(default_factory=dict)
-    receipts: Mapping[tuple[str, str], Sheet] = field(default_factory=dict)
-    demo: Mapping[str, Sheet] = field(default_factory=dict)
+    files: Mapping[bytes, Sheet] = msgspec.field(default_factory=dict)
+    covers: Mapping[tuple[str, Cover], Sheet] = msgspec.field(default_factory=dict)
+    receipts: Mapping[tuple[str, str], Sheet] = msgspec.field(default_factory=dict)
+    demo: Mapping[str, Sheet] = msgspec.field(default_factory=dict)
 
     def cover(self, told: Cover, accept_language: str) -> Sheet | None:
         """The recovery page that says so to this reader; None if none was rendered."""
@@ -106,7 +106,7 @@ def _with_demo(shelf: Shelf) -> Shelf:
 
     files = {path.encode(): _sheet(body, kind.encode()) for path, (body, kind) in paper.demo_files().items()}
     pages: dict[str, Sheet] = {lang: _sheet(paper.demo_page(lang), HTML, _DEMO_POLICY) for lang in _LANGUAGES}
-    return replace(shelf, files={**shelf.files, **files}, demo=pages)
+    return structs.replace(shelf, files={**shelf.files, **files}, demo=pages)
 
 
 def _policy(script_hash: str, style_hash: str) -> str:

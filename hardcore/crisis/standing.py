@@ -8,8 +8,10 @@ kernel still accepts): the gateway asks only to end a doubt of its own.
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
 from typing import assert_never
+
+import msgspec
+from msgspec import structs
 
 from hardcore.crisis.feed import (
     AlertedHeard,
@@ -34,16 +36,14 @@ ACCOUNTS_MAX = 4096
 _READY = frozenset({HAState.OPERATIONAL, HAState.DEGRADED, HAState.SAFE_MODE})
 
 
-@dataclass(frozen=True, slots=True)
-class Serving:
+class Serving(msgspec.Struct, frozen=True):
     """Where the serving core listens, and its epoch."""
 
     socket: str
     epoch: int
 
 
-@dataclass(frozen=True, slots=True)
-class Standing:
+class Standing(msgspec.Struct, frozen=True):
     """Everything the gateway knows about the guarded process.
 
     `suspects`: those that are open, by their names; `account_ids`: what they would have touched.
@@ -77,13 +77,13 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
     """Fold a message in; None if it comes from an older sentinel and must not count."""
     if message.generation < standing.generation:
         return None
-    known = replace(standing, generation=message.generation, heard_ns=now_ns)
+    known = structs.replace(standing, generation=message.generation, heard_ns=now_ns)
     match message:
         case PhaseHeard(face=face, incident=incident):
             # Whoever stops forwarding takes his release back: the next one may be of another core.
             released = known.released if face is Face.FORWARD else None
             named = incident or (known.incident if face is not Face.FORWARD else None)
-            return replace(
+            return structs.replace(
                 known,
                 phase=message.phase,
                 state=message.state,
@@ -99,11 +99,13 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
             serving = Serving(socket, epoch)
             if serving == known.serving:
                 return known
-            return replace(known, serving=serving, released=None, doubted=False, unanswered=False, sound=None)
+            return structs.replace(
+                known, serving=serving, released=None, doubted=False, unanswered=False, sound=None
+            )
         case SuspectsHeard(keys=keys, account_ids=account_ids):
             merged = dict.fromkeys((*known.suspects, *keys))
             accounts = dict.fromkeys((*known.account_ids, *account_ids))
-            return replace(
+            return structs.replace(
                 known,
                 suspects=tuple(merged)[-SUSPECTS_MAX:],
                 account_ids=tuple(accounts)[-ACCOUNTS_MAX:],
@@ -111,14 +113,14 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
         case VerdictHeard(name=name):
             return unsuspected(known, (name,))
         case AlertedHeard():
-            return replace(known, alerted=message)
+            return structs.replace(known, alerted=message)
         case QuarantineHeard() | StandingHeard():
             return known
         case ReleaseHeard(epoch=epoch, incident=incident):
             named = incident or known.incident
-            return replace(known, released=epoch, incident=named, doubted=False, unanswered=False)
+            return structs.replace(known, released=epoch, incident=named, doubted=False, unanswered=False)
         case VerifiedHeard(epoch=epoch, ok=ok):
-            return replace(known, sound=ok) if _serves(known, epoch) else known
+            return structs.replace(known, sound=ok) if _serves(known, epoch) else known
         case _:
             assert_never(message)
 
@@ -126,7 +128,7 @@ def hear(standing: Standing, message: Heard, now_ns: int) -> Standing | None:
 def unsuspected(standing: Standing, names: Collection[str]) -> Standing:
     """These are suspects no longer. With the last of them goes what was known of their accounts."""
     left = tuple(one for one in standing.suspects if one not in names)
-    return replace(standing, suspects=left, account_ids=standing.account_ids if left else ())
+    return structs.replace(standing, suspects=left, account_ids=standing.account_ids if left else ())
 
 
 def _serves(standing: Standing, epoch: int) -> bool:
@@ -135,22 +137,22 @@ def _serves(standing: Standing, epoch: int) -> bool:
 
 def doubt(standing: Standing) -> Standing:
     """The core hung up on a request or refused us: hold, whatever the feed says, until somebody knows."""
-    return replace(standing, doubted=True)
+    return structs.replace(standing, doubted=True)
 
 
 def trust(standing: Standing) -> Standing:
     """The core answered: the doubt is over."""
-    return replace(standing, doubted=False, unanswered=False)
+    return structs.replace(standing, doubted=False, unanswered=False)
 
 
 def confirm(standing: Standing) -> Standing:
     """The core was asked and did not answer well: a doubt is more than a doubt now."""
-    return replace(standing, unanswered=standing.doubted)
+    return structs.replace(standing, unanswered=standing.doubted)
 
 
 def leaving(standing: Standing) -> Standing:
     """The core says that it is leaving: nothing goes to it any more, unless it is released again."""
-    return replace(standing, released=None)
+    return structs.replace(standing, released=None)
 
 
 def posture(standing: Standing) -> Face:

@@ -6,7 +6,7 @@ done" can't be said of one that a core has had. Making the answers where request
 said must be readable in one place.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.crisis import pages
 from hardcore.crisis.exchange import Exchange
@@ -18,8 +18,7 @@ from hardcore.crisis.receipts_form import KeptForm
 from hardcore.crisis.shelf import Shelf
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
+class Told(msgspec.Struct, frozen=True):
     """`word`: what is written of it in the list of an outage, where that is not its outcome; `offers`: if it is a form,
     the gateway would keep it, and look it up first (one that is not done it would keep in any case).
     """

@@ -1,7 +1,8 @@
 """What stands in the line of one client's connection, and what the connection waits for meanwhile."""
 
-from dataclasses import dataclass
 from enum import Enum, auto
+
+import msgspec
 
 from hardcore.crisis import pages
 from hardcore.crisis.heads import AnswerHead, RequestHead, answer_bytes
@@ -19,8 +20,7 @@ class Mode(Enum):
     LEAVING = auto()  # our last bytes to go out, and (after an early answer) the client to have said all
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
+class Refused(msgspec.Struct, frozen=True):
     """A request refused by its head, answered in its turn; the connection ends with it."""
 
     problem: Problem

@@ -9,15 +9,15 @@ import asyncio
 import json
 import socket
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
+
+import msgspec
 
 ANSWER_BYTES_MAX = 4096
 WORDS_MAX = 200
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(msgspec.Struct, frozen=True):
     """What came of an order: empty `refused` if the core says that it did it, else why it did not or may not have.
 
     `heard`: it answered at all. `said`: its whole answer.
@@ -25,7 +25,7 @@ class Answer:
 
     refused: str
     heard: bool = False
-    said: Mapping[str, object] = field(default_factory=dict)
+    said: Mapping[str, object] = msgspec.field(default_factory=dict)
 
 
 class Told:

@@ -5,13 +5,14 @@ is the other. It is a new file each time, because writing over a block that is t
 of it runs as an errand: a dead network disk stops whoever asks it anything, and that it hangs is the finding.
 """
 
-import dataclasses
 import errno
 import os
 import sys
 import time
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
+from msgspec import structs
 
 from hardcore.host.errand import Errand
 from hardcore.model.looks import DiskFacts
@@ -26,8 +27,7 @@ SLOW_NS = 500_000_000
 PATIENCE_S = 0.2
 
 
-@dataclass(frozen=True, slots=True)
-class _Look:
+class _Look(msgspec.Struct, frozen=True):
     """One look. `write_ns` None: nothing was written this time. Where nobody tells the room, it is endless."""
 
     at_ns: int
@@ -64,7 +64,7 @@ class DiskWatch:
         pending_ns = self._errand.pending_ns(time.monotonic_ns())
         if pending_ns:
             facts = self._facts
-            return dataclasses.replace(facts, write_ns=None, pending_ns=pending_ns)
+            return structs.replace(facts, write_ns=None, pending_ns=pending_ns)
         return self._facts if self._errand.last is not None else None
 
     def _is_due(self, now_ns: int) -> bool:

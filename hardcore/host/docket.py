@@ -13,9 +13,10 @@ import stat
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from hardcore.model.trials import Ordeal, Tried
 
@@ -41,8 +42,7 @@ _DIGEST = re.compile(r"[0-9a-f]{64}")
 _NUMBER_MAX: Final = 2**63 - 1
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(msgspec.Struct, frozen=True):
     """One case as it was filed. `case`: what a docket has of it; `key`: the client's own, None if it sent none."""
 
     name: str
@@ -53,26 +53,23 @@ class Case:
     size_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class Unknown:
+class Unknown(msgspec.Struct, frozen=True):
     """There is no such case, or none that can be used; `why` is a sentence."""
 
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Said:
+class Said(msgspec.Struct, frozen=True):
     """A line of a court that is no verdict: how far it is. `over`: it has done its work."""
 
     over: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
+class Heard(msgspec.Struct, frozen=True):
     """A verdict of a court. `line`: as it said it, for the letter that may come of it."""
 
     tried: Tried
-    line: Mapping[str, Any] = field(default_factory=dict)
+    line: Mapping[str, Any] = msgspec.field(default_factory=dict)
 
 
 def is_name(text: object) -> bool:

@@ -10,8 +10,9 @@ import errno
 import hashlib
 import os
 import stat
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 SOCKET_PATH_BYTES_MAX = 107
 #: What a disk says that takes no writes at all, whatever room there is.
@@ -19,15 +20,13 @@ REFUSED = frozenset({errno.EROFS, errno.EIO})
 _LONGEST_NAME = "core-0123456789abcdef.sock"
 
 
-@dataclass(frozen=True, slots=True)
-class Unusable:
+class Unusable(msgspec.Struct, frozen=True):
     """Why a folder can't be used, as one sentence with the next step."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Folders:
+class Folders(msgspec.Struct, frozen=True):
     """The names of all files of one instance."""
 
     data: Path

@@ -18,8 +18,9 @@ import signal
 import socket
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.host import clock, files, processes
 from hardcore.host.folders import Folders
@@ -42,8 +43,7 @@ _COURT = "HARDCORE_COURT"
 _INVESTIGATOR = "HARDCORE_INVESTIGATOR"
 
 
-@dataclass(frozen=True, slots=True)
-class Leftovers:
+class Leftovers(msgspec.Struct, frozen=True):
     """What an earlier guard left behind: cores to be ended, its gateways, the page of its last core.
 
     `adoptable` is the core to go on with, which is not among the others, and `adoptable_page` its page as it was read.
@@ -64,8 +64,7 @@ class Leftovers:
         return max((event.at_ns for event in events if event.code == SERVES), default=None)
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
+class _Found(msgspec.Struct, frozen=True):
     """A core that was found, and whether it was started to read only."""
 
     life: Life

@@ -10,7 +10,8 @@ import ctypes
 import os
 import socket
 from contextlib import suppress
-from dataclasses import dataclass
+
+import msgspec
 
 from hardcore.host import leftovers
 from hardcore.host.folders import Folders
@@ -21,8 +22,7 @@ _CORES_WORD = "HARDCORE_LISTEN_FD="
 _GATEWAYS_WORD = "--listen-fd"
 
 
-@dataclass(frozen=True, slots=True)
-class Left:
+class Left(msgspec.Struct, frozen=True):
     """Who holds the listener, by number, and a duplicate of it if it could be taken; it is the caller's to close."""
 
     pids: tuple[int, ...]

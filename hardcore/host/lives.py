@@ -11,6 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
+
 from hardcore.host import clock, files, logs, memory, processes, vitals
 from hardcore.host.folders import Folders
 from hardcore.host.processes import Handle
@@ -232,8 +234,7 @@ def conceive(folders: Folders, number: int, nonce: str = "") -> Life:
     return Life(number, nonce, folders, PageReader(path, nonce))
 
 
-@dataclass(frozen=True, slots=True)
-class CoreLimits:
+class CoreLimits(msgspec.Struct, frozen=True):
     """What a core is told of the policy: how long a command may be decided, how much memory is its own, its checkpoints.
 
     `recovers_state`: whether a start goes by a checkpoint.
@@ -258,8 +259,7 @@ class CoreLimits:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
+class Terms(msgspec.Struct, frozen=True):
     """What a core is started for: on which epoch and which commits, to read only (`safe`: why), or as a spare.
 
     A spare is told the epoch and the commits when it is promoted, and not before.

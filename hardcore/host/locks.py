@@ -8,9 +8,10 @@ to `stat` than to the table; there a line counts only if its owner has our very 
 
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+
+import msgspec
 
 from hardcore.model.looks import LockHolder
 
@@ -30,8 +31,7 @@ _PENDING_BYTE, _RESERVED_BYTE = 0x40000000, 0x40000001
 _TABLE = Path("/proc/locks")
 
 
-@dataclass(frozen=True, slots=True)
-class FileLock:
+class FileLock(msgspec.Struct, frozen=True):
     """One line of the kernel's table. `pid` 0: the owner has no number here. `end` None: to the end of the file."""
 
     kind: str  # POSIX, OFDLCK, or FLOCK, which the other two don't see

@@ -8,8 +8,9 @@ chosen, because it raises MemoryError in the core, which is another death.
 
 import os
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 TEXT_BYTES_MAX = 64 << 10
 #: A confined core may grow by this: what it had before stays with the group it came from.
@@ -23,8 +24,7 @@ _PREFIX = "hardcore-core-"
 _NAMES_1 = ("limit_in_bytes", "usage_in_bytes", "total_inactive_file")
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
+class Group(msgspec.Struct, frozen=True):
     """A memory control group: its folder, and the version of its interface."""
 
     folder: Path
@@ -51,8 +51,7 @@ class Group:
         return max(0, limit - max(0, used - cached))
 
 
-@dataclass(frozen=True, slots=True)
-class OomCounter:
+class OomCounter(msgspec.Struct, frozen=True):
     """Where the kernel counts what it has killed, and how many that were at the beginning."""
 
     path: Path
@@ -139,8 +138,7 @@ def _found(group: Group) -> Group | None:
     return group if group.counter.exists() else None
 
 
-@dataclass(frozen=True, slots=True)
-class Confined:
+class Confined(msgspec.Struct, frozen=True):
     """A process is in a memory group of its own."""
 
     group: Group

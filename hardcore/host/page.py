@@ -9,8 +9,9 @@ being written down when the process died may be the one that killed it.
 
 import zlib
 from collections.abc import Collection
-from dataclasses import dataclass
 from struct import Struct
+
+import msgspec
 
 from hardcore.model.looks import LogCounts
 from hardcore.model.recorder import (
@@ -37,8 +38,7 @@ MADE_BYTES = 128  # the part of the header that its maker wrote and nobody may c
 PAYLOAD_BYTES_MAX = 512
 
 
-@dataclass(frozen=True, slots=True)
-class Shape:
+class Shape(msgspec.Struct, frozen=True):
     """Where entries of one kind stand, how many, how long, and which of their bytes the CRC covers."""
 
     at: int
@@ -75,8 +75,7 @@ _CENSUS = Struct("<6Q")  # at, resident, objects, examined, took, how many types
 _TYPE = Struct("<48s2Q")
 
 
-@dataclass(frozen=True, slots=True)
-class Made:
+class Made(msgspec.Struct, frozen=True):
     """What the page's maker wrote."""
 
     boot_id: str

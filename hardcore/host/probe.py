@@ -6,8 +6,9 @@ and a bounded answer in; whatever goes wrong on the other side is no answer.
 
 import asyncio
 import json
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.model.verdicts import Diagnosis
 
@@ -15,8 +16,7 @@ ANSWER_BYTES_MAX = 4096
 _ASKED = b"GET /healthz HTTP/1.1\r\nHost: core\r\nConnection: close\r\n\r\n"
 
 
-@dataclass(frozen=True, slots=True)
-class Health:
+class Health(msgspec.Struct, frozen=True):
     """What a core says of itself: the epoch it serves, its head, and whether it takes writes (None: not said).
 
     `safe`: why it serves reads only.

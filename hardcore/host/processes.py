@@ -12,16 +12,16 @@ import signal
 import subprocess
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.host.vitals import Wanted, process_sample, stat_fields
 from hardcore.model.looks import ProcessSample
 from hardcore.model.observations import Exit
 
 
-@dataclass(frozen=True, slots=True)
-class Identity:
+class Identity(msgspec.Struct, frozen=True):
     """Who a process is: its number, and when it started in the kernel's ticks since boot."""
 
     pid: int

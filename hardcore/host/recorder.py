@@ -10,8 +10,9 @@ writer ends them in microseconds; what stays torn is reported as torn.
 
 import os
 import stat
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.host import page
 from hardcore.model.looks import LogCounts
@@ -21,8 +22,7 @@ from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, Page, Thr
 READS_MAX = 4
 
 
-@dataclass(frozen=True, slots=True)
-class PageUnusable:
+class PageUnusable(msgspec.Struct, frozen=True):
     """The file is no evidence; `reason` is a sentence."""
 
     reason: str

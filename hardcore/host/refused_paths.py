@@ -6,9 +6,10 @@ the next guard finds them too. A path is a hash here (`docs/wires.md` section 18
 is what makes it bearable to be wrong: who only happened to be there twice is served again after ten minutes.
 """
 
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+
+import msgspec
 
 from hardcore.host import files
 
@@ -22,8 +23,7 @@ PATHS_MAX = 256
 NAME_DIGITS = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Deaths:
+class Deaths(msgspec.Struct, frozen=True):
     """What is known. Times are of the wall, in seconds: they have to outlive a boot."""
 
     refused: tuple[tuple[str, float], ...] = ()  # the path and until when

@@ -11,8 +11,9 @@ import mmap
 import os
 import struct
 import threading
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.host import clock, files
 
@@ -28,8 +29,7 @@ _HEAD = struct.Struct("<8s7Q32s")
 _LOOP_NS, _LOOP_COUNT, _THREAD_NS = 40 >> 3, 48 >> 3, 56 >> 3
 
 
-@dataclass(frozen=True, slots=True)
-class SentinelBeat:
+class SentinelBeat(msgspec.Struct, frozen=True):
     """What a page says. Times are monotonic; 0: never yet."""
 
     generation: int

@@ -7,8 +7,9 @@ were not chosen: they mean nothing after the machine has been off.
 
 import datetime as dt
 from collections.abc import Mapping
-from dataclasses import fields, replace
 from typing import Any, Final
+
+from msgspec import structs
 
 from hardcore.host import files
 from hardcore.host.folders import Folders
@@ -21,7 +22,7 @@ KEPT: Final = dt.timedelta(days=1)
 
 FILE_BYTES_MAX: Final = 8 << 20
 
-_MEMBERS = {cls: frozenset(field.name for field in fields(cls)) for cls in (CourtMemory, Suspect)}
+_MEMBERS = {cls: frozenset(cls.__struct_fields__) for cls in (CourtMemory, Suspect)}
 _CODEC = Codec((CourtMemory, Suspect, Conviction, Ordeal, Diagnosis))
 
 
@@ -38,7 +39,9 @@ def read(folders: Folders, now: dt.datetime) -> tuple[CourtMemory, dict[str, str
     if told.get("version") != VERSION or not isinstance(memory, CourtMemory) or not isinstance(at, dict):
         return CourtMemory(), {}
     kept = tuple(one for one in memory.suspects if one.ordeal is None or _young(at.get(one.name), now))
-    return replace(memory, suspects=kept), {one.name: str(at.get(one.name) or _written(now)) for one in kept}
+    return structs.replace(memory, suspects=kept), {
+        one.name: str(at.get(one.name) or _written(now)) for one in kept
+    }
 
 
 def _known(memory: Any) -> Any:

@@ -8,8 +8,9 @@ worth knowing only of one that waits, a third. Nothing here can wait for a lock 
 
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.model.looks import ProcessSample, ThreadSample
 
@@ -29,8 +30,7 @@ _CALLS = {
 }.get(os.uname().machine, {})
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
+class Wanted(msgspec.Struct, frozen=True):
     """What is to be looked at beside the process itself: its threads by their ids, its descriptors, how many are busy."""
 
     loop: int = 0

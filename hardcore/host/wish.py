@@ -5,8 +5,9 @@ and where that is gone too (a reboot), reads only are served, because a wish for
 reason says so. We write it whole or not at all, so it takes a failing disk or another program to get there.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.host import files
 from hardcore.host.folders import Folders
@@ -16,8 +17,7 @@ from hardcore.model.phases import Wanted
 UNREADABLE = "what was wanted can't be read (state/wanted.json): `hardcore safe-mode off` says it anew"
 
 
-@dataclass(frozen=True, slots=True)
-class Wish:
+class Wish(msgspec.Struct, frozen=True):
     """What is wanted. `before`: SAFE, where DOWN was said over a wish for reads only; `reason`: why reads only."""
 
     wanted: Wanted = Wanted.UP

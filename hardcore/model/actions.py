@@ -3,8 +3,9 @@
 The executor carries out each one and tells what came of it as an `Observation`. Nothing here says how.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from hardcore.model.observations import Exit, LedgerAudited, Proof, RequestOutcome
 from hardcore.model.recorder import CommandNote, LastWords, Witness
@@ -12,8 +13,7 @@ from hardcore.model.trials import TrialAction, TrialNote
 from hardcore.model.verdicts import Diagnosis, Grade, Testimony
 
 
-@dataclass(frozen=True, slots=True)
-class Spawn:
+class Spawn(msgspec.Struct, frozen=True):
     """Start a core. `expected_epoch` None: raise whatever stands in the store.
 
     `witnesses`: the last commits that somebody saw; its ledger has to hold each of them. `safe`: it serves reads only,
@@ -26,15 +26,13 @@ class Spawn:
     safe: Diagnosis | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class SpawnSpare:
+class SpawnSpare(msgspec.Struct, frozen=True):
     """Start a core that warms up, raises no epoch, and waits to be promoted."""
 
     life: int
 
 
-@dataclass(frozen=True, slots=True)
-class Promote:
+class Promote(msgspec.Struct, frozen=True):
     """Have the spare take over: fence, prove, serve. As `Spawn` where they share a word.
 
     `busy_ms`: how long its fence may wait for the store's lock; None: as long as at any start.
@@ -46,8 +44,7 @@ class Promote:
     busy_ms: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Drain:
+class Drain(msgspec.Struct, frozen=True):
     """Have the core finish what it has, take nothing new, and let go of the store; it lives on, idle.
 
     One that has not done so within `within_ms` takes requests again and says why.
@@ -57,34 +54,29 @@ class Drain:
     within_ms: int
 
 
-@dataclass(frozen=True, slots=True)
-class Adopt:
+class Adopt(msgspec.Struct, frozen=True):
     """Take over the living core that an earlier guard left, as this life."""
 
     life: int
 
 
-@dataclass(frozen=True, slots=True)
-class Terminate:
+class Terminate(msgspec.Struct, frozen=True):
     """Ask the core to leave (SIGTERM)."""
 
     life: int
 
 
-@dataclass(frozen=True, slots=True)
-class Kill:
+class Kill(msgspec.Struct, frozen=True):
     """End the core and everything it started (SIGKILL)."""
 
     life: int
 
 
-@dataclass(frozen=True, slots=True)
-class KillLeftovers:
+class KillLeftovers(msgspec.Struct, frozen=True):
     """End the cores of an earlier guard, after an identity check; life 0 stands for all of them."""
 
 
-@dataclass(frozen=True, slots=True)
-class TakeEvidence:
+class TakeEvidence(msgspec.Struct, frozen=True):
     """Take the evidence of life `life` for this incident: from a living core it is stopped first.
 
     `stop` False: it goes on and is only looked at. `image`: write its memory out too, where that can be done.
@@ -98,22 +90,19 @@ class TakeEvidence:
     image: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class SampleStacks:
+class SampleStacks(msgspec.Struct, frozen=True):
     """Look at all stacks of a living core without stopping it; the newest look joins the evidence."""
 
     life: int
 
 
-@dataclass(frozen=True, slots=True)
-class LookAtStore:
+class LookAtStore(msgspec.Struct, frozen=True):
     """Find out who holds the store's write lock, without opening the store."""
 
     life: int
 
 
-@dataclass(frozen=True, slots=True)
-class SetSafe:
+class SetSafe(msgspec.Struct, frozen=True):
     """Tell the serving core to answer reads only (`on`), or to try to write again."""
 
     life: int
@@ -121,8 +110,7 @@ class SetSafe:
     reason: Diagnosis
 
 
-@dataclass(frozen=True, slots=True)
-class Release:
+class Release(msgspec.Struct, frozen=True):
     """Tell the gateway that this life serves, and which keys must only be looked up."""
 
     life: int
@@ -131,8 +119,7 @@ class Release:
     incident: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class DeathNote:
+class DeathNote(msgspec.Struct, frozen=True):
     """One death inside an incident."""
 
     at_ns: int
@@ -140,8 +127,7 @@ class DeathNote:
     exit: Exit | None
 
 
-@dataclass(frozen=True, slots=True)
-class Incident:
+class Incident(msgspec.Struct, frozen=True):
     """The story of an outage, as facts. Times are monotonic; the shell adds the wall's.
 
     While it goes on its outcome is `open`, and `closed_ns` is 0.
@@ -175,23 +161,20 @@ class Incident:
     trials: tuple[TrialNote, ...] = ()  # what came of its suspects so far
 
 
-@dataclass(frozen=True, slots=True)
-class CloseIncident:
+class CloseIncident(msgspec.Struct, frozen=True):
     """Write the facts down and have the report made."""
 
     incident: Incident
 
 
-@dataclass(frozen=True, slots=True)
-class AddAudit:
+class AddAudit(msgspec.Struct, frozen=True):
     """Write what the proof of the whole ledger said into the facts of an incident that is closed."""
 
     incident: str
     audit: LedgerAudited
 
 
-@dataclass(frozen=True, slots=True)
-class RestartComponent:
+class RestartComponent(msgspec.Struct, frozen=True):
     """Have the serving core start one of its parts anew; the rest of it goes on."""
 
     life: int
@@ -208,8 +191,7 @@ class AlertStage(StrEnum):
     FORECAST = "forecast"  # nothing has happened yet
 
 
-@dataclass(frozen=True, slots=True)
-class Alert:
+class Alert(msgspec.Struct, frozen=True):
     """Say this to whoever runs the server. `incident` is what it belongs to, if there is one."""
 
     diagnosis: Diagnosis
@@ -220,8 +202,7 @@ class Alert:
     outage_ms: int | None = None  # CLOSED: how long it was away
 
 
-@dataclass(frozen=True, slots=True)
-class KeepBudget:
+class KeepBudget(msgspec.Struct, frozen=True):
     """Write the deaths that count down, so that a successor of this sentinel knows them.
 
     `shut`: why the policy has shut the service down, so that only a person starts it again; None: it has not.
@@ -231,8 +212,7 @@ class KeepBudget:
     shut: Diagnosis | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Halt:
+class Halt(msgspec.Struct, frozen=True):
     """Everything is stopped as asked: the sentinel may end."""
 
 

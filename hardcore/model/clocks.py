@@ -4,11 +4,10 @@ A room of its own because the gateway reads clocks and knows nothing else of the
 longer than taking over the listener.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 
-@dataclass(frozen=True, slots=True)
-class Clocks:
+class Clocks(msgspec.Struct, frozen=True):
     """The other two clocks at one moment: one that counts a suspended machine's sleep, and the wall's."""
 
     boot_ns: int

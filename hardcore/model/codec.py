@@ -1,8 +1,8 @@
 """The guard's own values as JSON, and back: facts, orders and everything a manager remembers.
 
 Only classes that were handed in can be written or read; a name in a file is looked up among these and never
-imported, so a file can say nothing that the guard could not have said itself. A dataclass is an object with one
-key, its class; what is at its default is left out. What JSON lacks carries a `$` and a name. Pickle was not
+imported, so a file can say nothing that the guard could not have said itself. A struct or a dataclass is an object
+with one key, its class; what is at its default is left out. What JSON lacks carries a `$` and a name. Pickle was not
 chosen: it runs what it reads. A table of fields by hand was not chosen either: it would be a second model, and
 the first change to the real one would make every recording lie. Values that many share come back as many: so
 nothing that is written may be one mutable thing in two places.
@@ -15,9 +15,11 @@ import types
 import typing
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from enum import Enum
 from typing import Any
+
+import msgspec
+from msgspec import structs
 
 #: How deep a value may be nested, and how many parts one may have.
 DEPTH_MAX = 40
@@ -28,8 +30,7 @@ SHOWN_MAX = 60
 Json = Any
 
 
-@dataclass(frozen=True, slots=True)
-class Undecodable:
+class Undecodable(msgspec.Struct, frozen=True):
     """A JSON value that is none of ours, and why."""
 
     reason: str
@@ -43,9 +44,8 @@ class _StrangeError(ValueError):
     """The argument says what is wrong with a JSON value."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Field:
-    """One field of a dataclass. `needed`: it has no default, so it must be said. `written`: what is said
+class _Field(msgspec.Struct, frozen=True):
+    """One field of a class. `needed`: it has no default, so it must be said. `written`: what is said
     instead of what it holds, if that is none of the reader's business.
     """
 
@@ -61,16 +61,15 @@ class _Field:
         return self.make() if self.make else self.default
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """How one dataclass is written and read."""
+class _Plan(msgspec.Struct, frozen=True):
+    """How one class is written and read."""
 
     name: str
     fields: tuple[_Field, ...]
 
 
 class Codec:
-    """Writes and reads values made of `classes` (dataclasses and enums), plain values and collections.
+    """Writes and reads values made of `classes` (structs, dataclasses and enums), plain values and collections.
 
     `blank`: what is written for a field whatever it holds, because nobody may read it there.
     """
@@ -159,14 +158,24 @@ class Codec:
 
 
 def _plan(cls: type, name: str, blank: Mapping[str, Any]) -> _Plan:
-    assert dataclasses.is_dataclass(cls), f"{cls} is neither a dataclass nor an enum"
     fields = []
-    for field in dataclasses.fields(cls):
-        make = None if field.default_factory is dataclasses.MISSING else field.default_factory
-        needed = field.default is dataclasses.MISSING and make is None
-        default = None if field.default is dataclasses.MISSING else field.default
+    for field in _fields_of(cls):
+        make = None if _is_nothing(field.default_factory) else field.default_factory
+        needed = _is_nothing(field.default) and make is None
+        default = None if _is_nothing(field.default) else field.default
         fields.append(_Field(field.name, default, make, needed, field.name in blank, blank.get(field.name)))
     return _Plan(name, tuple(fields))
+
+
+def _fields_of(cls: type) -> Iterable[Any]:  # Any: two libraries' words, alike in all that is asked here
+    if issubclass(cls, msgspec.Struct):
+        return structs.fields(cls)
+    assert dataclasses.is_dataclass(cls), f"{cls} is neither a struct nor a dataclass nor an enum"
+    return dataclasses.fields(cls)
+
+
+def _is_nothing(default: object) -> bool:
+    return default is dataclasses.MISSING or default is msgspec.NODEFAULT
 
 
 @functools.cache
@@ -243,18 +252,26 @@ class _Reader:
         if strange := set(body) - {field.name for field in plan.fields}:
             raise _StrangeError(f"{name} has no {_shown(min(strange))}")
         cls = self.classes[name]
-        made: Any = object.__new__(cls)
+        values = {}
         for field in plan.fields:
             if field.name not in body:
                 if field.needed:
                     raise _StrangeError(f"{name} without {field.name}")
-                value = field.absent()
+                values[field.name] = field.absent()
             else:
-                value = self.read(body[field.name], depth + 1)
-                if not _fits(value, _hints(cls).get(field.name, Any)):
+                values[field.name] = self.read(body[field.name], depth + 1)
+                if not _fits(values[field.name], _hints(cls).get(field.name, Any)):
                     raise _StrangeError(f"{name}.{field.name} can't be {_shown(body[field.name])}")
-            object.__setattr__(made, field.name, value)  # frozen ones, and what no constructor takes
-        return made
+        return _filled(cls, values)
+
+
+def _filled(cls: type, values: Mapping[str, Any]) -> Any:
+    if issubclass(cls, msgspec.Struct):
+        return cls(**values)
+    made: Any = object.__new__(cls)
+    for name, value in values.items():
+        object.__setattr__(made, name, value)  # frozen ones, and what no constructor takes
+    return made
 
 
 def _bytes(body: Json) -> bytes:

@@ -4,8 +4,9 @@ A forecast is a claim about the future, so it carries what it was made from: a l
 bound, and since when it has stood. Only one whose *lower* band reaches the limit within the horizon is ever told.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from hardcore.model.verdicts import Diagnosis
 
@@ -30,8 +31,7 @@ DIAGNOSES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Forecast:
+class Forecast(msgspec.Struct, frozen=True):
     """One resource that runs out. Times are monotonic; `per_hour` is the slope, `per_hour_low` its lower bound.
 
     `due_ns`: when the slope reaches the limit; `due_late_ns`: when its lower bound does, within the horizon.

@@ -4,8 +4,9 @@ The bytes are `docs/wires.md` section 18. A path is known by its hash only: who 
 here, and a name of eight bytes is enough to tell that it was the same one twice.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
+
+import msgspec
 
 
 class Stage(IntEnum):
@@ -18,8 +19,7 @@ class Stage(IntEnum):
     ANSWERING = 4
 
 
-@dataclass(frozen=True, slots=True)
-class GatewayPulse:
+class GatewayPulse(msgspec.Struct, frozen=True):
     """The head of the page. Times are monotonic nanoseconds, 0 for never; counts only grow."""
 
     pid: int = 0
@@ -37,8 +37,7 @@ class GatewayPulse:
     gc_since_ns: int = 0  # in garbage collection since then; 0: not
 
 
-@dataclass(frozen=True, slots=True)
-class GatewayRequest:
+class GatewayRequest(msgspec.Struct, frozen=True):
     """One request that the gateway had. `path_hash` is empty while its path is not known."""
 
     stage: Stage
@@ -48,8 +47,7 @@ class GatewayRequest:
     connection: int
 
 
-@dataclass(frozen=True, slots=True)
-class GatewayPage:
+class GatewayPage(msgspec.Struct, frozen=True):
     """The whole page at one moment."""
 
     pulse: GatewayPulse

@@ -4,11 +4,10 @@ They are the parts that the facts of `observations.py` are made of. None of them
 fact that carries it says when it was seen, and of which core.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 
-@dataclass(frozen=True, slots=True)
-class ThreadSample:
+class ThreadSample(msgspec.Struct, frozen=True):
     """One thread of the core. `state` is the kernel's letter, empty when the thread is gone."""
 
     state: str
@@ -18,8 +17,7 @@ class ThreadSample:
     switches: int = 0  # context switches, of both kinds
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessSample:
+class ProcessSample(msgspec.Struct, frozen=True):
     """The core as the kernel sees it at one tick.
 
     `beat` is the thread of the thread beat; `deciding` are the threads of the commands in flight, by their ids.
@@ -38,8 +36,7 @@ class ProcessSample:
     busy: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class StackFrame:
+class StackFrame(msgspec.Struct, frozen=True):
     """One frame of a thread. `names` are the locals that may be shown: plain ids, and what a lock's frame says."""
 
     function: str
@@ -48,8 +45,7 @@ class StackFrame:
     names: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class ThreadStack:
+class ThreadStack(msgspec.Struct, frozen=True):
     """One thread's frames, the innermost first."""
 
     tid: int
@@ -59,8 +55,7 @@ class ThreadStack:
     frames: tuple[StackFrame, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class LockHolder:
+class LockHolder(msgspec.Struct, frozen=True):
     """A process that holds the store's write lock; pid 0: one that this machine's view does not name."""
 
     pid: int
@@ -68,8 +63,7 @@ class LockHolder:
     ours: bool = False  # it is the core itself
 
 
-@dataclass(frozen=True, slots=True)
-class DiskFacts:
+class DiskFacts(msgspec.Struct, frozen=True):
     """The data folder's file system, looked at from a thread of our own.
 
     `write_ns` is what our own small write with its fsync took; None while it has not come back, and then
@@ -84,8 +78,7 @@ class DiskFacts:
     size_bytes: int = 0  # of the whole file system; 0: nobody says
 
 
-@dataclass(frozen=True, slots=True)
-class Conduct:
+class Conduct(msgspec.Struct, frozen=True):
     """What an outside guard would call tampering, each as a fact in words; empty: nothing strange."""
 
     children: tuple[str, ...] = ()
@@ -94,8 +87,7 @@ class Conduct:
     jumps: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class LogCounts:
+class LogCounts(msgspec.Struct, frozen=True):
     """What one life has written to its log so far, by weight."""
 
     warnings: int

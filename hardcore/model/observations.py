@@ -5,8 +5,9 @@ fact carries the monotonic time at which it was true; what concerns a core carri
 `life` (counted by the guard from 1), so that a late answer is never taken for another core's.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from hardcore.model.clocks import Clocks
 from hardcore.model.looks import Conduct, DiskFacts, LockHolder, LogCounts, ProcessSample, ThreadStack
@@ -15,8 +16,7 @@ from hardcore.model.trials import CourtMemory, TrialObservation
 from hardcore.model.verdicts import Diagnosis
 
 
-@dataclass(frozen=True, slots=True)
-class Exit:
+class Exit(msgspec.Struct, frozen=True):
     """How a process ended: `code` or `signal`; both None when nobody could read its status."""
 
     code: int | None = None
@@ -35,8 +35,7 @@ class Verb(StrEnum):
     SAFE_OFF = "safe-off"
 
 
-@dataclass(frozen=True, slots=True)
-class SentinelBegan:
+class SentinelBegan(msgspec.Struct, frozen=True):
     """The guard is up. `leftovers`: processes of an earlier guard's were found and may still live (as life 0).
     `page` is the recorder of the last core that committed, if there is one of this boot. `adoptable` is that of a
     core that was found serving: by its page it is ready, under the highest epoch of all pages, and no earlier guard
@@ -60,8 +59,7 @@ class SentinelBegan:
     shut: Diagnosis | None = None  # why the policy had shut the service down; only a person starts it again
 
 
-@dataclass(frozen=True, slots=True)
-class Sampled:
+class Sampled(msgspec.Struct, frozen=True):
     """One tick of the watch. `in_flight` is read only while commands wait; None: not looked.
 
     `witness` is the last commit as the page shows it at this tick. `page_fault`: why there are no beats to read;
@@ -81,8 +79,7 @@ class Sampled:
     components: tuple[ComponentBeat, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class StacksSampled:
+class StacksSampled(msgspec.Struct, frozen=True):
     """A free look at all stacks, nothing was stopped for it. No stacks: `fault` says why."""
 
     at_ns: int
@@ -91,8 +88,7 @@ class StacksSampled:
     fault: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Probed:
+class Probed(msgspec.Struct, frozen=True):
     """The core was asked for its health over its own socket. `answered` False: not within the probe's time.
 
     `writes`: whether it takes writes; None: it did not say. `safe`: why it serves reads only.
@@ -108,8 +104,7 @@ class Probed:
     safe: Diagnosis | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class StoreLooked:
+class StoreLooked(msgspec.Struct, frozen=True):
     """Who holds the store's write lock at this moment, as the kernel's table of locks says."""
 
     at_ns: int
@@ -125,8 +120,7 @@ class StoreFault(StrEnum):
     OK = "OK"
 
 
-@dataclass(frozen=True, slots=True)
-class StoreTold:
+class StoreTold(msgspec.Struct, frozen=True):
     """The core says that its store took a write no longer, or that it does again."""
 
     at_ns: int
@@ -134,8 +128,7 @@ class StoreTold:
     fault: StoreFault
 
 
-@dataclass(frozen=True, slots=True)
-class SafeSwitched:
+class SafeSwitched(msgspec.Struct, frozen=True):
     """The core answered an order to serve reads only (`on`) or everything again; `done` False: `reason` says why."""
 
     at_ns: int
@@ -145,8 +138,7 @@ class SafeSwitched:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Surveyed:
+class Surveyed(msgspec.Struct, frozen=True):
     """What is looked at once a second, off the loop. `life` is the one looked at; None: not looked."""
 
     at_ns: int
@@ -160,8 +152,7 @@ class Surveyed:
     fds_limit: int | None = None  # how many descriptors it may have; None: not looked, or nothing limits it
 
 
-@dataclass(frozen=True, slots=True)
-class ComponentRestarted:
+class ComponentRestarted(msgspec.Struct, frozen=True):
     """The core answered an order to start one of its parts anew; `done` False: `reason` says why."""
 
     at_ns: int
@@ -171,8 +162,7 @@ class ComponentRestarted:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class CoreSpawned:
+class CoreSpawned(msgspec.Struct, frozen=True):
     """A core process exists."""
 
     at_ns: int
@@ -180,8 +170,7 @@ class CoreSpawned:
     pid: int
 
 
-@dataclass(frozen=True, slots=True)
-class SpawnFailed:
+class SpawnFailed(msgspec.Struct, frozen=True):
     """No core process could be made."""
 
     at_ns: int
@@ -189,8 +178,7 @@ class SpawnFailed:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class SpareReady:
+class SpareReady(msgspec.Struct, frozen=True):
     """The spare has loaded all it needs, bound its socket and read the store. `build` names the code it runs.
 
     `schema` is the store's as it read it; `migrates`: it would bring the store up to a newer one when it takes over.
@@ -203,8 +191,7 @@ class SpareReady:
     migrates: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class PromoteRefused:
+class PromoteRefused(msgspec.Struct, frozen=True):
     """The spare does not take over, or could not be told to."""
 
     at_ns: int
@@ -212,8 +199,7 @@ class PromoteRefused:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Drained:
+class Drained(msgspec.Struct, frozen=True):
     """The core answered an order to drain. `done`: everything is answered and the store is let go of, at `seq`.
 
     Not done: it takes requests again, and `reason` says why.
@@ -226,8 +212,7 @@ class Drained:
     reason: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class EpochRaised:
+class EpochRaised(msgspec.Struct, frozen=True):
     """The core has committed its fence."""
 
     at_ns: int
@@ -235,8 +220,7 @@ class EpochRaised:
     epoch: int
 
 
-@dataclass(frozen=True, slots=True)
-class StartExtended:
+class StartExtended(msgspec.Struct, frozen=True):
     """A starting core makes progress and asks for more time."""
 
     at_ns: int
@@ -244,8 +228,7 @@ class StartExtended:
     for_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class Proof:
+class Proof(msgspec.Struct, frozen=True):
     """What the core proved of its ledger before it served: `kind` is "witness" or "chain"."""
 
     kind: str
@@ -254,8 +237,7 @@ class Proof:
     hash: str
 
 
-@dataclass(frozen=True, slots=True)
-class CoreReady:
+class CoreReady(msgspec.Struct, frozen=True):
     """The core has proven its ledger and listens."""
 
     at_ns: int
@@ -264,8 +246,7 @@ class CoreReady:
     proof: Proof
 
 
-@dataclass(frozen=True, slots=True)
-class LedgerAudited:
+class LedgerAudited(msgspec.Struct, frozen=True):
     """A serving core has replayed the whole ledger: it is whole up to `seq`, or `fault` says why it is not."""
 
     at_ns: int
@@ -279,16 +260,14 @@ class LedgerAudited:
         return not self.fault
 
 
-@dataclass(frozen=True, slots=True)
-class FenceBlocked:
+class FenceBlocked(msgspec.Struct, frozen=True):
     """The core could not write its fence: somebody holds the store's lock."""
 
     at_ns: int
     life: int
 
 
-@dataclass(frozen=True, slots=True)
-class TermReceived:
+class TermReceived(msgspec.Struct, frozen=True):
     """The core was sent a TERM by process `sender` (0: unknown)."""
 
     at_ns: int
@@ -296,8 +275,7 @@ class TermReceived:
     sender: int
 
 
-@dataclass(frozen=True, slots=True)
-class CoreExited:
+class CoreExited(msgspec.Struct, frozen=True):
     """The core's process is gone. `page` is its recorder, read right after; None: unreadable.
 
     `oom_kills` is how often the kernel has killed for memory since this life began; None: nobody can tell.
@@ -311,8 +289,7 @@ class CoreExited:
     said: str = ""  # the end of its log in one line, if it left with a code
 
 
-@dataclass(frozen=True, slots=True)
-class EvidenceTaken:
+class EvidenceTaken(msgspec.Struct, frozen=True):
     """The evidence of a living core is on disk, or what could be had of it. `steps` are timeline steps."""
 
     at_ns: int
@@ -323,8 +300,7 @@ class EvidenceTaken:
     stopped: bool = True  # the core was stopped for it, as the order said
 
 
-@dataclass(frozen=True, slots=True)
-class OperatorAsked:
+class OperatorAsked(msgspec.Struct, frozen=True):
     """An operator's word, taken from the control socket or a signal."""
 
     at_ns: int
@@ -337,8 +313,7 @@ class OperatorAsked:
     component: str = ""  # RESTART_COMPONENT: which
 
 
-@dataclass(frozen=True, slots=True)
-class DrillStarted:
+class DrillStarted(msgspec.Struct, frozen=True):
     """The core `life` was told to break itself: its next death is a drill. An empty `fault` takes that back."""
 
     at_ns: int
@@ -346,31 +321,27 @@ class DrillStarted:
     life: int
 
 
-@dataclass(frozen=True, slots=True)
-class GatewayHolding:
+class GatewayHolding(msgspec.Struct, frozen=True):
     """The gateway has begun to hold requests."""
 
     at_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class GatewayWitnessed:
+class GatewayWitnessed(msgspec.Struct, frozen=True):
     """The highest commit that the gateway has passed on to a client in an answer of 2xx."""
 
     at_ns: int
     witness: Witness
 
 
-@dataclass(frozen=True, slots=True)
-class FirstServed:
+class FirstServed(msgspec.Struct, frozen=True):
     """The first answer of this epoch came through the gateway."""
 
     at_ns: int
     epoch: int
 
 
-@dataclass(frozen=True, slots=True)
-class RequestOutcome:
+class RequestOutcome(msgspec.Struct, frozen=True):
     """What became of one request that met an outage."""
 
     method: str
@@ -381,8 +352,7 @@ class RequestOutcome:
     held_ms: int
 
 
-@dataclass(frozen=True, slots=True)
-class RequestsSettled:
+class RequestsSettled(msgspec.Struct, frozen=True):
     """Every request that met the outage has an outcome."""
 
     at_ns: int
@@ -390,8 +360,7 @@ class RequestsSettled:
     requests: tuple[RequestOutcome, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class GatewayCounted:
+class GatewayCounted(msgspec.Struct, frozen=True):
     """How much the gateway has to do: what it holds, who is connected, and what it has forwarded since its start."""
 
     at_ns: int
@@ -400,8 +369,7 @@ class GatewayCounted:
     forwarded: int
 
 
-@dataclass(frozen=True, slots=True)
-class PolicyRead:
+class PolicyRead(msgspec.Struct, frozen=True):
     """A policy was read whole and found right: from now on it holds. `text` is its JSON, every number named."""
 
     at_ns: int

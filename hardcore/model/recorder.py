@@ -4,8 +4,9 @@ The bytes are `docs/wires.md` section 3; `host/recorder.py` reads them. A torn e
 the middle of it) keeps what could be read and says so: half a name is better evidence than none.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
+
+import msgspec
 
 
 class SlotStage(IntEnum):
@@ -29,8 +30,7 @@ class LifeState(IntEnum):
     SPARE = 4  # it waits to be promoted
 
 
-@dataclass(frozen=True, slots=True)
-class Beats:
+class Beats(msgspec.Struct, frozen=True):
     """The beat block. Times are monotonic nanoseconds, 0 for never; counts only grow."""
 
     loop_ns: int = 0
@@ -53,8 +53,7 @@ class Beats:
         return max(0, self.submitted - self.completed)
 
 
-@dataclass(frozen=True, slots=True)
-class Threads:
+class Threads(msgspec.Struct, frozen=True):
     """The core's own thread ids, once it has written them (0: not yet)."""
 
     loop: int = 0
@@ -62,8 +61,7 @@ class Threads:
     beat: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Witness:
+class Witness(msgspec.Struct, frozen=True):
     """The last commit somebody saw: sequence, epoch and the event's hash (hex)."""
 
     seq: int
@@ -72,8 +70,7 @@ class Witness:
     at_ns: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class CommandNote:
+class CommandNote(msgspec.Struct, frozen=True):
     """A command in flight or just finished. `payload` is cut at 512 bytes; `outcome` is an HTTP status.
 
     `limit_ns` is how long it may be DECIDING, 0 for as long as it takes; the time runs from `stage_ns`, or from
@@ -98,8 +95,7 @@ class CommandNote:
     torn: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class RingEvent:
+class RingEvent(msgspec.Struct, frozen=True):
     """One line of the ring of events."""
 
     at_ns: int
@@ -109,8 +105,7 @@ class RingEvent:
     torn: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class LastWords:
+class LastWords(msgspec.Struct, frozen=True):
     """What the core wrote when it knew that it was leaving."""
 
     at_ns: int
@@ -119,8 +114,7 @@ class LastWords:
     torn: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class ComponentBeat:
+class ComponentBeat(msgspec.Struct, frozen=True):
     """The own beat of one part of the core. `since_ns` 0: it has nothing to do; `limit_ns`: how long it may be silent."""
 
     name: str
@@ -130,8 +124,7 @@ class ComponentBeat:
     done: int
 
 
-@dataclass(frozen=True, slots=True)
-class TypeCount:
+class TypeCount(msgspec.Struct, frozen=True):
     """How many objects of one type the core held, and how many bytes they take by themselves (estimated)."""
 
     name: str
@@ -139,8 +132,7 @@ class TypeCount:
     size_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class Census:
+class Census(msgspec.Struct, frozen=True):
     """The largest types in the core's memory at one moment. `examined` of `objects` were looked at."""
 
     at_ns: int
@@ -152,8 +144,7 @@ class Census:
     torn: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Page:
+class Page(msgspec.Struct, frozen=True):
     """A whole recorder page, read at one moment. `torn` counts the entries that were half written."""
 
     nonce: str

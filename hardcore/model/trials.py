@@ -6,8 +6,9 @@ deaths). The wires are `docs/wires.md` sections 12 to 15. Facts come from the co
 request's body; orders go to the executor; what is remembered is the pure value of `recovery/court.py`.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from hardcore.model.verdicts import Diagnosis
 
@@ -43,8 +44,7 @@ class Reason(StrEnum):
     UNPROVEN = "UNPROVEN"
 
 
-@dataclass(frozen=True, slots=True)
-class Letter:
+class Letter(msgspec.Struct, frozen=True):
     """One dead letter as the guard knows it. `name` is the suspect's; `seq`: it is an event of the log.
 
     `held`: nothing was reproduced, so its name alone is refused; else its digest and fingerprint are too.
@@ -66,8 +66,7 @@ class Letter:
     seq: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class TrialNote:
+class TrialNote(msgspec.Struct, frozen=True):
     """One trial as an incident tells it. `letter`: what came of it, empty if it was cleared. What is known of the command
     is told with it: an event of the log, or a row, need not have been in flight.
     """
@@ -84,8 +83,7 @@ class TrialNote:
     transaction_id: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Suspect:
+class Suspect(msgspec.Struct, frozen=True):
     """A command that may have caused a death. `deaths`: from inside, with it at work, that nothing else explains;
     `filed`: its case is on the disk.
 
@@ -130,16 +128,14 @@ class Suspect:
         return self.ordeal is None
 
 
-@dataclass(frozen=True, slots=True)
-class Conviction:
+class Conviction(msgspec.Struct, frozen=True):
     """One conviction of what a source had sent, monotonic."""
 
     source: str
     at_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class CourtMemory:
+class CourtMemory(msgspec.Struct, frozen=True):
     """What a successor of this guard has to know of suspects: the open ones, and those tried in the last day.
 
     `settled_seq`: the head of the ledger under the last core that outlived its probation. Which events are left out is
@@ -154,8 +150,7 @@ class CourtMemory:
 # ---- facts ----
 
 
-@dataclass(frozen=True, slots=True)
-class CaseFiled:
+class CaseFiled(msgspec.Struct, frozen=True):
     """The whole request (or row) of a suspect lies in `state/cases/`. `source`: who sent it."""
 
     at_ns: int
@@ -164,16 +159,14 @@ class CaseFiled:
     digest: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class SuspectsSettled:
+class SuspectsSettled(msgspec.Struct, frozen=True):
     """These suspects are in the ledger: they were looked up after the fence."""
 
     at_ns: int
     names: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Tried:
+class Tried(msgspec.Struct, frozen=True):
     """One case was tried. `seq`: the event that was found, where the log was on trial."""
 
     at_ns: int
@@ -191,15 +184,13 @@ class Tried:
     why: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class CourtAtWork:
+class CourtAtWork(msgspec.Struct, frozen=True):
     """The court's process has said how far it is: its copy is made, or a case is begun. It is not silent."""
 
     at_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class TrialsOver:
+class TrialsOver(msgspec.Struct, frozen=True):
     """The court's process has ended, once for each `Try` or `TryLog`, also after `EndTrials` and if none could be made.
 
     `fault`: why it could not do its work; empty: it did.
@@ -209,8 +200,7 @@ class TrialsOver:
     fault: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class RuleRemoved:
+class RuleRemoved(msgspec.Struct, frozen=True):
     """A person has taken a rule away: what it named may run again."""
 
     at_ns: int
@@ -223,8 +213,7 @@ TrialObservation = CaseFiled | SuspectsSettled | Tried | CourtAtWork | TrialsOve
 # ---- orders ----
 
 
-@dataclass(frozen=True, slots=True)
-class Try:
+class Try(msgspec.Struct, frozen=True):
     """Try these suspects, in their order, in throw-away cores. One court at a time."""
 
     names: tuple[str, ...]
@@ -232,8 +221,7 @@ class Try:
     memory_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class TryLog:
+class TryLog(msgspec.Struct, frozen=True):
     """Find the event after `after_seq` that kills whoever rebuilds from it."""
 
     after_seq: int
@@ -241,13 +229,11 @@ class TryLog:
     memory_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class EndTrials:
+class EndTrials(msgspec.Struct, frozen=True):
     """End the court; `TrialsOver` says when it is gone, and only then another begins."""
 
 
-@dataclass(frozen=True, slots=True)
-class SetAside:
+class SetAside(msgspec.Struct, frozen=True):
     """Refuse it from now on, wherever it comes from, tell whoever waits for it, and write its letter.
 
     `again`: it was said before, and its request has come again: whoever waits is told again, and nobody is convicted anew.
@@ -257,40 +243,35 @@ class SetAside:
     again: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Acquit:
+class Acquit(msgspec.Struct, frozen=True):
     """Tell whoever waits with this suspect: `run` it once; else nothing more is expected of it."""
 
     name: str
     run: bool
 
 
-@dataclass(frozen=True, slots=True)
-class StopSource:
+class StopSource(msgspec.Struct, frozen=True):
     """Let this source change nothing for a while: too much that it sent was convicted."""
 
     source: str
     for_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class SuspectNote:
+class SuspectNote(msgspec.Struct, frozen=True):
     """One open suspect, as whoever holds its request has to know it."""
 
     name: str
     account_ids: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class KeepCourt:
+class KeepCourt(msgspec.Struct, frozen=True):
     """Write the court's memory down, and tell the gateway and the core who is suspect now."""
 
     suspects: tuple[SuspectNote, ...]
     memory: CourtMemory
 
 
-@dataclass(frozen=True, slots=True)
-class AddTrials:
+class AddTrials(msgspec.Struct, frozen=True):
     """Write what came of its trials into the facts of an incident, open or closed; all of them, in place of what was said."""
 
     incident: str

@@ -4,8 +4,9 @@ A witness gives a `Testimony`: a colour and why. `sentinel/verdict.py` weighs th
 diagnosis that this version can't make yet is still a word here, because a policy may already name it.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 
 class Colour(StrEnum):
@@ -62,8 +63,7 @@ class Diagnosis(StrEnum):
     PLANNED_SWITCH = "PLANNED_SWITCH"
 
 
-@dataclass(frozen=True, slots=True)
-class Testimony:
+class Testimony(msgspec.Struct, frozen=True):
     """What one witness says: its name, its colour, and the fact behind it as one sentence."""
 
     witness: str
@@ -78,8 +78,7 @@ class Wish(StrEnum):
     STORE = "store"
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(msgspec.Struct, frozen=True):
     """The weighed judgement. `fault_ns` is when it began as far as anybody can tell; 0 when green.
 
     `blamed` are the ids of the commands that the evidence names. A red verdict has a diagnosis; a yellow one may

@@ -5,14 +5,13 @@ The idea is OTP's `add_restart`: drop what is older than the period, add now, co
 with each try that never became ready; a core that has proven itself is replaced at once.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 NS_PER_MS = 1_000_000
 NS_PER_S = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Budget:
+class Budget(msgspec.Struct, frozen=True):
     """Deaths that count: `limit` of them in `window_ns` are allowed. Times are monotonic."""
 
     limit: int

@@ -11,11 +11,13 @@ like that; `masked` is what may be shown, and nothing else of it ever is.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from ipaddress import ip_address
 from typing import Final, assert_never
 from urllib.parse import SplitResult, parse_qs, urlsplit
+
+import msgspec
+from msgspec import structs
 
 from hardcore.settings import Fault
 
@@ -69,8 +71,7 @@ class Stage(StrEnum):
     TEST = "test"
 
 
-@dataclass(frozen=True, slots=True)
-class Quiet:
+class Quiet(msgspec.Struct, frozen=True):
     """Hours of the local day in minutes since midnight, the end not included; it may go over midnight."""
 
     start_min: int
@@ -86,8 +87,7 @@ class Quiet:
         return "-".join(f"{at // 60:02}:{at % 60:02}" for at in (self.start_min, self.end_min))
 
 
-@dataclass(frozen=True, slots=True)
-class Channel:
+class Channel(msgspec.Struct, frozen=True):
     """One way to somebody. `number` counts from 1 in the file's order; `secret_file` holds its secret.
 
     A variable of the environment was not chosen for that: whoever starts the guard anew would have to carry it along.
@@ -286,8 +286,7 @@ def is_loopback(host: str) -> bool:
 # ---- manners ----
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(msgspec.Struct, frozen=True):
     """Now, by the wall: what was told outlives a boot. `minute` of the local day; `muted_until_ms` 0: not muted."""
 
     at_ms: int
@@ -295,8 +294,7 @@ class Moment:
     muted_until_ms: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Memory:
+class Memory(msgspec.Struct, frozen=True):
     """What one channel was told: when of which fingerprint, how many were left out since, and of which incidents."""
 
     told_ms: tuple[tuple[str, int], ...] = ()
@@ -308,8 +306,7 @@ class Memory:
         return dict(self.left_out).get(mark, 0)
 
 
-@dataclass(frozen=True, slots=True)
-class Occasion:
+class Occasion(msgspec.Struct, frozen=True):
     """What an alert is about, as far as the manners care."""
 
     stage: Stage
@@ -385,7 +382,7 @@ def after_held(memory: Memory, what: Occasion) -> Memory:
     """What a channel remembers once it was spared an alert. The end of what was not told is no loss to count."""
     if what.stage is Stage.CLOSED:
         return memory
-    return replace(memory, left_out=_put(memory.left_out, what.mark, memory.count(what.mark) + 1))
+    return structs.replace(memory, left_out=_put(memory.left_out, what.mark, memory.count(what.mark) + 1))
 
 
 def after_told(memory: Memory, what: Occasion, at_ms: int) -> Memory:
@@ -396,7 +393,7 @@ def after_told(memory: Memory, what: Occasion, at_ms: int) -> Memory:
     if what.stage is Stage.CLOSED:
         alone = what.is_bad_end and not _is_known(memory, what)
         told_ms = _put(memory.told_ms, what.mark, at_ms) if alone else memory.told_ms
-        return replace(memory, told_ms=told_ms, incidents=others)
+        return structs.replace(memory, told_ms=told_ms, incidents=others)
     known = (*others, what.incident) if what.incident is not None else others
     return Memory(
         _put(memory.told_ms, what.mark, at_ms),

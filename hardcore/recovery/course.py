@@ -9,6 +9,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import msgspec
+
 from hardcore.model.actions import Action
 from hardcore.model.observations import CoreObservation, CoreReady
 from hardcore.model.phases import HAState, Phase, StartCause, Wanted
@@ -47,8 +49,7 @@ FALLS_MAX = 4
 NEAR_DEATHS = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(msgspec.Struct, frozen=True):
     """What a manager is given: `new_id` gives incident ids, `jitter` numbers from 0 to 1."""
 
     policy: Policy
@@ -79,8 +80,7 @@ class Switching:
     limit_ns: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Fall:
+class Fall(msgspec.Struct, frozen=True):
     """A death as it was first told, or ordered. `booting`: before it served; `early`: in its probation, or just after a
     suspect was cleared. `judged`: what its page says of nobody at work was heard.
     """

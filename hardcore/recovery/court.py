@@ -12,9 +12,11 @@ The court receives facts and gives orders. It knows nothing of phases, budgets a
 trial waits as long as a gateway holds a request and no longer; the trial goes on without them.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+
+import msgspec
+from msgspec import structs
 
 from hardcore.model.trials import (
     REPRODUCED,
@@ -62,8 +64,7 @@ ADDRESS = "peer:"
 Orders = list[TrialAction]
 
 
-@dataclass(frozen=True, slots=True)
-class Rules:
+class Rules(msgspec.Struct, frozen=True):
     """The numbers of the policy that the court goes by. `begin_ms`: time to start a core for a case.
 
     `trial_limit`: how many who were at work in one death are tried, and how many of their company.
@@ -77,8 +78,7 @@ class Rules:
     source_stop_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class Docket:
+class Docket(msgspec.Struct, frozen=True):
     """What is on trial. `names`: who has yet to be tried. `log`: it is the events."""
 
     names: tuple[str, ...]
@@ -114,7 +114,7 @@ class Court:
         given: Orders = []
         for one in self.register:
             if not one.letter:
-                calm = dataclasses.replace(one, deaths=0)
+                calm = structs.replace(one, deaths=0)
                 self.register.put(calm)
                 if one.open:
                     given += self._acquit(calm, Ordeal.UNTRIED, "a core died without it", now_ns)
@@ -134,7 +134,7 @@ class Court:
             return [SetAside(letter(one), again=True)]
         filed_ns = one.filed_ns if one.filed else now_ns
         self.register.put(
-            dataclasses.replace(one, filed=True, source=source, digest=digest, filed_ns=filed_ns, waits=True)
+            structs.replace(one, filed=True, source=source, digest=digest, filed_ns=filed_ns, waits=True)
         )
         return []
 
@@ -142,20 +142,20 @@ class Court:
         """The court has said how far it is: from now on it has the time of one case more."""
         if self.docket is not None and not self.docket.ending:
             due_ns = self._due_ns(now_ns, silent=self.docket.log)
-            self.docket = dataclasses.replace(self.docket, due_ns=due_ns)
+            self.docket = structs.replace(self.docket, due_ns=due_ns)
 
     def tried(self, fact: Tried, new_id: Callable[[], str]) -> Orders:
         """One case was tried."""
         if self.docket is not None:
             names = tuple(name for name in self.docket.names if name != fact.name)
-            self.docket = dataclasses.replace(self.docket, names=names)
+            self.docket = structs.replace(self.docket, names=names)
             self.at_work(fact.at_ns)
         if self.docket is not None and self.docket.log:
             return self._tried_log(fact, new_id)
         one = self.register.by_key.get(fact.name)
         if one is None or not one.open:
             return []
-        one = dataclasses.replace(
+        one = structs.replace(
             one,
             took_ms=fact.took_ms,
             why=fact.why,
@@ -248,7 +248,7 @@ class Court:
         if not is_its_own(fact):
             return self._unclear(one, fact.why or "its trial was ended from outside", fact.at_ns, new_id)
         if fact.ordeal is Ordeal.HUNG and not one.hung:
-            slow = dataclasses.replace(one, hung=True)  # not guilty of that: once more, in another core
+            slow = structs.replace(one, hung=True)  # not guilty of that: once more, in another core
             return self._unclear(slow, "its trial took too long", fact.at_ns, new_id)
         return self._convict(one, fact.ordeal, fact.at_ns, new_id)
 
@@ -256,7 +256,7 @@ class Court:
         """Run it, unless it was at work in too many deaths: then it waits for who else may explain the last one."""
         if one.company or one.deaths < HELD_DEATHS:
             return self._acquit(one, Ordeal.SURVIVED, one.why, now_ns)
-        self.register.put(dataclasses.replace(one, survived=True))
+        self.register.put(structs.replace(one, survived=True))
         return []
 
     def _judge_survivors(self, now_ns: int, new_id: Callable[[], str]) -> Orders:
@@ -273,7 +273,7 @@ class Court:
     def _unclear(self, one: Suspect, why: str, now_ns: int, new_id: Callable[[], str]) -> Orders:
         if one.company:
             return self._acquit(one, Ordeal.UNTRIED, why, now_ns)
-        one = dataclasses.replace(one, tries=one.tries + 1, why=why)
+        one = structs.replace(one, tries=one.tries + 1, why=why)
         self.register.put(one)
         return [] if one.tries < TRIES_MAX else self._untried(one, why, now_ns, new_id)
 
@@ -286,12 +286,12 @@ class Court:
     def _convict(self, one: Suspect, ordeal: Ordeal, now_ns: int, new_id: Callable[[], str]) -> Orders:
         self.register.explain(one)
         closed = self.register.close(
-            dataclasses.replace(one, letter=one.letter or new_id()), ordeal, one.why, now_ns
+            structs.replace(one, letter=one.letter or new_id()), ordeal, one.why, now_ns
         )
         return [SetAside(letter(closed)), *self._count(closed, now_ns)]
 
     def _hold(self, one: Suspect, ordeal: Ordeal, why: str, now_ns: int, new_id: Callable[[], str]) -> Orders:
-        held = self.register.close(dataclasses.replace(one, letter=new_id()), ordeal, why, now_ns)
+        held = self.register.close(structs.replace(one, letter=new_id()), ordeal, why, now_ns)
         return [SetAside(letter(held))]
 
     def _acquit(self, one: Suspect, ordeal: Ordeal, why: str, now_ns: int) -> Orders:
@@ -390,7 +390,7 @@ class Court:
     def _end(self, now_ns: int) -> Orders:
         if self.docket is None or self.docket.ending:
             return []
-        self.docket = dataclasses.replace(self.docket, ending=True, due_ns=now_ns + ENDING_NS)
+        self.docket = structs.replace(self.docket, ending=True, due_ns=now_ns + ENDING_NS)
         return [EndTrials()]
 
     def _dismiss_company(self, now_ns: int) -> Orders:
@@ -418,7 +418,7 @@ class Court:
                 self.register.settle((one.name,))
                 given.append(Acquit(one.name, run=False))
             else:
-                self.register.put(dataclasses.replace(one, waits=False))
+                self.register.put(structs.replace(one, waits=False))
                 self.register.part(one)
         return given
 

@@ -5,8 +5,9 @@ guard goes by. The sentences stand in the catalogue: what is told here is which 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery import plan
@@ -71,8 +72,7 @@ class Said(StrEnum):
     SUSPECTS_NOBODY = "suspects-nobody"
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
+class Line(msgspec.Struct, frozen=True):
     """One sentence that is true, and the settings that it names with their values."""
 
     said: Said

@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
+import msgspec
+
 from hardcore.model import actions, observations, phases, recorder, verdicts
 from hardcore.model.actions import Action
 from hardcore.model.codec import Codec, Json, UnencodableError
@@ -52,7 +54,7 @@ def _classes() -> Iterator[type]:
                 known: Any = thing
             elif isinstance(thing, type) and thing.__module__.startswith(_ROOMS):
                 known = importlib.import_module(thing.__module__)  # it is loaded: this finds it
-                if dataclasses.is_dataclass(thing) or issubclass(thing, Enum):
+                if dataclasses.is_dataclass(thing) or issubclass(thing, msgspec.Struct | Enum):
                     yield thing
             else:
                 continue
@@ -177,8 +179,7 @@ def _notes(heard: Observation | int) -> int:
             return 0
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
+class Recording(msgspec.Struct, frozen=True):
     """What was on the tape at one moment. Writing it touches nothing that still changes."""
 
     stretches: tuple[_Stretch, ...]

@@ -10,6 +10,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+import msgspec
+
 from hardcore.model.forecasts import Forecast, Resource
 from hardcore.model.observations import Sampled, Surveyed
 from hardcore.recovery.budget import NS_PER_S
@@ -31,8 +33,7 @@ _WARMS_UP = frozenset({Resource.MEMORY, Resource.FDS, Resource.THREADS})
 _NS_PER_HOUR = 3600 * NS_PER_S
 
 
-@dataclass(frozen=True, slots=True)
-class Numbers:
+class Numbers(msgspec.Struct, frozen=True):
     """The policy's numbers of the prediction. `limits`: those that are known from the beginning."""
 
     step_ns: int

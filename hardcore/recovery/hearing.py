@@ -8,7 +8,7 @@ the pause that BACKOFF has anyway after a core that proved nothing (a spare that
 word and the reading of the phase need no second rule.
 """
 
-import dataclasses
+from msgspec import structs
 
 from hardcore.model import trials
 from hardcore.model.phases import SERVING, Phase
@@ -78,7 +78,7 @@ def read(
         if fresh:
             c.court.doubt = death
     elif blame in trial.FROM_INSIDE and not fall.judged:
-        c.falls = tuple(dataclasses.replace(f, judged=f.judged or f is fall) for f in c.falls)
+        c.falls = tuple(structs.replace(f, judged=f.judged or f is fall) for f in c.falls)
         _mark_near(c, page, fall.at_ns)
         if fall.early:
             given = c.court.clear(now_ns)

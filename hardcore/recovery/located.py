@@ -8,7 +8,8 @@ lines for all values was not chosen: two parsers would disagree some day about w
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+import msgspec
 
 #: The way to a value: names in objects, numbers (from 0) in lists.
 Path = tuple[str | int, ...]
@@ -19,8 +20,7 @@ DEPTH_MAX = 8
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+', re.DOTALL)
 
 
-@dataclass(frozen=True, slots=True)
-class Broken:
+class Broken(msgspec.Struct, frozen=True):
     """A text that is no JSON object: where (line 0: the whole), at which name, and why."""
 
     line: int
@@ -28,8 +28,7 @@ class Broken:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Located:
+class Located(msgspec.Struct, frozen=True):
     """The object, and the text that it was read from."""
 
     values: dict[str, object]

@@ -10,6 +10,8 @@ A policy that was read anew holds at once: what waits keeps the time that it was
 
 import dataclasses
 
+from msgspec import structs
+
 from hardcore.model.observations import PolicyRead
 from hardcore.model.phases import Phase
 from hardcore.recovery import plan
@@ -46,7 +48,7 @@ def adopt(c: Course, fact: PolicyRead) -> None:
     policy = dataclasses.replace(
         policy, alerts=c.policy.alerts
     )  # no fact carries an address; nothing here needs one
-    c.given = dataclasses.replace(c.given, policy=policy)
+    c.given = structs.replace(c.given, policy=policy)
     c.budget = Budget(policy.max_restart_count, policy.restart_window_sec * NS_PER_S, c.budget.deaths_ns)
     c.deadline.late_ns = int(policy.health_check_interval_ms * NS_PER_MS * LATE_INTERVALS)
     c.bench.adopt(plan.patience(policy))

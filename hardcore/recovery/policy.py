@@ -12,6 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import msgspec
+
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.channels import Channel, read_channels
 from hardcore.recovery.located import Broken, Located, Path, nearest, parse
@@ -337,8 +339,7 @@ class Policy:
         return word in self.words(diagnosis)
 
 
-@dataclass(frozen=True, slots=True)
-class PolicyFault:
+class PolicyFault(msgspec.Struct, frozen=True):
     """One thing wrong with a policy file: the line it stands in (0: the whole file) and why."""
 
     line: int

@@ -1,6 +1,6 @@
 """What the manager tells of itself: the present moment, and each change of phase with its real reason."""
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.forecasts import Forecast
 from hardcore.model.observations import LedgerAudited
@@ -11,8 +11,7 @@ from hardcore.recovery.spare import Lack
 from hardcore.recovery.transitions import Trigger
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
+class Transition(msgspec.Struct, frozen=True):
     """One change of phase with its real reason."""
 
     at_ns: int
@@ -22,8 +21,7 @@ class Transition:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class StateChange:
+class StateChange(msgspec.Struct, frozen=True):
     """One change of the state for people, with the phase and the reason behind it."""
 
     at_ns: int
@@ -33,8 +31,7 @@ class StateChange:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(msgspec.Struct, frozen=True):
     """What the present moment means to everybody else."""
 
     phase: Phase

@@ -5,9 +5,11 @@ oldest first where there are too many. A death that is explained by a conviction
 in it, so no innocent gathers deaths in bad company. An event of the log stands in it like a request.
 """
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+
+import msgspec
+from msgspec import structs
 
 from hardcore.model.recorder import CommandNote
 from hardcore.model.trials import REPRODUCED, CourtMemory, Ordeal, Suspect, SuspectNote, TrialNote
@@ -21,8 +23,7 @@ REMEMBERED_NS = 86_400 * NS_PER_S
 BEFORE_MAX = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Death:
+class Death(msgspec.Struct, frozen=True):
     """A death as the court knows it. Several pages may tell of one; they are one death all the same."""
 
     at_ns: int
@@ -60,13 +61,13 @@ class Register:
         kept = memory.suspects[-SUSPECTS_MAX:]
         ahead_ns = max((at_ns - now_ns for one in kept for at_ns in _stamps(one)), default=0)
         for one in kept:
-            self.put(dataclasses.replace(_earlier(one, max(0, ahead_ns)), waits=True))
+            self.put(structs.replace(_earlier(one, max(0, ahead_ns)), waits=True))
         self.settled_seq, self.changed = memory.settled_seq, True
         for name in names:
             old = self.by_key.get(name, Suspect(name, "", deaths=0, ordeal=Ordeal.UNTRIED))
             if not (old.open or old.letter):  # it may have been cleared, and have been run again since
-                again = dataclasses.replace(old, ordeal=None, filed=False, waits=True, company=False)
-                self.put(dataclasses.replace(again, at_ns=now_ns, tries=0, hung=False))
+                again = structs.replace(old, ordeal=None, filed=False, waits=True, company=False)
+                self.put(structs.replace(again, at_ns=now_ns, tries=0, hung=False))
         self._bound(now_ns)
 
     def accuse(self, death: Death, touched: Iterable[CommandNote], company: Iterable[CommandNote]) -> None:
@@ -80,7 +81,7 @@ class Register:
             if old is None or not (old.open or old.letter):
                 deaths = old.deaths if old is not None else 0
                 again = _accused(note, death, old)
-                self.put(dataclasses.replace(again, deaths=deaths, company=True))
+                self.put(structs.replace(again, deaths=deaths, company=True))
         self._bound(death.at_ns)
 
     def put(self, one: Suspect) -> None:
@@ -94,7 +95,7 @@ class Register:
 
     def close(self, one: Suspect, ordeal: Ordeal, why: str, now_ns: int) -> Suspect:
         """Note what becomes of it, in the end; return what is remembered of it."""
-        closed = dataclasses.replace(one, ordeal=ordeal, why=why, closed_ns=now_ns)
+        closed = structs.replace(one, ordeal=ordeal, why=why, closed_ns=now_ns)
         self.put(closed)
         self.part(one)
         return closed
@@ -122,7 +123,7 @@ class Register:
         if not self.explains(culprit.at_ns):
             for one in self:
                 if one.at_ns == culprit.at_ns and one.deaths and one.name != culprit.name and not one.letter:
-                    self.put(dataclasses.replace(one, deaths=one.deaths - 1))
+                    self.put(structs.replace(one, deaths=one.deaths - 1))
 
     def explains(self, at_ns: int) -> bool:
         """Whether somebody was convicted of the death of that moment."""
@@ -188,7 +189,7 @@ def _stamps(one: Suspect) -> tuple[int, ...]:
 
 def _earlier(one: Suspect, by_ns: int) -> Suspect:
     at_ns, filed_ns, closed_ns = (stamp - by_ns for stamp in _stamps(one))
-    return dataclasses.replace(one, at_ns=at_ns, filed_ns=filed_ns, closed_ns=closed_ns)
+    return structs.replace(one, at_ns=at_ns, filed_ns=filed_ns, closed_ns=closed_ns)
 
 
 def _accused(note: CommandNote, death: Death, old: Suspect | None) -> Suspect:

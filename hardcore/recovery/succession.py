@@ -22,6 +22,8 @@ would be all that stood between them.
 
 import dataclasses
 
+from msgspec import structs
+
 from hardcore.model import observations as seen
 from hardcore.model.actions import Kill, SpawnSpare
 from hardcore.model.phases import SERVING, Phase, Wanted
@@ -93,7 +95,7 @@ def heard(c: Course, fact: seen.Observation) -> bool:
             c.spare.extend(fact)
         case seen.LedgerAudited() if not fact.ok and c.phase in SERVING:
             # What it has met is the ledger's fault, and the core that serves has the same ledger.
-            relief.audited(c, dataclasses.replace(fact, life=c.life))
+            relief.audited(c, structs.replace(fact, life=c.life))
         case seen.CoreSpawned() if c.spare.state is SpareState.ENDING:
             order(
                 c, Kill(c.spare.life)

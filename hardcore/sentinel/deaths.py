@@ -7,7 +7,8 @@ Exit codes are those of `docs/wires.md` section 2.
 """
 
 import re
-from dataclasses import dataclass
+
+import msgspec
 
 from hardcore.model.looks import DiskFacts
 from hardcore.model.observations import CoreExited, Exit
@@ -59,8 +60,7 @@ _ERROR = re.compile(r"(\w+)(?:: .*)? \(([^()]+, line \d+)\)")
 _FINER = {73: frozenset({Diagnosis.DISK_READ_ONLY})}
 
 
-@dataclass(frozen=True, slots=True)
-class Death:
+class Death(msgspec.Struct, frozen=True):
     """What an end means: a diagnosis, how sure it is, and the facts it rests on."""
 
     diagnosis: Diagnosis

@@ -8,7 +8,9 @@ Rules of its own, simpler ones, were not chosen: each false alarm that the core'
 have had to be learned once more.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+from msgspec import structs
 
 from hardcore.model.clocks import Clocks
 from hardcore.model.gateway import GatewayPulse
@@ -37,7 +39,7 @@ class GatewayBench:
 
     def __post_init__(self) -> None:
         # Whoever restarts a gateway cuts every connection: nothing is so conclusive that it could not wait.
-        slower = replace(
+        slower = structs.replace(
             self.patience, conclusive_ms=self.patience.hang_ms, transaction_ms=0, disk_floor_bytes=0
         )
         self._bench = Bench(slower)
@@ -53,7 +55,7 @@ class GatewayBench:
         found = self._bench.judge(Sampled(at_ns, 0, beats, threads, process, clocks=clocks))
         believed = _OF_A_GATEWAY if pulse is not None else _WITHOUT_A_PAGE
         if found.colour is Colour.RED and found.diagnosis not in believed:
-            return replace(GREEN, colour=Colour.YELLOW, testimonies=found.testimonies)
+            return structs.replace(GREEN, colour=Colour.YELLOW, testimonies=found.testimonies)
         return found
 
 

@@ -7,7 +7,8 @@ socket may write anything, so every length and number is bounded and nothing rai
 """
 
 import re
-from dataclasses import dataclass
+
+import msgspec
 
 from hardcore.model.observations import StoreFault
 
@@ -49,8 +50,7 @@ _OURS = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class SpareNotice:
+class SpareNotice(msgspec.Struct, frozen=True):
     """A spare waits: the code that it runs, the version of its control socket, the store's schema as it read it.
 
     `migrates`: taking over would bring the store up to a newer schema.
@@ -62,8 +62,7 @@ class SpareNotice:
     migrates: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Notice:
+class Notice(msgspec.Struct, frozen=True):
     """What one datagram says. None: it says nothing about that.
 
     A notice with `ready` has `epoch`, `seq`, `hash` (64 hex digits), `proof` (`witness`, `chain`, or
@@ -92,8 +91,7 @@ class Notice:
     cases: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class MalformedNotice:
+class MalformedNotice(msgspec.Struct, frozen=True):
     """A datagram that means nothing to us, and why."""
 
     reason: str

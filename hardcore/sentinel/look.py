@@ -5,7 +5,7 @@ is remembered by the witness whose matter it is, so that no diagnosis keeps a st
 table that can be read.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.looks import ProcessSample
 from hardcore.model.recorder import Threads
@@ -26,8 +26,7 @@ from hardcore.sentinel.witnesses.store import StoreFindings
 from hardcore.sentinel.witnesses.transactions import Deciding
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
+class Look(msgspec.Struct, frozen=True):
     """What was found at `at_ns`. `alone`: the thread's beat goes on without the loop's, two looks agree.
 
     `in_store_ns`: for how long the writer has waited in the store while no command was being decided there.

@@ -1,10 +1,9 @@
 """How long each kind of evidence must have lasted before the judge acts on it: numbers of the policy, as one value."""
 
-from dataclasses import dataclass
+import msgspec
 
 
-@dataclass(frozen=True, slots=True)
-class Patience:
+class Patience(msgspec.Struct, frozen=True):
     """How long each kind of silence is borne, as the policy says.
 
     `late_ms`: a beat older than this is late. `conclusive_ms`: a hang that can't end by itself is acted on after

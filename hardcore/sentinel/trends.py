@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
+import msgspec
+
 from hardcore.sentinel.trends_slope import (
     POINTS_MIN,
     Points,
@@ -84,8 +86,7 @@ class Scale:
         return Points(tuple(self.numbers), tuple(self.lows), tuple(self.highs), tuple(self.loads))
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
+class Claim(msgspec.Struct, frozen=True):
     """When the limit is reached, in stretches from now: by the slope, and by its lower bound. Levels as they were seen.
 
     `slope` is for each stretch; `swing` is what lies above the lowest values as a rule; `scale` is how many stretches a point had.

@@ -14,9 +14,10 @@ where they began and are still leaving. Where either says no, nothing is claimed
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from statistics import median
+
+import msgspec
 
 #: With fewer points nothing is said.
 POINTS_MIN = 12
@@ -40,8 +41,7 @@ SLACK, GATHERED = 0.5, 5.0
 _MAD, _ROOT2 = 1.4826, math.sqrt(2)
 
 
-@dataclass(frozen=True, slots=True)
-class Points:
+class Points(msgspec.Struct, frozen=True):
     """Equally long stretches, the oldest first: their numbers, the lowest and the highest value in each, its load."""
 
     numbers: Sequence[int]
@@ -50,8 +50,7 @@ class Points:
     loads: Sequence[int]
 
 
-@dataclass(frozen=True, slots=True)
-class Slope:
+class Slope(msgspec.Struct, frozen=True):
     """Growth for each stretch: what it most likely is, and what it is at least."""
 
     middle: float

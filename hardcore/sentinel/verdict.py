@@ -13,8 +13,10 @@ has a judge of its own, and is never green.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import assert_never
+
+from msgspec import structs
 
 from hardcore.model.looks import ProcessSample
 from hardcore.model.observations import Probed, Sampled, StacksSampled, StoreLooked, StoreTold, Surveyed
@@ -171,7 +173,7 @@ class Bench:
         said, found = self._testimonies(look), _first(look, self.patience)
         verdict = _told(found, said) if found else _mildest(look, said)
         wishes = self._wishes.of(look, self.patience)
-        self._said = replace(verdict, wishes=wishes) if wishes else verdict
+        self._said = structs.replace(verdict, wishes=wishes) if wishes else verdict
         return self._said
 
     def _conclude_nothing(self, look: Look) -> Verdict:
@@ -179,7 +181,7 @@ class Bench:
         found = slept.judge(look, self.patience) or starved.judge(look, self.patience)
         if found is not None:
             return _told(found, self._testimonies(look))
-        return replace(self._said, wishes=frozenset()) if self._said.wishes else self._said
+        return structs.replace(self._said, wishes=frozenset()) if self._said.wishes else self._said
 
     def _judge_what_remains(
         self, tick: Sampled, missing: sight.Missing, clocks_found: clocks.ClockFacts
@@ -295,7 +297,7 @@ def _first(look: Look, patience: Patience) -> Verdict | None:
 def _told(found: Verdict, said: tuple[Testimony, ...]) -> Verdict:
     """Return a diagnosis with what everybody said; where nothing is done, with what worries them."""
     before = said if found.colour is Colour.RED else _worried(said)
-    return replace(found, testimonies=(*before, *found.testimonies))
+    return structs.replace(found, testimonies=(*before, *found.testimonies))
 
 
 def _worried(said: tuple[Testimony, ...]) -> tuple[Testimony, ...]:

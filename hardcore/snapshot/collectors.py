@@ -11,11 +11,12 @@ import time
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import psutil
+from msgspec import structs
 
 from hardcore.host.recorder import PageReader, PageUnusable
 from hardcore.model.looks import ProcessSample
@@ -62,22 +63,22 @@ def page_as_json(page: Page, now_ns: int) -> dict[str, Any]:
     """Return a page in the form of `recorder.json`: its values, with bodies masked and ages beside times."""
     return {
         "taken_at_ns": now_ns,
-        **asdict(page),
+        **msgspec.to_builtins(page, builtin_types=(bytes,)),
         "in_flight": [_command_as_json(note, now_ns) for note in page.in_flight],
         "finished": [_command_as_json(note, now_ns) for note in page.finished],
         "last_words": _words_as_json(page),
-        "events": [asdict(event) | {"text": mask_line(event.text)} for event in page.events],
+        "events": [structs.asdict(event) | {"text": mask_line(event.text)} for event in page.events],
     }
 
 
 def _words_as_json(page: Page) -> dict[str, Any] | None:
     words = page.last_words
-    return None if words is None else asdict(words) | {"text": mask_line(words.text)}
+    return None if words is None else structs.asdict(words) | {"text": mask_line(words.text)}
 
 
 def _command_as_json(note: CommandNote, now_ns: int) -> dict[str, Any]:
     return {
-        **asdict(note),
+        **structs.asdict(note),
         "stage": note.stage.name,
         "payload": readable_payload(mask_payload(note.payload)),
         "age_ms": max(0, now_ns - note.started_ns) // 1_000_000 if note.started_ns else None,
@@ -173,7 +174,11 @@ def collect_sample(subject: Subject, haul: Haul, sample: ProcessSample | None) -
     if sample is None:
         haul.missing["process.json"] = "the watch had not seen the process before it died"
         return
-    facts: Mapping[str, Any] = {"pid": subject.pid, "nonce": subject.nonce, "last_sample": asdict(sample)}
+    facts: Mapping[str, Any] = {
+        "pid": subject.pid,
+        "nonce": subject.nonce,
+        "last_sample": msgspec.to_builtins(sample),
+    }
     haul.files["process.json"] = as_bytes(facts)
 
 

@@ -5,9 +5,10 @@ process has on it, and a guard must not even be able to. The reading of the tabl
 """
 
 import os
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+from msgspec import structs
 
 from hardcore.host import locks
 from hardcore.snapshot.aside import Aside
@@ -33,7 +34,7 @@ def collect_locks(subject: Subject, haul: Haul, looked: Table, until_ns: int) ->
         return
     writers = locks.writers_in(subject.data, subject.pid, table)
     told = {
-        "store_write_lock": [asdict(holder) for holder in writers],
+        "store_write_lock": [structs.asdict(holder) for holder in writers],
         "files": {path.name: held for path in _files(subject.data) if (held := _held(path, table))},
     }
     haul.files["locks.json"] = as_bytes(told)

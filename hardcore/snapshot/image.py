@@ -9,8 +9,9 @@ never written unless the policy says so, is its owner's alone and leaves the mac
 
 import os
 import time
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.snapshot import children, memory
 from hardcore.snapshot.subject import Subject, Tools
@@ -20,8 +21,7 @@ FREE_BYTES_MIN = 256 << 20
 OUTPUT_BYTES_MAX = 1 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class ImageLimits:
+class ImageLimits(msgspec.Struct, frozen=True):
     """What a memory image may cost: time in milliseconds, which the kill waits for, and bytes of memory."""
 
     budget_ms: int

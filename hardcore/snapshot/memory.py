@@ -4,10 +4,10 @@ The roll-up of the memory map is the one part that may hang: it is looked at `as
 come. Everything else here is counters that wait for nothing. The map itself stays unread: it names every file.
 """
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import psutil
 
 from hardcore.model.recorder import Census, Page
@@ -50,7 +50,7 @@ def census_facts(page: Page | None) -> dict[str, Any]:
     """Return the last two censuses and what grew between them, the largest growth first."""
     censuses = page.censuses if page is not None else ()
     return {
-        "censuses": [asdict(census) for census in censuses],
+        "censuses": msgspec.to_builtins(censuses),
         "growth": growth(censuses[-2], censuses[-1]) if len(censuses) > 1 else None,
     }
 

@@ -9,8 +9,9 @@ without the sum was not chosen: six patient collectors in a row are one late kil
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 
 class Piece(StrEnum):
@@ -77,8 +78,7 @@ CUT_PERCENT = 90
 STOP_WAIT_MS_MAX = 100
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(msgspec.Struct, frozen=True):
     """One piece and the moment at which it must be done, in monotonic nanoseconds.
 
     `share_ns` is its own share of the budget: as long as a piece waits that asks somebody who may not answer.

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 
+import msgspec
+
 from hardcore.model.recorder import Page
 
 
-@dataclass(frozen=True, slots=True)
-class Subject:
+class Subject(msgspec.Struct, frozen=True):
     """One life of the core and where its evidence goes. `pidfd` is not used once the core is dead."""
 
     pid: int
@@ -29,8 +30,7 @@ class Subject:
     shelter: Path | None = None  # where it goes while the disk of the incidents takes none
 
 
-@dataclass(frozen=True, slots=True)
-class Tools:
+class Tools(msgspec.Struct, frozen=True):
     """What is at hand on this host. `py_spy` None: not installed, the core's own traceback must do."""
 
     py_spy: Path | None
@@ -53,8 +53,7 @@ class Haul:
     page: Page | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
+class Evidence(msgspec.Struct, frozen=True):
     """The evidence of one life, on disk at `path`. `complete`: nothing of the recipe is missing.
 
     `steps` are (name, monotonic ns) of the timeline: `frozen` and `dumped` of a living core.
@@ -66,7 +65,7 @@ class Evidence:
     page: Page | None
     steps: tuple[tuple[str, int], ...]
     duration_ms: int
-    costs_us: Mapping[str, int] = field(default_factory=dict)  # what each piece took
+    costs_us: Mapping[str, int] = msgspec.field(default_factory=dict)  # what each piece took
 
 
 class Kept(Enum):
@@ -77,8 +76,7 @@ class Kept(Enum):
     PERHAPS = "still on its way"
 
 
-@dataclass(frozen=True, slots=True)
-class EvidenceFailed:
+class EvidenceFailed(msgspec.Struct, frozen=True):
     """Nothing is on disk, or not yet; `reason` is one sentence. What was read is handed on all the same."""
 
     reason: str

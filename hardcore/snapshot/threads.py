@@ -8,8 +8,10 @@ for a lock that a stuck process may hold for ever.
 import os
 import signal
 import time
-from dataclasses import asdict, dataclass
 from pathlib import Path
+
+import msgspec
+from msgspec import structs
 
 from hardcore.snapshot.recipe import STOP_WAIT_MS_MAX
 from hardcore.snapshot.subject import Haul, Subject
@@ -20,8 +22,7 @@ _POLL_S = 0.001
 _TICK_MS = 1000 // os.sysconf("SC_CLK_TCK")
 
 
-@dataclass(frozen=True, slots=True)
-class ThreadFacts:
+class ThreadFacts(msgspec.Struct, frozen=True):
     """One thread: the kernel's letter for its state, the kernel function and system call it sleeps in."""
 
     tid: int
@@ -79,7 +80,7 @@ def thread_ids(pid: int) -> list[int]:
 
 def as_json(threads: list[ThreadFacts]) -> list[dict[str, object]]:
     """Return the facts in the form of `process.json`."""
-    return [asdict(facts) for facts in threads]
+    return [structs.asdict(facts) for facts in threads]
 
 
 def _moving(pid: int) -> list[tuple[int, str]]:

@@ -12,9 +12,11 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import msgspec
+from msgspec import structs
 
 from hardcore.model.looks import ProcessSample
 from hardcore.snapshot import recipe, storing
@@ -42,8 +44,7 @@ Abandoned = bundle.Found
 RECORDING = storing.RECORDING
 
 
-@dataclass(frozen=True, slots=True)
-class _Sheltered:
+class _Sheltered(msgspec.Struct, frozen=True):
     """The disk refused, the shelter did not."""
 
     reason: str
@@ -70,7 +71,7 @@ async def take_live(
     until_ns = recipe.end_ns(start_ns, budget_ms + STORE_GRACE_MS)
     taken = await _store(pool, subject, work.haul, start_ns, until_ns)
     if not isinstance(taken, EvidenceFailed) or taken.kept is Kept.ELSEWHERE:
-        taken = replace(taken, steps=(*taken.steps, ("dumped", time.monotonic_ns())))
+        taken = structs.replace(taken, steps=(*taken.steps, ("dumped", time.monotonic_ns())))
     if image is None or isinstance(taken, EvidenceFailed):
         return taken
     if not stop:
@@ -309,7 +310,7 @@ async def _with_image(
     await asyncio.wait({work}, timeout=_left_s(recipe.end_ns(start_ns, limits.budget_ms + STORE_GRACE_MS)))
     why = work.result() if work.done() else "the disk had not taken it in time"
     image_us = (time.monotonic_ns() - start_ns) // 1_000
-    taken = replace(
+    taken = structs.replace(
         taken,
         duration_ms=taken.duration_ms + image_us // 1_000,
         costs_us={**taken.costs_us, bundle.IMAGE: image_us},
@@ -321,7 +322,7 @@ async def _without_image(pool: Executor, taken: Evidence, why: str) -> Evidence:
     missing = {bundle.IMAGE: why}
     work = asyncio.get_running_loop().run_in_executor(pool, bundle.add_files, taken.path, {}, missing)
     await asyncio.wait({work}, timeout=STORE_GRACE_MS / 1_000)
-    return replace(taken, complete=False, missing={**taken.missing, **missing})
+    return structs.replace(taken, complete=False, missing={**taken.missing, **missing})
 
 
 def _image(subject: Subject, tools: Tools, folder: Path, limits: ImageLimits) -> str | None:

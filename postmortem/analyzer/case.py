@@ -5,9 +5,10 @@ alone. Findings name facts, not sentences; the sentences stand in the catalogue,
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
+
+import msgspec
 
 from postmortem.analyzer.tape import Tape
 from postmortem.incident import Incident, mapping, mappings, number, text
@@ -21,8 +22,7 @@ class Confidence(StrEnum):
     UNKNOWN = "unknown"
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(msgspec.Struct, frozen=True):
     """One frame of a stack. `place` is `file:line`; `shown` are the locals as the evidence shows them."""
 
     function: str
@@ -30,8 +30,7 @@ class Frame:
     shown: Mapping[str, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Thread:
+class Thread(msgspec.Struct, frozen=True):
     """One thread's stack, the innermost frame first."""
 
     tid: int | None
@@ -41,8 +40,7 @@ class Thread:
     frames: tuple[Frame, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(msgspec.Struct, frozen=True):
     """Everything a bundle says. `traceback` is what the core itself printed of its stacks.
 
     `first_threads` are the stacks as they were at the first suspicion, before the verdict.
@@ -54,15 +52,14 @@ class Case:
     recorder: Mapping[str, Any]
     traceback: str
     first_threads: tuple[Thread, ...] = ()
-    memory: Mapping[str, Any] = field(default_factory=dict)
-    locks: Mapping[str, Any] = field(default_factory=dict)
+    memory: Mapping[str, Any] = msgspec.field(default_factory=dict)
+    locks: Mapping[str, Any] = msgspec.field(default_factory=dict)
     log: str = ""
-    tape: Tape = field(default_factory=Tape)
-    gateway: Mapping[str, Any] = field(default_factory=dict)  # what a lost gateway has left
+    tape: Tape = msgspec.field(default_factory=Tape)
+    gateway: Mapping[str, Any] = msgspec.field(default_factory=dict)  # what a lost gateway has left
 
 
-@dataclass(frozen=True, slots=True)
-class Waiting:
+class Waiting(msgspec.Struct, frozen=True):
     """Thread `who` waits for `lock`, which thread `holder` has."""
 
     who: str
@@ -70,8 +67,7 @@ class Waiting:
     holder: str
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """What a rule found. `values` fill the catalogue's sentence for `rule`; `evidence` are facts as read.
 
     `waits`: who waited for whom, where that is what was found.

@@ -6,7 +6,8 @@ culprit among the commands, and the report says so instead of naming whoever was
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+import msgspec
 
 from postmortem.analyzer.case import Case, Confidence, Finding
 from postmortem.analyzer.poison import known_command
@@ -22,8 +23,7 @@ _NOBODY = frozenset(
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Culprit:
+class Culprit(msgspec.Struct, frozen=True):
     """The command behind an incident. `why` is a key of the catalogue; `kind` may be empty."""
 
     confidence: Confidence

@@ -8,7 +8,9 @@ there is only what the guard had seen, and the frame that hung.
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec import structs
 
 from postmortem.analyzer.blocked import frame_finding, ids_of, plain
 from postmortem.analyzer.case import Case, Confidence, Finding, Thread, Waiting
@@ -19,8 +21,7 @@ _LOCK = re.compile(r"<_thread\.(?:lock|RLock) at (0x[0-9a-f]+)>")
 _FRAMES_MAX = 6
 
 
-@dataclass(frozen=True, slots=True)
-class _Waiter:
+class _Waiter(msgspec.Struct, frozen=True):
     thread: Thread
     lock: str
     held_by: str
@@ -43,7 +44,7 @@ def examine(case: Case) -> list[Finding]:
             for one, holder in zip(ring, [*ring[1:], ring[0]], strict=True)
         )
         found = _finding(Confidence.CERTAIN, way, evidence, [one.thread for one in ring])
-        return [replace(found, waits=waits)]
+        return [structs.replace(found, waits=waits)]
     if pair := _nameless_pair(case.threads):
         way = " ↔ ".join(_name(thread) for thread in pair)
         evidence = [f"thread {_name(thread)} sleeps with both locks in its frames" for thread in pair]

@@ -9,7 +9,8 @@ it made as many groups as there were runs.
 
 import hashlib
 import re
-from dataclasses import dataclass
+
+import msgspec
 
 from postmortem.analyzer.case import Case, Finding, loop_thread
 from postmortem.analyzer.crashed import frames_of
@@ -30,8 +31,7 @@ _RULES_WITH_PLACE = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Fingerprint:
+class Fingerprint(msgspec.Struct, frozen=True):
     """`digest`: 16 hex digits. `why`: what equal deaths have in common, as facts. `version`: of the rule that made it."""
 
     digest: str

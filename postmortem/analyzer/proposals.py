@@ -9,8 +9,9 @@ Convicted commands are set aside already and are no proposal.
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from postmortem.analyzer.case import Case, Finding
 from postmortem.incident import Command, deciding, mappings, number, text
@@ -45,8 +46,7 @@ FORESTALLED = frozenset({"LEAK", "FD_EXHAUSTION", "MEMORY_PRESSURE"})
 _ASKED_FOR = frozenset({"OPERATOR", "PLANNED_SWITCH"})
 
 
-@dataclass(frozen=True, slots=True)
-class Proposed:
+class Proposed(msgspec.Struct, frozen=True):
     """One proposal. `id` is the same whenever the report is made; `says` is a key of the catalogue with `values`."""
 
     id: str

@@ -9,9 +9,10 @@ version still has its numbers.
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
+
+import msgspec
 
 from postmortem.incident import mapping, number, optional_text
 
@@ -31,8 +32,7 @@ _SAMPLED, _SPAWNED = '{"fact":{"Sampled":', '{"fact":{"CoreSpawned":'
 _ALLOWED = re.compile(r'"memory_bytes":(\d{1,18})\b')
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
+class Look(msgspec.Struct, frozen=True):
     """One look at a core: monotonic ns, which life, and its resident memory in bytes."""
 
     at_ns: int
@@ -40,8 +40,7 @@ class Look:
     rss_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class Tape:
+class Tape(msgspec.Struct, frozen=True):
     """What was found. `late_ns`: how long each late look had been waited for; `lives`: which life had which pid.
 
     `course`: the memory of the hours before, (seconds before the recording began, lowest bytes of a stretch).
@@ -51,7 +50,7 @@ class Tape:
     late_ns: tuple[int, ...] = ()
     policy_sha256: str | None = None
     memory_limit_bytes: int | None = None
-    lives: Mapping[int, int] = field(default_factory=dict)
+    lives: Mapping[int, int] = msgspec.field(default_factory=dict)
     course: tuple[tuple[float, int], ...] = ()
 
 

@@ -7,9 +7,10 @@ for what leaves the machine, was not chosen for that reason. What is kept is not
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, Final
 from urllib.parse import unquote_plus
+
+from msgspec import structs
 
 from postmortem.views import Letter
 
@@ -39,12 +40,12 @@ _SPOKEN: Final = re.compile(rf"({_NAME.pattern})([\w-]{{0,40}}[\"']?\s{{0,8}}[:=
 def shown(letter: Letter) -> Letter:
     """The letter with the secrets of its contents, of its address and of a core's answer to it hidden."""
     dry_run = letter.dry_run
-    return replace(
+    return structs.replace(
         letter,
         path=masked_path(letter.path),
         payload=masked(letter.payload),
         row=masked(letter.row),
-        dry_run=replace(dry_run, answer=masked(dry_run.answer)) if dry_run is not None else None,
+        dry_run=structs.replace(dry_run, answer=masked(dry_run.answer)) if dry_run is not None else None,
     )
 
 

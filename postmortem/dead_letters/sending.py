@@ -8,9 +8,10 @@ requests to our own loopback address need none.
 import http.client
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 from urllib.parse import quote, urlsplit
+
+import msgspec
 
 from postmortem.dead_letters.payload import body_of, headers
 
@@ -20,8 +21,7 @@ LOOK_UP_S: Final = 15.0
 ANSWER_BYTES_MAX: Final = 1 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class Sent:
+class Sent(msgspec.Struct, frozen=True):
     """The answer to a request. `problem`: the slug of its problem, `outcome` as it says, empty where it says none."""
 
     status: int
@@ -32,15 +32,13 @@ class Sent:
     replayed: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Lost:
+class Lost(msgspec.Struct, frozen=True):
     """No answer: what became of the request is not known. `why` in a few words."""
 
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Ledger:
+class Ledger(msgspec.Struct, frozen=True):
     """The ledger behind the gateway at one address, such as http://127.0.0.1:3000."""
 
     url: str

@@ -7,8 +7,9 @@ letter that is not shown is a request that nobody ever looks after. Only one wit
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final
+
+import msgspec
 
 from postmortem.dead_letters.payload import decoded, sums, without_secrets
 
@@ -22,8 +23,7 @@ _NAME = re.compile(r"[0-9a-f]{32}")
 _HASH = re.compile(r"[0-9a-f]{64}")
 
 
-@dataclass(frozen=True, slots=True)
-class LetterSlip:
+class LetterSlip(msgspec.Struct, frozen=True):
     """One letter of the guard's. `case`: as in a docket, without headers that say who somebody is."""
 
     id: str
@@ -49,8 +49,7 @@ class LetterSlip:
     trial: Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class DrillSlip:
+class DrillSlip(msgspec.Struct, frozen=True):
     """One drill that was run."""
 
     at: str
@@ -61,8 +60,7 @@ class DrillSlip:
     scheduled: bool
 
 
-@dataclass(frozen=True, slots=True)
-class ActSlip:
+class ActSlip(msgspec.Struct, frozen=True):
     """One act of somebody else's, for the audit log."""
 
     at: str
@@ -72,8 +70,7 @@ class ActSlip:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class StateSlip:
+class StateSlip(msgspec.Struct, frozen=True):
     """One change of the state for people."""
 
     at: str

@@ -14,9 +14,10 @@ import stat
 import time
 import uuid
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from postmortem import placing
 
@@ -31,15 +32,13 @@ _NAME = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-7[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9
 _KIND = re.compile(r"[a-z][a-z-]{0,31}")
 
 
-@dataclass(frozen=True, slots=True)
-class SpoolFailed:
+class SpoolFailed(msgspec.Struct, frozen=True):
     """A message could not be written; `reason` is one sentence for people."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(msgspec.Struct, frozen=True):
     """One message of the guard. `kind`: letter, drill, act. `fields`: as they came, `at` among them."""
 
     path: Path
@@ -47,8 +46,7 @@ class Message:
     fields: Mapping[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class Unreadable:
+class Unreadable(msgspec.Struct, frozen=True):
     """A file of the spool that says nothing to us; `reason` in a few words."""
 
     path: Path

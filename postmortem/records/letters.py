@@ -6,9 +6,9 @@ letter one gets it and the other is told why not.
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any, Final
 
+from msgspec import structs
 from sqlalchemy import Connection, RowMapping, delete, func, insert, select, update
 
 from postmortem.dead_letters import slip as slips
@@ -152,7 +152,7 @@ def put(connection: Connection, letter_id: str, **columns: Any) -> None:
 
 def put_dry_run(connection: Connection, letter_id: str, found: DryRun) -> None:
     """Note what a throw-away core said, as the letter's newest word and as one more attempt."""
-    put(connection, letter_id, dry_run=json.dumps(asdict(found)))
+    put(connection, letter_id, dry_run=json.dumps(structs.asdict(found)))
     detail = found.why or answered(found)
     outcome = "refused" if was_refused(found) else found.ordeal
     add_attempt(connection, letter_id, Attempt(found.at, "dry-run", outcome, None, detail))
@@ -160,7 +160,7 @@ def put_dry_run(connection: Connection, letter_id: str, found: DryRun) -> None:
 
 def add_attempt(connection: Connection, letter_id: str, one: Attempt) -> None:
     """Note one more thing that became of a letter; the oldest are forgotten above ATTEMPTS_MAX."""
-    connection.execute(insert(ATTEMPTS).values(letter=letter_id, **asdict(one)))
+    connection.execute(insert(ATTEMPTS).values(letter=letter_id, **structs.asdict(one)))
     of_it = ATTEMPTS.c.letter == letter_id
     newest = select(ATTEMPTS.c.number).where(of_it).order_by(ATTEMPTS.c.number.desc()).limit(ATTEMPTS_MAX)
     connection.execute(delete(ATTEMPTS).where(of_it, ATTEMPTS.c.number.not_in(newest)))

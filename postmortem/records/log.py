@@ -6,10 +6,10 @@ and a discard stays to be seen as long as its rule can refuse: the guard bounds 
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from datetime import datetime, timedelta
 from typing import Any, Final
 
+from msgspec import structs
 from sqlalchemy import Connection, RowMapping, delete, func, insert, or_, select, update
 
 from postmortem.dead_letters.slip import DrillSlip, StateSlip
@@ -61,21 +61,21 @@ def secret(connection: Connection, made: str) -> str:
 
 def add_act(connection: Connection, act: Act) -> None:
     """Write one line of the audit log."""
-    key = connection.execute(insert(AUDIT).values(**asdict(act))).inserted_primary_key
+    key = connection.execute(insert(AUDIT).values(**structs.asdict(act))).inserted_primary_key
     assert key is not None
     connection.execute(delete(AUDIT).where(AUDIT.c.number <= key[0] - ACTS_MAX))
 
 
 def add_drill(connection: Connection, message: str, slip: DrillSlip) -> None:
     """Write one drill."""
-    connection.execute(insert(DRILLS).values(id=message, **asdict(slip)))
+    connection.execute(insert(DRILLS).values(id=message, **structs.asdict(slip)))
     kept = select(DRILLS.c.id).order_by(DRILLS.c.at.desc(), DRILLS.c.id.desc()).limit(DRILLS_MAX)
     connection.execute(delete(DRILLS).where(DRILLS.c.id.not_in(kept)))
 
 
 def add_state(connection: Connection, slip: StateSlip) -> None:
     """Write one change of the state."""
-    key = connection.execute(insert(STATES).values(**asdict(slip))).inserted_primary_key
+    key = connection.execute(insert(STATES).values(**structs.asdict(slip))).inserted_primary_key
     assert key is not None
     connection.execute(delete(STATES).where(STATES.c.number <= key[0] - STATES_MAX))
 

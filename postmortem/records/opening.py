@@ -9,10 +9,10 @@ import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+import msgspec
 from sqlalchemy import Connection, Engine, create_engine
 from sqlalchemy.exc import DatabaseError, OperationalError
 from sqlalchemy.pool import QueuePool
@@ -28,20 +28,18 @@ CONNECTIONS_MAX: Final = 8
 LOG_KEPT_BYTES: Final = 4 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class RecordsFailed:
+class RecordsFailed(msgspec.Struct, frozen=True):
     """The archive can't be opened; `reason` is one sentence for people."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Records:
+class Records(msgspec.Struct, frozen=True):
     """The open archive. `put_aside`: the damaged file that was found in its place, if one was."""
 
     engine: Engine
     put_aside: Path | None = None
-    _writing: threading.Lock = field(default_factory=threading.Lock)
+    _writing: threading.Lock = msgspec.field(default_factory=threading.Lock)
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:

@@ -7,12 +7,12 @@ Pages of an offset were not chosen: the tenth would read the nine before it.
 import json
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
+from msgspec import structs
 from sqlalchemy import Column, ColumnElement, Connection, RowMapping, Select, Table, func, select, tuple_
 
 from postmortem.records import rows
@@ -96,7 +96,7 @@ class Archive:
             page = _page(connection, GROUPS, order, where, limit, cursor, lambda row: row)
             merged = _merged(connection, [row["fingerprint"] for row in page.items])
         items = tuple(rows.group(row, merged.get(row["fingerprint"], ())) for row in page.items)
-        return replace(page, items=items)
+        return structs.replace(page, items=items)
 
     def group(self, fingerprint: str) -> Group | None:
         """One group, or None."""
@@ -133,7 +133,7 @@ class Archive:
             for one in connection.execute(asked).mappings():
                 attempts.setdefault(one["letter"], []).insert(0, one)
         items = tuple(rows.letter(row, attempts.get(row["id"], ())) for row in page.items)
-        return replace(page, items=items)
+        return structs.replace(page, items=items)
 
     def letter(self, letter_id: str) -> Letter | None:
         """One letter with all that became of it, by any of its numbers, or None."""

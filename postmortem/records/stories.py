@@ -7,10 +7,10 @@ called fixed before it; the group and the incident both carry the mark.
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from statistics import median
 from typing import Any, Final
 
+import msgspec
 from sqlalchemy import Connection, delete, func, insert, select, update
 
 from postmortem import placing
@@ -29,8 +29,7 @@ PROPOSAL_RULE: Final = "proposal-"
 _COUNTED: Final = ("id", "opened_at", "outage_ms", "account_ids", "diagnosis", "summary")
 
 
-@dataclass(frozen=True, slots=True)
-class Proposed:
+class Proposed(msgspec.Struct, frozen=True):
     """A proposal as an incident's report makes it."""
 
     kind: str
@@ -39,8 +38,7 @@ class Proposed:
     tested: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Story:
+class Story(msgspec.Struct, frozen=True):
     """One incident as its folder says it now. `title`, `why`: what its group is called, and what it is made of."""
 
     line: IncidentLine

@@ -1,7 +1,9 @@
 """Prints a report as the JSON that programs rely on: an item of the list, and the whole story."""
 
-from dataclasses import asdict
 from typing import Any
+
+import msgspec
+from msgspec import structs
 
 from frontend import catalogue_reports as texts
 from postmortem.analyzer.case import Thread
@@ -49,7 +51,7 @@ def as_item(report: Report, language: str) -> dict[str, Any]:
         "served_again_at": incident.served_again_at,
         "planned": incident.planned,
         "evidence_complete": report.contents.complete,
-        "money": asdict(report.money),
+        "money": structs.asdict(report.money),
     }
 
 
@@ -63,7 +65,7 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
         "waits_for": incident.waits_for,
         "next_step": {one: next_step(incident, one) for one in texts.LANGUAGES},
         "drill": incident.drill,
-        "timeline": [asdict(step) for step in incident.timeline],
+        "timeline": [structs.asdict(step) for step in incident.timeline],
         "evidence": [{"kind": line.code, "text": line.text} for line in incident.evidence],
         "findings": [
             {
@@ -80,14 +82,14 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
         "why": list(report.print_of.why),
         "fingerprint_version": report.print_of.version,
         "culprit": _culprit(report),
-        "trials": [asdict(trial) for trial in incident.trials],
-        "waits": [asdict(wait) for wait in report.waits],
+        "trials": [structs.asdict(trial) for trial in incident.trials],
+        "waits": [structs.asdict(wait) for wait in report.waits],
         "stacks": [_stack(thread) for thread in report.threads[:THREADS_MAX]],
         "memory": {"points": _points(report), "limit_bytes": report.memory_limit_bytes},
-        "repetition": asdict(report.repetition) if report.repetition else None,
+        "repetition": structs.asdict(report.repetition) if report.repetition else None,
         "repetition_line": {one: repetition_line(report.repetition, one) for one in texts.LANGUAGES},
         "changes": [
-            asdict(change) | {"text": {one: change_line(change, one) for one in texts.LANGUAGES}}
+            structs.asdict(change) | {"text": {one: change_line(change, one) for one in texts.LANGUAGES}}
             for change in report.changes or ()
         ],
         "proposals": [
@@ -101,25 +103,26 @@ def as_story(report: Report, language: str) -> dict[str, Any]:
             for proposed in report.proposals
         ],
         "requests": [
-            asdict(request) | {"told": {one: request_word(incident, request, one) for one in texts.LANGUAGES}}
+            structs.asdict(request)
+            | {"told": {one: request_word(incident, request, one) for one in texts.LANGUAGES}}
             for request in incident.requests
         ],
         "no_requests": {one: no_requests(incident, one) for one in texts.LANGUAGES},
         "no_outage": {one: outage_word(incident, one) for one in texts.LANGUAGES},
-        "in_flight": [asdict(command) for command in at_work(incident)],
+        "in_flight": [structs.asdict(command) for command in at_work(incident)],
         "suspects": list(incident.suspects),
         "blamed": list(incident.blamed),
         "core": {
             "pid": incident.pid,
             "epoch": incident.epoch,
             "next_epoch": incident.next_epoch,
-            "exit": asdict(incident.exit),
-            "last_words": asdict(incident.last_words) if incident.last_words else None,
+            "exit": structs.asdict(incident.exit),
+            "last_words": structs.asdict(incident.last_words) if incident.last_words else None,
         },
-        "deaths": [asdict(death) for death in incident.deaths],
-        "proof": asdict(incident.proof) if incident.proof else None,
-        "audit": asdict(incident.audit) if incident.audit else None,
-        "bundle": asdict(report.contents) | {"faults": list(report.contents.faults)},
+        "deaths": msgspec.to_builtins(incident.deaths),
+        "proof": structs.asdict(incident.proof) if incident.proof else None,
+        "audit": structs.asdict(incident.audit) if incident.audit else None,
+        "bundle": structs.asdict(report.contents) | {"faults": list(report.contents.faults)},
     }
 
 

@@ -7,9 +7,10 @@ ledger can move the cursor of whoever reads about it. Colour only underlines wha
 
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
+
+import msgspec
 
 from frontend import catalogue_prevention as prevention
 from frontend import catalogue_reports as texts
@@ -40,8 +41,7 @@ _OUTCOME_STYLES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
+class Look(msgspec.Struct, frozen=True):
     """How to print: width in cells, and whether colour is wanted."""
 
     width: int = 80

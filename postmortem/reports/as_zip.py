@@ -11,8 +11,10 @@ import json
 import re
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
+
+import msgspec
+from msgspec import structs
 
 from frontend import catalogue_prevention as texts
 from postmortem import bundle
@@ -58,8 +60,7 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 _OWNER_ONLY = 0o600 << 16
 
 
-@dataclass(frozen=True, slots=True)
-class Packed:
+class Packed(msgspec.Struct, frozen=True):
     """An archive's files by name, and one line for each thing that was left out or hidden."""
 
     files: tuple[tuple[str, bytes], ...]
@@ -106,8 +107,8 @@ def as_zip(files: Sequence[tuple[str, bytes]]) -> bytes:
 def redacted(report: Report, sieve: Sieve) -> Report:
     """Return a report in which every text that came from evidence has gone through the sieve."""
     incident = _incident(report.incident, sieve)
-    made = replace(report.print_of, why=tuple(map(sieve.sentence, report.print_of.why)))
-    return replace(
+    made = structs.replace(report.print_of, why=tuple(map(sieve.sentence, report.print_of.why)))
+    return structs.replace(
         report,
         incident=incident,
         summary={language: summarise(incident, language) for language in report.summary},
@@ -123,7 +124,7 @@ def redacted(report: Report, sieve: Sieve) -> Report:
         proposals=tuple(_proposal(proposed, sieve) for proposed in report.proposals),
         threads=tuple(_thread(thread, sieve) for thread in report.threads),
         waits=tuple(
-            replace(
+            structs.replace(
                 wait,
                 who=sieve.named(wait.who, "thread_name"),
                 lock=sieve.named(wait.lock, "kind"),
@@ -135,7 +136,7 @@ def redacted(report: Report, sieve: Sieve) -> Report:
 
 
 def _incident(one: Incident, sieve: Sieve) -> Incident:
-    return replace(
+    return structs.replace(
         one,
         diagnosis=sieve.named(one.diagnosis, "diagnosis"),
         waits_for=sieve.named(one.waits_for, "diagnosis") if one.waits_for else one.waits_for,
@@ -143,19 +144,20 @@ def _incident(one: Incident, sieve: Sieve) -> Incident:
         drill=sieve.named(one.drill, "kind") if one.drill else one.drill,
         evidence=tuple(_words(words, sieve) for words in one.evidence),
         last_words=_words(one.last_words, sieve) if one.last_words else None,
-        timeline=tuple(replace(step, step=sieve.named(step.step, "step")) for step in one.timeline),
+        timeline=tuple(structs.replace(step, step=sieve.named(step.step, "step")) for step in one.timeline),
         in_flight=tuple(_command(command, sieve) for command in one.in_flight),
         suspects=tuple(map(sieve.identifier, one.suspects)),
         blamed=tuple(map(sieve.identifier, one.blamed)),
         requests=tuple(_request(request, sieve) for request in one.requests),
         audit=_audit(one.audit, sieve) if one.audit else None,
         deaths=tuple(
-            replace(death, diagnosis=sieve.named(death.diagnosis, "diagnosis")) for death in one.deaths
+            structs.replace(death, diagnosis=sieve.named(death.diagnosis, "diagnosis"))
+            for death in one.deaths
         ),
         trials=tuple(_trial(trial, sieve) for trial in one.trials),
         left_open=sieve.identifier(one.left_open) if one.left_open else one.left_open,
-        proof=replace(one.proof, kind=sieve.named(one.proof.kind, "kind")) if one.proof else None,
-        versions=replace(
+        proof=structs.replace(one.proof, kind=sieve.named(one.proof.kind, "kind")) if one.proof else None,
+        versions=structs.replace(
             one.versions,
             build=sieve.identifier(one.versions.build) if one.versions.build else None,
             policy=sieve.identifier(one.versions.policy) if one.versions.policy else None,
@@ -168,11 +170,11 @@ def _words(words: Words, sieve: Sieve) -> Words:
 
 
 def _audit(audit: Audit, sieve: Sieve) -> Audit:
-    return replace(audit, fault=sieve.sentence(audit.fault))
+    return structs.replace(audit, fault=sieve.sentence(audit.fault))
 
 
 def _command(command: Command, sieve: Sieve) -> Command:
-    return replace(
+    return structs.replace(
         command,
         command_id=sieve.identifier(command.command_id),
         kind=sieve.named(command.kind, "kind"),
@@ -184,7 +186,7 @@ def _command(command: Command, sieve: Sieve) -> Command:
 
 
 def _request(request: Request, sieve: Sieve) -> Request:
-    return replace(
+    return structs.replace(
         request,
         method=sieve.named(request.method, "method"),
         path=sieve.path(request.path),
@@ -194,7 +196,7 @@ def _request(request: Request, sieve: Sieve) -> Request:
 
 
 def _trial(trial: Trial, sieve: Sieve) -> Trial:
-    return replace(
+    return structs.replace(
         trial,
         name=sieve.identifier(trial.name),
         command_id=sieve.identifier(trial.command_id),
@@ -209,7 +211,7 @@ def _trial(trial: Trial, sieve: Sieve) -> Trial:
 
 
 def _finding(finding: Finding, sieve: Sieve) -> Finding:
-    return replace(
+    return structs.replace(
         finding,
         values={name: sieve.named(value, name) for name, value in finding.values.items()},
         evidence=tuple(map(sieve.sentence, finding.evidence)),
@@ -222,7 +224,7 @@ def _finding(finding: Finding, sieve: Sieve) -> Finding:
 def _culprit(culprit: Culprit | None, sieve: Sieve) -> Culprit | None:
     if culprit is None:
         return None
-    return replace(
+    return structs.replace(
         culprit,
         command_id=sieve.identifier(culprit.command_id),
         kind=sieve.named(culprit.kind, "kind"),
@@ -233,13 +235,13 @@ def _culprit(culprit: Culprit | None, sieve: Sieve) -> Culprit | None:
 
 def _change(change: Change, sieve: Sieve) -> Change:
     before, now = (sieve.named(one, "digest") if one else None for one in (change.before, change.now))
-    return replace(change, before=before, now=now)
+    return structs.replace(change, before=before, now=now)
 
 
 def _proposal(proposed: Proposed, sieve: Sieve) -> Proposed:
     rule = {name: sieve.value(one, name) for name, one in proposed.rule.items()} if proposed.rule else None
     values = {name: sieve.sentence(value) for name, value in proposed.values.items()}
-    return replace(proposed, values=values, rule=rule)
+    return structs.replace(proposed, values=values, rule=rule)
 
 
 def _thread(thread: Thread, sieve: Sieve) -> Thread:
@@ -247,11 +249,11 @@ def _thread(thread: Thread, sieve: Sieve) -> Thread:
         Frame(sieve.named(frame.function, "function"), sieve.named(frame.place, "place"), {})
         for frame in thread.frames
     )
-    return replace(thread, name=sieve.named(thread.name, "thread_name"), frames=frames)
+    return structs.replace(thread, name=sieve.named(thread.name, "thread_name"), frames=frames)
 
 
 def _contents(contents: Contents, sieve: Sieve) -> Contents:
-    return replace(
+    return structs.replace(
         contents,
         files={_file_name(name): size for name, size in contents.files.items()},
         missing={_file_name(name): sieve.sentence(why) for name, why in contents.missing.items()},

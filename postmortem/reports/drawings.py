@@ -8,9 +8,9 @@ says so. A charting library was not chosen: four shapes need none, and a saved r
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
+import msgspec
 from markupsafe import Markup
 
 from frontend import catalogue_drawings as texts
@@ -32,8 +32,7 @@ _NAME_CHARS_MAX = 28
 _MIB = 1 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class Drawing:
+class Drawing(msgspec.Struct, frozen=True):
     """A picture, and the same as a table: `head` names the columns of `rows`. `title` says what is to be seen.
 
     `legend`: what the numbers in the picture stand for, where it has numbers.
@@ -46,8 +45,7 @@ class Drawing:
     legend: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(msgspec.Struct, frozen=True):
     """One moment of a timeline: its name as people read it, and when it was, in ms after the fault.
 
     `outage`: nobody was served in the stretch that ends with it.
@@ -58,8 +56,7 @@ class Moment:
     outage: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class Wait:
+class Wait(msgspec.Struct, frozen=True):
     """Thread `who` waits for `lock`, which thread `holder` has."""
 
     who: str
@@ -67,8 +64,7 @@ class Wait:
     holder: str
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(msgspec.Struct, frozen=True):
     """A stretch of a day, in seconds from its beginning. `kind`: `up`, `down`, `reads`, `off` or `unknown`."""
 
     from_s: float

@@ -6,7 +6,8 @@ fact.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from frontend import catalogue_prevention as prevention
 from frontend import catalogue_reports as texts
@@ -36,8 +37,7 @@ LANGUAGES = texts.LANGUAGES
 MS_PER_S = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Contents:
+class Contents(msgspec.Struct, frozen=True):
     """The bundle behind a report: its files with their sizes, and what is wrong with it."""
 
     complete: bool
@@ -47,8 +47,7 @@ class Contents:
     faults: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Past:
+class Past(msgspec.Struct, frozen=True):
     """An earlier incident, as far as repetition and change are told from it."""
 
     id: str
@@ -57,16 +56,14 @@ class Past:
     versions: Versions
 
 
-@dataclass(frozen=True, slots=True)
-class Repetition:
+class Repetition(msgspec.Struct, frozen=True):
     """How often the same fingerprint was there before. `last`: the one before this, empty: there was none."""
 
     count: int
     last: str
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
+class Change(msgspec.Struct, frozen=True):
     """What ran in this incident and in the one before. `what`: build, policy or schema; None: not on record."""
 
     what: str
@@ -74,8 +71,7 @@ class Change:
     now: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
+class Report(msgspec.Struct, frozen=True):
     """Everything that is said about one incident. `summary` has one sentence for each language.
 
     `repetition` and `changes` None: nobody has looked at the incidents before it. `memory`: (seconds before the last

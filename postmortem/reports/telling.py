@@ -8,8 +8,9 @@ can know is left for them by name and never made up.
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from frontend import catalogue_prevention as prevention
 from frontend import catalogue_reports as texts
@@ -42,8 +43,7 @@ _BADLY = frozenset({"not_done", "unknown", "refused"})
 _SERVED = "serving"
 
 
-@dataclass(frozen=True, slots=True)
-class Said:
+class Said(msgspec.Struct, frozen=True):
     """One finding on paper: its sentence, how sure it is, and its lines of evidence."""
 
     sentence: str
@@ -51,8 +51,7 @@ class Said:
     evidence: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Stack:
+class Stack(msgspec.Struct, frozen=True):
     """One thread on paper; a frame is its text and whether it is our own code. `holds`: it held the interpreter."""
 
     name: str

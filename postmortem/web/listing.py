@@ -8,10 +8,10 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any, Final
 
+from msgspec import structs
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -40,7 +40,7 @@ async def listing(lobby: Lobby, request: Request) -> Response:
     body = (
         _as_csv(lines, lang)
         if form == "csv"
-        else json.dumps([asdict(one) for one in lines], ensure_ascii=False)
+        else json.dumps([structs.asdict(one) for one in lines], ensure_ascii=False)
     )
     await lobby.places.write_down("export", "incidents", "", form)
     headers = {
@@ -69,7 +69,7 @@ def _as_csv(lines: Sequence[IncidentLine], lang: str) -> str:
     writer = csv.writer(paper)
     writer.writerow(COLUMNS)
     for line in lines:
-        row: dict[str, Any] = asdict(line)
+        row: dict[str, Any] = structs.asdict(line)
         row |= {"account_ids": " ".join(line.account_ids), "summary": line.summary.get(lang, "")}
         writer.writerow([_cell(row[name]) for name in COLUMNS])
     return paper.getvalue()

@@ -7,10 +7,10 @@ so that one slow disk does not stop the others' pages.
 
 import hmac
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
+import msgspec
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData
 from starlette.requests import Request
@@ -44,8 +44,7 @@ FORM_BYTES_MAX: Final = 256 << 10
 _OWN_SITES: Final = frozenset({"same-origin", "none", None})
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
+class Question(msgspec.Struct, frozen=True):
     """What is asked before something is done.
 
     `sure`: the button's word, empty where there is nothing to be sure of. `typed`: name, label and most characters of what has to be written. `fields`: what is sent with the answer.
@@ -63,8 +62,7 @@ class Question:
     harms: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Lobby:
+class Lobby(msgspec.Struct, frozen=True):
     """The archive, what may be done with it, and what is outside of it: for every page the same."""
 
     reads: Reads

@@ -5,8 +5,9 @@ hair; and where no guard answers there is no curve, because the archive keeps no
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final
+
+import msgspec
 
 from frontend.admin_paper import moment
 from frontend.render import Language
@@ -21,8 +22,7 @@ _BYTES: Final = frozenset({"memory", "disk"})
 _NAMED: Final = frozenset({"memory", "fds", "threads", "queue", "disk", "errors"})
 
 
-@dataclass(frozen=True, slots=True)
-class Growing:
+class Growing(msgspec.Struct, frozen=True):
     """A resource that grows, in words. `due`: when it reaches its limit; None: later than anybody can tell."""
 
     name: str

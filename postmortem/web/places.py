@@ -5,9 +5,10 @@ guard of three lines. Everything that only the archive knows comes by `views.Rea
 """
 
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 #: Asks the guard one question of its control socket; None: no guard answers.
 AskGuard = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any] | None]]
@@ -15,8 +16,7 @@ AskGuard = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any] | None]]
 WriteDown = Callable[[str, str, str, str], Awaitable[None]]
 
 
-@dataclass(frozen=True, slots=True)
-class Places:
+class Places(msgspec.Struct, frozen=True):
     """`incidents`: the folder of all incidents. `data`: the data folder, for the room that is left on its disk.
 
     `token`: what every form carries as `_csrf` and every form's sender has to send back. `version`: of the code.

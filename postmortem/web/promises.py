@@ -6,9 +6,10 @@ time and no incident, so they stand under the trends and not beside an incident,
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from postmortem.incident import mapping, mappings, number
 from postmortem.placing import read_up_to
@@ -17,8 +18,7 @@ FILE_BYTES_MAX: Final = 256 << 10
 MS_PER_S: Final = 1_000
 
 
-@dataclass(frozen=True, slots=True)
-class Promise:
+class Promise(msgspec.Struct, frozen=True):
     """What was told at its narrowest, in whole seconds, and how long it took."""
 
     low_s: int

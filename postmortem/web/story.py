@@ -7,9 +7,10 @@ nothing in it is trusted, everything has a largest number, and what is missing i
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from frontend import catalogue_reports
 from postmortem import bundle, reading
@@ -40,8 +41,7 @@ VEILED_MAX: Final = 200
 MASKED_CHARACTERS: Final = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Stack:
+class Stack(msgspec.Struct, frozen=True):
     """A thread's stack: `own` frames from the inside out, and the others, which are folded."""
 
     name: str
@@ -51,8 +51,7 @@ class Stack:
     system: tuple[Frame, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Story:
+class Story(msgspec.Struct, frozen=True):
     """What the page of an incident shows besides the archive's own facts."""
 
     report: Report

@@ -52,7 +52,7 @@ BREACHES: Final = (
     ("database", "hardcore.host.files", "sqlite3"),
     ("database", "hardcore.crisis.pages", "starlette"),
     ("database", "frontend.catalogue", "sqlalchemy"),
-    ("sentinel-process", "hardcore.control.server", "msgspec"),
+    ("sentinel-process", "hardcore.control.server", "websockets"),
     ("gateway-process", "hardcore.crisis.health", "uvicorn"),
 )
 # Imports over the named bridges, which the same little house makes lawfully.

@@ -1,6 +1,6 @@
 """What the agents are told to go by follows from the policy and from who the sentinel is."""
 
-from dataclasses import replace
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -26,14 +26,14 @@ def told(tmp_path: Path, policy: Policy) -> Orders:
 def test_each_side_has_a_word_of_the_policy(tmp_path: Path, lost: str) -> None:
     as_shipped = told(tmp_path, Policy())
     assert (as_shipped.sentinel_lost, as_shipped.gateway_lost) == (True, True)
-    changed = replace(Policy(), actions={Diagnosis(lost): frozenset({Word.SEND_ALERT})})
+    changed = dataclasses.replace(Policy(), actions={Diagnosis(lost): frozenset({Word.SEND_ALERT})})
     orders = told(tmp_path, changed)
     assert orders.sentinel_lost is (lost != "SENTINEL_LOST")
     assert orders.gateway_lost is (lost != "GATEWAY_LOST")
 
 
 def test_a_guard_that_seldom_looks_may_be_silent_for_longer(tmp_path: Path) -> None:
-    slow = replace(Policy(), health_check_interval_ms=2000)
+    slow = dataclasses.replace(Policy(), health_check_interval_ms=2000)
     assert told(tmp_path, slow).stale_ns > told(tmp_path, Policy()).stale_ns
 
 

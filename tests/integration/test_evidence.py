@@ -10,11 +10,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import psutil
 import pytest
+from msgspec.structs import replace
 
 from hardcore.host.recorder import make_page
 from hardcore.model.actions import CloseIncident

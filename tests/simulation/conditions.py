@@ -5,8 +5,11 @@ inside, and whether the guard may call it a hang: `judged` names the patience th
 that are true of it. A condition without a patience must never cost a core its life, however long it lasts.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
+
+import msgspec
+from msgspec.structs import replace
 
 from hardcore.model.verdicts import Diagnosis
 from hardcore.recovery.policy import Policy
@@ -60,8 +63,7 @@ _ASKS = ThreadLook(wakes=True)
 _STARVES = ThreadLook("R", "", starves=True)
 
 
-@dataclass(frozen=True, slots=True)
-class Condition:
+class Condition(msgspec.Struct, frozen=True):
     """One row. `state` is the letter of the whole process; `innermost` the function its stuck thread stands in."""
 
     name: str

@@ -6,8 +6,9 @@ so that a second manager can be asked the same questions. Facts that waited are 
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen

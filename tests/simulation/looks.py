@@ -5,10 +5,12 @@ costs nothing. A look may also be spoilt: torn, so that nothing can be read, lat
 there a while ago, or of a page that somebody writes all over.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from enum import Enum
 from random import Random
 from typing import Any
+
+from msgspec.structs import fields, replace
 
 from hardcore.model.looks import ProcessSample, StackFrame, ThreadSample, ThreadStack
 from hardcore.model.recorder import Beats, CommandNote, ComponentBeat, LifeState, Page, SlotStage, Threads

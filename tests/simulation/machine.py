@@ -11,6 +11,8 @@ from enum import Enum
 from random import Random
 from typing import TYPE_CHECKING, Protocol
 
+import msgspec
+
 from hardcore.model import observations as seen
 from hardcore.model.actions import Promote, SetSafe
 from hardcore.model.recorder import CommandNote, LastWords, SlotStage, Witness
@@ -47,8 +49,7 @@ class Stage(Enum):
     DEAD = "dead"
 
 
-@dataclass(frozen=True, slots=True)
-class BootPlan:
+class BootPlan(msgspec.Struct, frozen=True):
     """How a boot will go. `end`: how it ends there; None with `hangs`: never."""
 
     fence_ns: int

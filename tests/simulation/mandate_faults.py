@@ -4,9 +4,9 @@ The operator may want reads only at any moment, and take that back at any other.
 the middle of a recovery what was begun in act. A part of the core may stand still while the ledger answers.
 """
 
+import dataclasses
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 
 from hardcore.model import observations as seen
@@ -23,7 +23,7 @@ MODES = ("assist", "observe")
 
 def take_live(world: World, mode: str) -> None:
     """Another mode holds from now on; who begins later finds it on the disk."""
-    world.policy = replace(world.policy, mode=mode)
+    world.policy = dataclasses.replace(world.policy, mode=mode)
     if world.guard.works:
         text = json.dumps(in_full(world.policy))
         world.guard.tell(seen.PolicyRead(world.clock.now_ns, text))

@@ -1,7 +1,8 @@
 """Poisonous commands, and what goes wrong with trials, by name."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from hardcore.model.trials import RuleRemoved
 from hardcore.quarantine_file import without_rule

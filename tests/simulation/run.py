@@ -1,7 +1,8 @@
 """One run: a world from a seed, a chaos, a quiet, an audit. The same seed is the same run, always."""
 
+import dataclasses
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import count
 from random import Random
@@ -131,9 +132,9 @@ def run(seed: int, script: Script | None = None, *, tell: bool = False) -> Resul
     script = script or write_script(seed)
     policy = POLICIES[script.policy]
     if script.kind != "crisis":  # a boot under load has the shipped time, whatever else is made common
-        policy = replace(policy, startup_timeout_ms=Policy().startup_timeout_ms)
+        policy = dataclasses.replace(policy, startup_timeout_ms=Policy().startup_timeout_ms)
     if not script.warm:
-        policy = replace(policy, spare=False)
+        policy = dataclasses.replace(policy, spare=False)
     world, result = World(seed, policy, warm=script.warm), Result(seed, script)
     for at_ms, name in script.faults:
         world.clock.after(at_ms * NS_PER_MS, partial(_strike, world, result, name, tell))

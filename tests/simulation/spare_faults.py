@@ -4,8 +4,9 @@ None of it may cost a commit, and what befalls the spare alone may cost nobody a
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
+
+from msgspec.structs import replace
 
 from hardcore.model import observations as seen
 from hardcore.model.looks import LockHolder

@@ -1,4 +1,3 @@
-import dataclasses
 import itertools
 import json
 import subprocess
@@ -6,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from hardcore.model.observations import Sampled
 from hardcore.model.phases import Phase
@@ -157,7 +157,7 @@ def _kill_what_is_only_late(patch: pytest.MonkeyPatch) -> None:
     def harsh(self: Bench, tick: Sampled) -> Verdict:
         said = judge(self, tick)
         if said.testimonies and said.diagnosis is None:
-            return dataclasses.replace(said, colour=Colour.RED, diagnosis=Diagnosis.LOOP_BLOCKED)
+            return structs.replace(said, colour=Colour.RED, diagnosis=Diagnosis.LOOP_BLOCKED)
         return said
 
     patch.setattr(Bench, "judge", harsh)

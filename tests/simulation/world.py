@@ -4,8 +4,9 @@ The world owns what outlives any process (the store, what a guard wrote to disk,
 the switches that faults turn. What it knows is the truth; the guard inside only hears what it would hear.
 """
 
-from dataclasses import replace
 from random import Random
+
+from msgspec.structs import replace
 
 from hardcore.model import observations as seen
 from hardcore.model.phases import Wanted

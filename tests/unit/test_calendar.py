@@ -1,7 +1,6 @@
 """When a drill on a schedule is due, and when the moment for one is not there."""
 
 import asyncio
-import dataclasses
 import datetime as dt
 import json
 from collections.abc import Callable, Coroutine
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from hardcore.calendar import Calendar, is_due, is_moment
 from hardcore.host.folders import Folders
@@ -49,7 +49,7 @@ def test_a_drill_is_due_at_its_hour_and_after_its_time(
 
 @pytest.fixture
 def well() -> Reading:
-    return dataclasses.replace(
+    return structs.replace(
         Play().begin().running().manager.reading(), state=HAState.OPERATIONAL, incident=None
     )
 
@@ -64,7 +64,7 @@ def test_nobody_is_broken_who_is_not_well_or_not_alone(well: Reading) -> None:
         {"deaths": 1},
         {"switch_waits": True},
     ):
-        assert not is_moment(dataclasses.replace(well, **other), quiet=True), other
+        assert not is_moment(structs.replace(well, **other), quiet=True), other
 
 
 class Hands:

@@ -1,7 +1,6 @@
 """The door alone, before a house that is played: what is asked again, because answering took its time."""
 
 import asyncio
-import dataclasses
 import json
 import signal
 import subprocess
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 
 from hardcore import standing
 from hardcore.chronicle import Chronicle
@@ -153,7 +153,7 @@ def another_core_serves(house: House) -> None:
 
 
 def the_core_is_gone(house: House) -> None:
-    house.moment = dataclasses.replace(house.moment, phase=Phase.BACKOFF)
+    house.moment = structs.replace(house.moment, phase=Phase.BACKOFF)
 
 
 @pytest.mark.parametrize("fault", ["oom", "dblock"])
@@ -177,7 +177,7 @@ def test_a_drill_is_noted_on_the_core_that_was_told(house: House) -> None:
 def test_a_ledger_that_nothing_is_the_matter_with_is_not_accepted(house: House) -> None:
     assert ask(house, Request(Ask.RESUME, accept_ledger=True))["code"] == "not-in-question"
     assert house.told == []
-    house.moment = dataclasses.replace(house.moment, safe=Diagnosis.STORE_CORRUPT, in_question=True)
+    house.moment = structs.replace(house.moment, safe=Diagnosis.STORE_CORRUPT, in_question=True)
     assert ask(house, Request(Ask.RESUME, accept_ledger=True))["ok"] is True
 
 
@@ -195,13 +195,13 @@ def test_a_hard_restart_asks_for_no_code(house: House) -> None:
 def test_who_asks_for_a_restart_is_told_whether_a_spare_with_the_new_code_is_waited_for(
     house: House, *, updates: bool
 ) -> None:
-    house.moment = dataclasses.replace(house.moment, switch_waits=True, switch_updates=updates)
+    house.moment = structs.replace(house.moment, switch_waits=True, switch_updates=updates)
     answer = ask(house, Request(Ask.RESTART))
     assert (answer["waits"], answer["updates"]) == (True, updates)
 
 
 def test_a_hard_restart_waits_for_no_spare_whatever_another_wish_waits_for(house: House) -> None:
-    house.moment = dataclasses.replace(house.moment, switch_waits=True, switch_updates=True)
+    house.moment = structs.replace(house.moment, switch_waits=True, switch_updates=True)
     answer = ask(house, Request(Ask.RESTART, hard=True))
     assert (answer["waits"], answer["updates"]) == (False, False)
 
@@ -231,7 +231,7 @@ def test_a_restart_names_the_code_that_serves_as_the_core_says_it(
 
 @pytest.mark.parametrize("ready", [False, True])
 def test_a_drill_of_a_spare_that_is_not_there_is_refused(house: House, *, ready: bool) -> None:
-    house.moment = dataclasses.replace(house.moment, spare=2 if ready else 0, spare_ready=ready)
+    house.moment = structs.replace(house.moment, spare=2 if ready else 0, spare_ready=ready)
     assert ask(house, Request(Ask.DRILL, fault="spare"))["code"] == "no-spare"
     assert house.told == []
 
@@ -241,7 +241,7 @@ def test_a_drill_of_the_spare_ends_it_and_counts_on_nothing(house: House) -> Non
     handle = processes.find(Identity(process.pid, processes.start_of(process.pid) or 0))
     assert handle is not None
     house.others[2] = Life(2, "2" * 16, house.folders, handle=handle)
-    house.moment = dataclasses.replace(house.moment, spare=2, spare_ready=True)
+    house.moment = structs.replace(house.moment, spare=2, spare_ready=True)
     assert ask(house, Request(Ask.DRILL, fault="spare"))["ok"] is True
     assert process.wait(10) == -signal.SIGKILL
     handle.close()
@@ -252,7 +252,7 @@ def test_a_drill_of_the_spare_ends_it_and_counts_on_nothing(house: House) -> Non
 
 @pytest.mark.parametrize("part", ["", "nobody"])
 def test_a_part_that_the_core_has_not_is_not_made_to_stand_still(house: House, part: str) -> None:
-    house.moment = dataclasses.replace(house.moment, components=(ComponentBeat("importer", 0, 0, 0, 0),))
+    house.moment = structs.replace(house.moment, components=(ComponentBeat("importer", 0, 0, 0, 0),))
     answer = ask(house, Request(Ask.DRILL, fault="stall", component=part))
     assert (answer["code"], answer["values"]) == (
         "component-unknown",
@@ -338,7 +338,7 @@ def test_a_wish_that_can_not_be_written_is_refused_and_nobody_is_told(house: Hou
 def test_what_is_being_stopped_is_asked_for_no_safe_mode(house: House) -> None:
     house.folders.state.mkdir()
     standing.store_wanted(house.folders, Wanted.DOWN)
-    house.moment = dataclasses.replace(house.moment, wanted=Wanted.DOWN)
+    house.moment = structs.replace(house.moment, wanted=Wanted.DOWN)
     for on in (True, False):
         assert ask(house, Request(Ask.SAFE_MODE, on=on))["code"] == "stopping"
     assert standing.wanted(house.folders) is Wanted.DOWN
@@ -347,19 +347,19 @@ def test_what_is_being_stopped_is_asked_for_no_safe_mode(house: House) -> None:
 
 def test_reading_only_that_nobody_asked_for_is_not_ended_by_the_safe_modes_switch(house: House) -> None:
     house.folders.state.mkdir()
-    house.moment = dataclasses.replace(house.moment, safe=Diagnosis.DISK_FULL)
+    house.moment = structs.replace(house.moment, safe=Diagnosis.DISK_FULL)
     assert ask(house, Request(Ask.SAFE_MODE, on=False))["code"] == "safe-by-policy"
     assert house.told == []
 
 
 def test_a_part_is_started_anew_by_its_name_alone(house: House) -> None:
     beats = (ComponentBeat("importer", 1, 0, 10, 0),)
-    house.moment = dataclasses.replace(house.moment, components=beats)
+    house.moment = structs.replace(house.moment, components=beats)
     assert ask(house, Request(Ask.RESTART, component="importer"))["ok"] is True
     (told,) = [fact for fact in house.told if isinstance(fact, seen.OperatorAsked)]
     assert (told.verb, told.component) == (seen.Verb.RESTART_COMPONENT, "importer")
     assert ask(house, Request(Ask.RESTART, component="engine"))["code"] == "component-unknown"
-    house.moment = dataclasses.replace(house.moment, phase=Phase.BACKOFF)
+    house.moment = structs.replace(house.moment, phase=Phase.BACKOFF)
     assert ask(house, Request(Ask.RESTART, component="importer"))["code"] == "no-component"
     assert len(house.told) == 1
 

@@ -1,7 +1,6 @@
 """The hands alone: what becomes a fact, what is only a hint, what is waited for and what is not."""
 
 import asyncio
-import dataclasses
 import errno
 import json
 import os
@@ -15,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from hardcore import endings, handover
 from hardcore import executor as hands
@@ -324,7 +324,7 @@ def test_a_spare_that_does_not_say_ok_has_refused(house: Folders, core: Core | N
 
 def test_a_spare_that_is_gone_or_never_was_can_not_be_promoted(house: Folders) -> None:
     async def play(scene: Scene) -> None:
-        scene.executor.carry_out(dataclasses.replace(PROMOTE, life=4))
+        scene.executor.carry_out(structs.replace(PROMOTE, life=4))
         assert scene.facts == [], "a step of the manager is never told of within itself"
         await condition(lambda: scene.facts != [])
         (told,) = scene.facts

@@ -4,7 +4,7 @@ Its own beat says so, and the core's two beats and its process say that it is no
 late, or the machine gives nobody its time, another diagnosis speaks, or nobody.
 """
 
-from dataclasses import replace
+from msgspec import structs
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
 from hardcore.sentinel.look import Look, ms, red
@@ -21,4 +21,4 @@ def judge(look: Look, patience: Patience) -> Verdict | None:
         f"the part {found.name} has been silent for {ms(found.for_ns)} ms while the loop and its thread beat"
     )
     said = red(Diagnosis.COMPONENT_STALLED, Grade.CERTAIN, found.since_ns, fact)
-    return replace(said, component=found.name)
+    return structs.replace(said, component=found.name)

@@ -6,7 +6,7 @@ on a lock, or in any other place than where a loop waits for work, is LOOP_BLOCK
 computes is left alone, however long it is silent: whether anything comes of it stood on its page.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.verdicts import Diagnosis, Grade, Verdict
 from hardcore.sentinel.look import lasted, ms, red
@@ -19,8 +19,7 @@ from hardcore.sentinel.witnesses.process_state import ProcessFacts, Sleep
 _AT_REST = ("ep_poll", "epoll")
 
 
-@dataclass(frozen=True, slots=True)
-class Remains:
+class Remains(msgspec.Struct, frozen=True):
     """What a look finds that finds no page."""
 
     process: ProcessFacts

@@ -8,6 +8,8 @@ compare with: then what it says of its own head when asked for its health is tak
 
 from dataclasses import dataclass, field
 
+import msgspec
+
 from hardcore.model.observations import Probed
 from hardcore.model.recorder import Beats, Witness
 from hardcore.model.verdicts import Colour, Testimony
@@ -15,8 +17,7 @@ from hardcore.sentinel.lasting import NS_PER_MS, Lasting
 from hardcore.sentinel.seen_time import SeenTime
 
 
-@dataclass(frozen=True, slots=True)
-class Unkept:
+class Unkept(msgspec.Struct, frozen=True):
     """A claim that nothing stands behind: the sequences, for how long (ns), since when."""
 
     answered_seq: int

@@ -11,14 +11,15 @@ two looks before that counts.
 
 from dataclasses import dataclass
 
+import msgspec
+
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
 from hardcore.sentinel.seen_time import SeenTime
 
 
-@dataclass(frozen=True, slots=True)
-class BeatAges:
+class BeatAges(msgspec.Struct, frozen=True):
     """How long ago each beat was made, in ns, as far as we were there to see."""
 
     loop_ns: int

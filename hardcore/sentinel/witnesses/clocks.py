@@ -7,6 +7,8 @@ wall's clock judges nothing here, whatever it shows: that it was set is only tol
 
 from dataclasses import dataclass
 
+import msgspec
+
 from hardcore.model.clocks import Clocks
 from hardcore.model.verdicts import Colour, Testimony
 
@@ -15,8 +17,7 @@ SLEPT_NS = 500_000_000
 JUMPED_NS = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class ClockFacts:
+class ClockFacts(msgspec.Struct, frozen=True):
     """How long the machine slept between the last two looks, and by how much the wall was set meanwhile (ns)."""
 
     slept_ns: int = 0

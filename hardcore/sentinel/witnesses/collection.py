@@ -8,13 +8,14 @@ may burn has a limit of its own.
 
 from dataclasses import dataclass
 
+import msgspec
+
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
 
 
-@dataclass(frozen=True, slots=True)
-class CollectionFacts:
+class CollectionFacts(msgspec.Struct, frozen=True):
     """`touched`: a collection ran in the interval that this look ends. `for_ns`: how long it has run by now."""
 
     touched: bool = False

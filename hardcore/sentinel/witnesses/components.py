@@ -7,14 +7,15 @@ that has beaten since. Two readings must find the same beat, and only time that 
 
 from dataclasses import dataclass, field
 
+import msgspec
+
 from hardcore.model.recorder import ComponentBeat
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
 from hardcore.sentinel.seen_time import SeenTime
 
 
-@dataclass(frozen=True, slots=True)
-class Stalled:
+class Stalled(msgspec.Struct, frozen=True):
     """A part that has work and has been silent for `for_ns`, since `since_ns`; `limit_ns` is what it may be."""
 
     name: str

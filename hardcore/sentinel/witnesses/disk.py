@@ -8,6 +8,8 @@ a row, so that a file that came and went is no full disk.
 
 from dataclasses import dataclass
 
+import msgspec
+
 from hardcore.model.looks import DiskFacts
 from hardcore.model.observations import Surveyed
 from hardcore.model.verdicts import Colour, Diagnosis, Testimony
@@ -23,8 +25,7 @@ _FULL = frozenset({"ENOSPC", "EDQUOT"})
 _READ_ONLY = frozenset({"EROFS", "EIO"})
 
 
-@dataclass(frozen=True, slots=True)
-class DiskFindings:
+class DiskFindings(msgspec.Struct, frozen=True):
     """Since when each thing has been so (monotonic ns), 0: it is not.
 
     `slow_ns`: how long our write took, or had taken when it was last looked at, as far as we were there.

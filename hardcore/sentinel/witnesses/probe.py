@@ -6,6 +6,8 @@ command is completed, yet the loop's beats are fresh. Whatever moves begins the 
 
 from dataclasses import dataclass
 
+import msgspec
+
 from hardcore.model.observations import Probed
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
@@ -16,8 +18,7 @@ from hardcore.sentinel.seen_time import SeenTime
 PROBES_MIN = 2
 
 
-@dataclass(frozen=True, slots=True)
-class Unanswered:
+class Unanswered(msgspec.Struct, frozen=True):
     """Probes in a row without an answer: how many, for how long (ns, as far as we were there), since when."""
 
     probes: int

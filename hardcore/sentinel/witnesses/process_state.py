@@ -11,6 +11,8 @@ must not be held against the core as if it had lasted as long as the silence of 
 from dataclasses import dataclass, field
 from enum import Enum
 
+import msgspec
+
 from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import Lasting
@@ -60,8 +62,7 @@ class ProcessState:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessFacts:
+class ProcessFacts(msgspec.Struct, frozen=True):
     """What two looks in a row agree on, and for how long (ns) all looks have."""
 
     stopped: bool

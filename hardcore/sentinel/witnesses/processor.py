@@ -11,6 +11,8 @@ looks like that, which tells "the one that has it is asleep" from a core that wa
 
 from dataclasses import dataclass, field
 
+import msgspec
+
 from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
@@ -29,8 +31,7 @@ ASKING_PER_S = 50
 UNSCHEDULED_PERCENT = 80
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessorFacts:
+class ProcessorFacts(msgspec.Struct, frozen=True):
     """All in ns. `loop_*`: burned by the loop's thread since its last beat; `held_*`: by the process since any beat.
 
     `_burned_ns` leaves collections of memory out, `_all_ns` has everything. `queued_ns`: how long the loop has
@@ -131,8 +132,7 @@ class Processor:
         return for_ns
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(msgspec.Struct, frozen=True):
     """Two looks in a row at one process, the time between them, and how much of it we have seen (ns).
 
     A machine that was away may have charged that to whoever ran last, or let nobody run: what has burned much, or

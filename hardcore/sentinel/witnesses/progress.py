@@ -9,6 +9,8 @@ read that waits behind slow reads: the writer sleeps then because nobody wants a
 
 from dataclasses import dataclass
 
+import msgspec
+
 from hardcore.model.recorder import Beats, CommandNote, SlotStage
 from hardcore.model.verdicts import Colour, Testimony
 from hardcore.sentinel.lasting import NS_PER_MS
@@ -41,8 +43,7 @@ class Progress:
         return Stuck(len(queued), seen.since(began_ns), began_ns)
 
 
-@dataclass(frozen=True, slots=True)
-class Stuck:
+class Stuck(msgspec.Struct, frozen=True):
     """Commands that wait while nothing is done: how many, for how long (ns), since when."""
 
     queued: int

@@ -7,13 +7,14 @@ from the future, or none where there were some.
 
 from dataclasses import dataclass
 
+import msgspec
+
 from hardcore.model.observations import Sampled
 from hardcore.model.recorder import Beats
 from hardcore.model.verdicts import Colour, Testimony
 
 
-@dataclass(frozen=True, slots=True)
-class Missing:
+class Missing(msgspec.Struct, frozen=True):
     """Why the page is no evidence, and why nobody can look at the process; empty where all is well."""
 
     page: str = ""

@@ -13,6 +13,8 @@ import re
 from collections import deque
 from dataclasses import dataclass, field
 
+import msgspec
+
 from hardcore.model.looks import StackFrame, ThreadStack
 from hardcore.model.observations import StacksSampled
 from hardcore.model.verdicts import Colour, Testimony
@@ -28,8 +30,7 @@ _LOCK_FRAME = "wait_for_lock"
 _LOCK = re.compile(r"lock(?: object)? at (0x[0-9a-f]+)")
 
 
-@dataclass(frozen=True, slots=True)
-class Waiter:
+class Waiter(msgspec.Struct, frozen=True):
     """A thread that waits for a lock; `held_by` is the thread that has it."""
 
     tid: int
@@ -38,8 +39,7 @@ class Waiter:
     held_by: int
 
 
-@dataclass(frozen=True, slots=True)
-class Cycle:
+class Cycle(msgspec.Struct, frozen=True):
     """Threads that wait for each other in a ring. `named`: by locks with names, so it is no guess."""
 
     waiters: tuple[Waiter, ...]
@@ -57,8 +57,7 @@ class Cycle:
         return f"thread {names[self.waiters[0].tid]} {', which '.join(links)}"
 
 
-@dataclass(frozen=True, slots=True)
-class StackFacts:
+class StackFacts(msgspec.Struct, frozen=True):
     """`cycle`: two looks agree on it, the first of them `cycle_since_ns`. `loop_same`: whether any two looks in
     this silence found the loop in the same place; None: there are not two. `where`: the loop's place in words.
     `gil`: the thread that had the interpreter at the last look.

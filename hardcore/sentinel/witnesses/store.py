@@ -8,6 +8,8 @@ holds the lock for a moment and is no outage.
 
 from dataclasses import dataclass
 
+import msgspec
+
 from hardcore.model.looks import LockHolder
 from hardcore.model.observations import StoreFault, StoreLooked, StoreTold
 from hardcore.model.recorder import Witness
@@ -19,8 +21,7 @@ from hardcore.sentinel.seen_time import SeenTime
 STALE_NS = 3_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class StoreFindings:
+class StoreFindings(msgspec.Struct, frozen=True):
     """What is wrong with the store: `told` by the core since `told_ns`; `holder`: a stranger with the write lock.
 
     `held_since_ns` is when the same one was first seen, `held_ns` how long that is as far as we were there, `looks`

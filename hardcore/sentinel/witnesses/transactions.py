@@ -8,6 +8,8 @@ only once it has been looked at for a while. Reads have limits of their own and 
 
 from dataclasses import dataclass, field
 
+import msgspec
+
 from hardcore.model.looks import ThreadSample
 from hardcore.model.recorder import CommandNote, SlotStage
 from hardcore.model.verdicts import Colour, Testimony
@@ -15,8 +17,7 @@ from hardcore.sentinel.lasting import NS_PER_MS
 from hardcore.sentinel.seen_time import SeenTime
 
 
-@dataclass(frozen=True, slots=True)
-class Deciding:
+class Deciding(msgspec.Struct, frozen=True):
     """One command that is being decided.
 
     `counted_ns`: how long, without what is excused; `watched_ns`: how long we have been looking; `limit_ns` 0: it

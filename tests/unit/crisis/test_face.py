@@ -1,10 +1,9 @@
 """What a page is told of an outage follows from what the gateway knows: never back, never more than is true."""
 
-from dataclasses import replace
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from hardcore.crisis.estimate import Sample, Told, Way, sample
 from hardcore.crisis.face import (

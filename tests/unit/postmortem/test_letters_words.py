@@ -1,9 +1,9 @@
 import re
-from dataclasses import asdict, replace
 from pathlib import Path
 from string import Formatter
 
 import pytest
+from msgspec.structs import asdict, replace
 
 from frontend.catalogue_letters import REFUSALS, WORDS, refusal, told
 from hardcore.investigator_line import Interrupted, Line

@@ -1,8 +1,8 @@
 import itertools
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from postmortem import incident
 from postmortem.analyzer import registry

@@ -1,7 +1,8 @@
 """What a report says of a core that was changed because something ran out."""
 
 import json
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from hardcore.model.forecasts import Resource
 from hardcore.recovery.flight import CODEC

@@ -1,13 +1,13 @@
 """An archive of a handful of rows, a guard of three lines and a browser without a screen, for the tests of the pages."""
 
 import asyncio
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
+from msgspec import structs
 from starlette.applications import Starlette
 
 from postmortem.views import (
@@ -221,7 +221,7 @@ class Acts:
         if self.archive.refuses:
             return Refusal(self.archive.refuses, {})
         at = next(n for n, one in enumerate(self.archive.kept) if one.id == letter_id)
-        self.archive.kept[at] = dataclasses.replace(self.archive.kept[at], **change)
+        self.archive.kept[at] = structs.replace(self.archive.kept[at], **change)
         return self.archive.kept[at]
 
     async def dry_run(self, letter_id: str) -> Letter | Refusal:
@@ -254,7 +254,7 @@ class Acts:
     async def cancel_bulk(self, bulk_id: str) -> Bulk | Refusal:
         if bulk_id not in self.archive.bulks:
             return Refusal("bulk_unknown", {})
-        ended = dataclasses.replace(self.archive.bulks[bulk_id], ended="cancelled")
+        ended = structs.replace(self.archive.bulks[bulk_id], ended="cancelled")
         self.archive.bulks[bulk_id] = ended
         return ended
 

@@ -1,8 +1,7 @@
 """Who is tried, and what a trial means."""
 
-import dataclasses
-
 import pytest
+from msgspec import structs
 
 from hardcore import sitting
 from hardcore.model import trials
@@ -227,7 +226,7 @@ def test_each_death_has_trials_of_its_own() -> None:
     bench = Bench(ONE_TRIAL)
     for name in ("a", "b"):
         bench.accuse(name)
-        bench.court.register.put(dataclasses.replace(bench.court.register.by_key[name], incident="one"))
+        bench.court.register.put(structs.replace(bench.court.register.by_key[name], incident="one"))
         assert any(isinstance(one, Try) for one in bench.file(name))
         bench.tried(name, Ordeal.SURVIVED)
         bench.over()

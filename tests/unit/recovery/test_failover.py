@@ -1,8 +1,7 @@
 """The manager fact by fact, where a rule needs its very moment; the worlds of `tests/simulation` do the rest."""
 
-import dataclasses
-
 import pytest
+from msgspec import structs
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
@@ -410,7 +409,7 @@ def test_the_proof_of_an_idle_ledger_names_the_witness_that_its_core_was_given()
 def test_a_core_that_was_silent_before_it_was_killed_is_told_from_its_last_beat() -> None:
     play = Play().begin().running()
     page = a_page(4)
-    silent = dataclasses.replace(page, beats=dataclasses.replace(page.beats, loop_ns=play.now_ns - 9 * S))
+    silent = structs.replace(page, beats=structs.replace(page.beats, loop_ns=play.now_ns - 9 * S))
     play.die(seen.Exit(signal=9), silent)
     play.running(5)
     steps = dict(play.closed().timeline)

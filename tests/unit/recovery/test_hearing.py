@@ -1,8 +1,7 @@
 """What a death, a trial and a conviction mean for everything else the guard does."""
 
-import dataclasses
-
 import pytest
+from msgspec import structs
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
@@ -241,7 +240,7 @@ def test_what_was_finished_shortly_before_three_deaths_is_told_as_likely() -> No
         play.now_ns += 60 * S
         done = CommandNote(SlotStage.FREE, "c", "k1", "rates.set", "", (), play.now_ns - S)
         old = CommandNote(SlotStage.FREE, "c", "k2", "old", "", (), play.now_ns - 3 * S)
-        play.die(SEGV, dataclasses.replace(a_page(epoch, seq=9), finished=(done, old)))
+        play.die(SEGV, structs.replace(a_page(epoch, seq=9), finished=(done, old)))
         play.running(epoch + 1)
     near = [one.why for one in play.closed().evidence if one.witness == "near"]
     assert [why.split(" had ")[0] for why in near] == ["kind rates.set", "request k1"]

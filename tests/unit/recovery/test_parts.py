@@ -1,6 +1,6 @@
 """A part of the core that stands still is begun anew alone; and a switch that no person asked for waits for a calm moment."""
 
-import dataclasses
+from msgspec import structs
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
@@ -31,7 +31,7 @@ def _look(play: Play, *parts: ComponentBeat, rss_bytes: int = 1 << 20) -> list[o
     beats = Beats(loop_ns=play.now_ns, thread_ns=play.now_ns, state=LifeState.READY)
     process = ProcessSample("S", 1, rss_bytes, 3, loop=POLLS, writer=POLLS)
     told = seen.Sampled(play.now_ns, play.life, beats, Threads(1, 3, 2), process)
-    return play.tell(dataclasses.replace(told, components=parts))
+    return play.tell(structs.replace(told, components=parts))
 
 
 def _part(beat_ns: int, since_ns: int | None = None) -> ComponentBeat:

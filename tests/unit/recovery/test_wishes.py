@@ -1,8 +1,7 @@
 """What the judge wishes to know, whom a hang names, and when memory is kept, fact by fact."""
 
-import dataclasses
-
 import pytest
+from msgspec import structs
 
 from hardcore.model import actions as orders
 from hardcore.model import observations as seen
@@ -22,7 +21,7 @@ def _overdue(play: Play) -> list[orders.Action]:
     """A tick that finds a command still being decided, long after it began, by a thread that sleeps on a lock."""
     play.now_ns += 100 * MS
     began_ns = 101 * S
-    note = dataclasses.replace(
+    note = structs.replace(
         deciding("k"), started_ns=began_ns, stage_ns=began_ns, limit_ns=S, thread=3, command_id="c-slow"
     )
     beats = Beats(loop_ns=play.now_ns, thread_ns=play.now_ns, submitted=1, state=LifeState.READY)

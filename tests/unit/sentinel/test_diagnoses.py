@@ -1,9 +1,9 @@
 """What each diagnosis acts on, and what it never acts on, tick by tick."""
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from hardcore.model.looks import StackFrame, ThreadStack
 from hardcore.model.observations import Probed, StacksSampled

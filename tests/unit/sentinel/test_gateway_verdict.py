@@ -1,8 +1,9 @@
 """A gateway is ended only on two kinds of evidence that have lasted; whatever else explains a silence leaves it alone."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import pytest
+from msgspec.structs import replace
 
 from hardcore.model.clocks import Clocks
 from hardcore.model.gateway import GatewayPulse

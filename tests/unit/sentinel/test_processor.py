@@ -1,4 +1,4 @@
-from dataclasses import replace
+from msgspec.structs import replace
 
 from hardcore.model.looks import ProcessSample, ThreadSample
 from hardcore.model.recorder import Beats

@@ -1,4 +1,4 @@
-from dataclasses import replace
+from msgspec.structs import replace
 
 from hardcore.model.recorder import Beats, CommandNote, SlotStage
 from hardcore.model.verdicts import Colour

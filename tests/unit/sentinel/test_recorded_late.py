@@ -6,11 +6,11 @@ paused has all of them, with a hole in the time.
 
 import functools
 from collections.abc import Iterable, Iterator
-from dataclasses import fields, replace
 from random import Random
 from typing import TypeVar
 
 import pytest
+from msgspec.structs import fields, replace
 
 from hardcore.model.observations import Sampled, StacksSampled
 from hardcore.model.recorder import Beats, CommandNote

@@ -1,9 +1,9 @@
 """A core that can't be seen whole: it is said, it is never green, and it is ended on two kinds of evidence or not."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from hardcore.model.looks import DiskFacts, ThreadSample
 from hardcore.model.observations import Probed, Sampled, Surveyed

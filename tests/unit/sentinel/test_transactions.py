@@ -1,4 +1,4 @@
-from dataclasses import replace
+from msgspec.structs import replace
 
 from hardcore.model.looks import ThreadSample
 from hardcore.model.recorder import CommandNote

@@ -1,9 +1,9 @@
 """What the judge makes of store, disk and machine: troubles that end nobody, and what is only told."""
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from hardcore.model.looks import DiskFacts, LockHolder
 from hardcore.model.observations import StoreFault, StoreLooked, StoreTold, Surveyed

@@ -1,6 +1,5 @@
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from hardcore.model.looks import ThreadSample
 from hardcore.model.observations import Sampled

@@ -1,8 +1,10 @@
 """Small recorded traces: what the watch of a core would have read, tick by tick."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from hardcore.model.clocks import Clocks
 from hardcore.model.looks import ProcessSample, ThreadSample
@@ -74,8 +76,7 @@ def seen(at_ms: int, *, since_ms: int = 0, before_ms: int | None = None) -> Seen
     return SeenTime(100 * MS, at_ms * MS, before_ms * MS, since_ms * MS)
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
+class Look(msgspec.Struct, frozen=True):
     """One tick. Beats are given by their age; None for `loop` means that nobody looked closer."""
 
     at_ms: int

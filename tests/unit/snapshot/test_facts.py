@@ -1,9 +1,9 @@
 """What a core said with its last words goes nowhere unmasked: not into the facts, not onto the tape."""
 
 import json
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from hardcore.model.observations import CoreExited, Exit
 from hardcore.model.recorder import Beats, LastWords, Page, Threads
