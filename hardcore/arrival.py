@@ -12,7 +12,6 @@ import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +46,7 @@ class Before(msgspec.Struct, frozen=True):
     drilled: bool = False
 
 
-@dataclass(slots=True)
-class Setup:
+class Setup(msgspec.Struct):
     """What the sentinel process begins with."""
 
     folders: Folders

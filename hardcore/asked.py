@@ -12,11 +12,11 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
 import click
+import msgspec
 
 from frontend.catalogue import next_step, refused_words, text
 from frontend.catalogue_evidence import in_korean
@@ -34,8 +34,7 @@ LOOK_EVERY_S = 0.05
 SILENT_S = 3.0
 
 
-@dataclass(slots=True)
-class Asked:
+class Asked(msgspec.Struct):
     """The options that every command takes."""
 
     data: Path

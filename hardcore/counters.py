@@ -8,9 +8,10 @@ What is counted is kept in `state/counters.json`; a file that can't be read begi
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Final
+
+import msgspec
 
 from hardcore.model.actions import Incident
 from hardcore.model.phases import HAState, Phase
@@ -30,11 +31,10 @@ _NS_PER_MS: Final = 1_000_000
 Who = tuple[int, int]
 
 
-@dataclass(slots=True)
-class Histogram:
+class Histogram(msgspec.Struct):
     """How long something took, in milliseconds: one count for each bucket of BOUNDS_MS and one beyond."""
 
-    counts: list[int] = field(default_factory=lambda: [0] * (len(BOUNDS_MS) + 1))
+    counts: list[int] = msgspec.field(default_factory=lambda: [0] * (len(BOUNDS_MS) + 1))
     sum_ms: int = 0
 
     def add(self, took_ms: int) -> None:
@@ -52,16 +52,15 @@ class Histogram:
         }
 
 
-@dataclass(slots=True)
-class Counts:
+class Counts(msgspec.Struct):
     """Everything that is counted. Times that are given are monotonic nanoseconds of this guard."""
 
-    restarts: Counter[str] = field(default_factory=Counter)
-    incidents: dict[str, Counter[str]] = field(default_factory=dict)
-    detection: Histogram = field(default_factory=Histogram)
-    recovery: Histogram = field(default_factory=Histogram)
-    stages: dict[str, Histogram] = field(default_factory=dict)
-    state_ms: Counter[str] = field(default_factory=Counter)
+    restarts: Counter[str] = msgspec.field(default_factory=Counter)
+    incidents: dict[str, Counter[str]] = msgspec.field(default_factory=dict)
+    detection: Histogram = msgspec.field(default_factory=Histogram)
+    recovery: Histogram = msgspec.field(default_factory=Histogram)
+    stages: dict[str, Histogram] = msgspec.field(default_factory=dict)
+    state_ms: Counter[str] = msgspec.field(default_factory=Counter)
     late_ticks: int = 0
     false_suspicions: int = 0
     snapshot_bytes: int | None = None

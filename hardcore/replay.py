@@ -11,7 +11,6 @@ not is the answer; what would have come after that nobody knows, because other o
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -65,8 +64,7 @@ class _BrokenError(ValueError):
     """The argument says why a recording can't be asked."""
 
 
-@dataclass(slots=True)
-class _Chance:
+class _Chance(msgspec.Struct):
     """Says what chance said then; a question too many is answered with nothing."""
 
     ids: list[str]

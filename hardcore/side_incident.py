@@ -8,7 +8,6 @@ incidents reads these as well. A story that is open when the guard ends is close
 import asyncio
 from collections.abc import Coroutine, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import msgspec
@@ -55,14 +54,13 @@ class Loss(msgspec.Struct, frozen=True):
     drill: str | None = None
 
 
-@dataclass(slots=True)
-class _Story:
+class _Story(msgspec.Struct):
     id: str
     loss: Loss
     alerts: bool
     steps: list[tuple[str, int]]
-    deaths: list[orders.DeathNote] = field(default_factory=list)
-    taken: list[asyncio.Event] = field(
+    deaths: list[orders.DeathNote] = msgspec.field(default_factory=list)
+    taken: list[asyncio.Event] = msgspec.field(
         default_factory=list
     )  # each is set when a piece of its evidence is there
 

@@ -5,10 +5,10 @@ a trace. What is refused is written down too.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
+import msgspec
 from sqlalchemy import select
 
 from postmortem import placing
@@ -50,8 +50,7 @@ _MEANT: Final = {
 }
 
 
-@dataclass(slots=True)
-class Desk:
+class Desk(msgspec.Struct):
     """The desk: everything that may be done."""
 
     records: Records

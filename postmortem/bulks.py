@@ -9,9 +9,9 @@ core serves: what kills a core must not meet the next one.
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
 from typing import Final
 
+import msgspec
 from sqlalchemy import RowMapping
 
 from postmortem.dead_letters.ordeals import went_well
@@ -37,15 +37,14 @@ _LOG: Final = logging.getLogger("postmortem.bulks")
 Do = Callable[[str, str, str], Awaitable[Letter | Refusal]]  # verb, letter, reason
 
 
-@dataclass(slots=True)
-class Lane:
+class Lane(msgspec.Struct):
     """The one lane of all bulks. `do`: does one letter; `woken`: there may be something to do."""
 
     records: Records
     guard: GuardLine
     do: Do
     pace_s: float = PACE_S
-    woken: asyncio.Event = field(default_factory=asyncio.Event)
+    woken: asyncio.Event = msgspec.field(default_factory=asyncio.Event)
     busy: bool = False
 
     async def run(self) -> None:

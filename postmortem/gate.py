@@ -10,10 +10,10 @@ import hmac
 import json
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
+import msgspec
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from postmortem.diary import SPEAKER
@@ -31,13 +31,12 @@ _HEADERS: Final = (
 )
 
 
-@dataclass(slots=True)
-class Gate:
+class Gate(msgspec.Struct):
     """The gate. `asked_ns`: when somebody asked last, `open`: how many are being answered."""
 
     app: ASGIApp
     token: str
-    asked_ns: int = field(default_factory=time.monotonic_ns)
+    asked_ns: int = msgspec.field(default_factory=time.monotonic_ns)
     open: int = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

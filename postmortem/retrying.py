@@ -14,7 +14,6 @@ import asyncio
 import json
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Final
 
@@ -53,14 +52,13 @@ class _End(msgspec.Struct, frozen=True):
     rule: str | None = None
 
 
-@dataclass(slots=True)
-class Retrier:
+class Retrier(msgspec.Struct):
     """Everything a retry needs. `in_hand`: letters that are being retried by this process."""
 
     records: Records
     guard: GuardLine
     court: Court
-    in_hand: set[str] = field(default_factory=set)
+    in_hand: set[str] = msgspec.field(default_factory=set)
 
     async def dry_run(self, letter_id: str) -> Refusal | None:
         """Try a letter in a throw-away core and note what that said. None: it is noted."""

@@ -2,9 +2,10 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from hardcore.alerting.as_read import bounded_number, said
 from hardcore.host import files
@@ -15,8 +16,7 @@ NOTICE_BYTES_MAX: Final = 64 << 10
 NOTICES_MAX: Final = 256
 
 
-@dataclass(frozen=True, slots=True)
-class Notice:
+class Notice(msgspec.Struct, frozen=True):
     """One thing to be told. `id` names it, also to who receives it twice; `at` is RFC 3339."""
 
     id: str

@@ -3,15 +3,15 @@
 import smtplib
 import socket
 import ssl
-from dataclasses import dataclass
 from http.client import HTTPException
+
+import msgspec
 
 #: Answers after which the same question is worth another try.
 _PASSING = frozenset({408, 425, 429})
 
 
-@dataclass(frozen=True, slots=True)
-class Sent:
+class Sent(msgspec.Struct, frozen=True):
     """`why` is a code of the catalogue, empty once it has arrived with everybody; `final`: another try would end the same way."""
 
     ok: bool

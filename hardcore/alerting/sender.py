@@ -14,9 +14,10 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, assert_never
+
+import msgspec
 
 from hardcore.alerting import book as on_record
 from hardcore.alerting.addresses import channels_in_force, now
@@ -49,8 +50,7 @@ STALE_MS: Final = 86_400_000
 REPORT_BYTES_MAX: Final = 1 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class _Flight:
+class _Flight(msgspec.Struct, frozen=True):
     """An attempt that is under way."""
 
     notice: Notice

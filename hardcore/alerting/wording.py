@@ -7,8 +7,9 @@ reader's language.
 
 import datetime as dt
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from frontend.catalogue_alerts import alert_text, cause_text, took_text
 from hardcore.alerting.as_read import bounded_number
@@ -19,8 +20,7 @@ _ENDINGS = frozenset({"safe_mode", "manual", "assist", "abandoned"})
 _GRADES = frozenset({"certain", "likely"})
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(msgspec.Struct, frozen=True):
     """What is sent: a title, and lines below it. `link` leads to the incident; empty: nowhere."""
 
     notice: Notice

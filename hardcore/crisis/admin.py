@@ -8,9 +8,10 @@ guard's process pass the bytes was not chosen: the one that watches must not car
 
 import asyncio
 from collections.abc import Coroutine
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+import msgspec
 
 from hardcore.crisis import pages
 from hardcore.crisis.census import is_near
@@ -34,8 +35,7 @@ RETRY_MS: Final = 100
 ASK_MS: Final = 1_000
 
 
-@dataclass(eq=False, slots=True)
-class _Course:
+class _Course(msgspec.Struct, eq=False):
     """One request on its way. `endless`: its answer has no end to wait for; `over`: nothing more is said to its client
     by us; `again`: it only reads, and is asked a second time, because whoever had it first is gone.
     """

@@ -6,8 +6,9 @@ the other devices. What clients leave unread is weighed here too, all of them to
 
 import asyncio
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
 from typing import Protocol
+
+import msgspec
 
 from hardcore.crisis.burden import Burden
 from hardcore.crisis.limits import GatewayLimits
@@ -41,17 +42,16 @@ def is_near(address: str) -> bool:
     return address.removeprefix("::ffff:").startswith("127.") or address == "::1"
 
 
-@dataclass(slots=True)
-class Census:
+class Census(msgspec.Struct):
     """Who is open, and the names this server answers to. `changed` is called when somebody comes or leaves."""
 
     hosts: Collection[str]
     now_ns: Callable[[], int]
     changed: Callable[[], None]
     unread: Burden  # answers that were written and not taken
-    door_callers: dict[Caller, None] = field(default_factory=dict)  # the longest silent one first
-    connections: dict[Guest, str] = field(default_factory=dict)  # and their addresses
-    _by_address: dict[str, int] = field(default_factory=dict)
+    door_callers: dict[Caller, None] = msgspec.field(default_factory=dict)  # the longest silent one first
+    connections: dict[Guest, str] = msgspec.field(default_factory=dict)  # and their addresses
+    _by_address: dict[str, int] = msgspec.field(default_factory=dict)
 
     def enter(self, guest: Guest, address: str) -> None:
         """One more."""

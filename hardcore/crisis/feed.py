@@ -8,7 +8,6 @@ at the first odd line would leave the gateway blind. The meaning of a message is
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -229,11 +228,10 @@ def parse_line(line: bytes) -> Heard | Unreadable:
         return Unreadable(f"{type(error).__name__}: {error}")
 
 
-@dataclass(slots=True)
-class LineSplitter:
+class LineSplitter(msgspec.Struct):
     """Cuts a stream of bytes into lines, none longer than LINE_BYTES_MAX."""
 
-    _rest: bytearray = field(default_factory=bytearray)
+    _rest: bytearray = msgspec.field(default_factory=bytearray)
 
     def feed(self, data: bytes) -> Iterator[bytes] | None:
         """The lines that are whole now; None: a line is too long, and the stream is worth nothing more."""

@@ -10,7 +10,6 @@ import binascii
 import hashlib
 import re
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
 
 import msgspec
 from msgspec import structs
@@ -131,8 +130,7 @@ class RequestDigest:
         return self._hash.hexdigest()
 
 
-@dataclass(slots=True)
-class _Facts:
+class _Facts(msgspec.Struct):
     """What one pass over the header lines has found."""
 
     hosts: int = 0

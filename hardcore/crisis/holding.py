@@ -20,7 +20,6 @@ Whoever takes a promise for an answer is kept when his time is over (PROMISE): H
 ASKED -> KEEPING_LOST, and from there only an answer. What is promised runs outside of this table (`receipts`).
 """
 
-from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import assert_never
 
@@ -298,14 +297,13 @@ def hold_limit_ms(limits: Limits, *, navigation: bool) -> int:
     return min(limits.navigation_hold_ms, limits.hold_ms) if navigation else limits.hold_ms
 
 
-@dataclass(slots=True)
-class WaitingRoom:
+class WaitingRoom(msgspec.Struct):
     """Counts who waits and how many bytes are kept for them. Bytes are asked for before they are read."""
 
     limits: Limits
     held: int = 0
     kept_bytes: int = 0
-    _by_browser: dict[bytes, int] = field(default_factory=dict)
+    _by_browser: dict[bytes, int] = msgspec.field(default_factory=dict)
 
     def enter(self, browser: bytes | None) -> Problem | None:
         """Let one more request wait, or say why not."""

@@ -6,7 +6,6 @@ a word of the gateway's own never falls between two halves. Passing frames on on
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import msgspec
 from websockets.frames import Frame, Opcode
@@ -26,8 +25,7 @@ class Message(msgspec.Struct, frozen=True):
     data: bytes
 
 
-@dataclass(slots=True)
-class Messages:
+class Messages(msgspec.Struct):
     """Puts frames together. How long a message may grow is judged by the protocol beneath.
 
     What has come of one is kept as bytes, not as its frames: a frame may be empty, and a million of them would
@@ -35,7 +33,7 @@ class Messages:
     """
 
     _text: bool = True
-    _begun: bytearray = field(default_factory=bytearray)
+    _begun: bytearray = msgspec.field(default_factory=bytearray)
     _frame_bytes: int = 0  # read since a frame was whole
 
     @property

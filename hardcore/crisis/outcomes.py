@@ -7,7 +7,8 @@ half lists would each look complete.
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+
+import msgspec
 
 from hardcore.crisis.feed import Settled, outcomes_lines
 
@@ -15,8 +16,7 @@ from hardcore.crisis.feed import Settled, outcomes_lines
 SETTLED_MAX = 4096
 
 
-@dataclass(slots=True)
-class OutageBook:
+class OutageBook(msgspec.Struct):
     """`unsettled` counts requests that met the outage and have no answer yet; `open`: there is an outage.
 
     `totals`: how many were settled since this gateway began, by outcome.
@@ -27,8 +27,8 @@ class OutageBook:
     unsettled: int = 0
     left_out: int = 0
     due: bool = False
-    totals: Counter[str] = field(default_factory=Counter)
-    _settled: list[Settled] = field(default_factory=list)
+    totals: Counter[str] = msgspec.field(default_factory=Counter)
+    _settled: list[Settled] = msgspec.field(default_factory=list)
 
     def begin(self) -> None:
         """An outage begins, or goes on."""

@@ -11,7 +11,6 @@ requests was not chosen: they have no client, no hold, and more than one life.
 import asyncio
 import logging
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass
 from functools import partial
 from typing import assert_never
 from urllib.parse import quote
@@ -67,8 +66,7 @@ class _Said(msgspec.Struct, frozen=True):
 RESTS_DOUBLE_MAX = 6
 
 
-@dataclass(slots=True)
-class _Past:
+class _Past(msgspec.Struct):
     """What this gateway remembers of a receipt's courses. `lost_ns`: since when no connection of ours carries it
     (awake time); `answered_epoch`: the last core that has given its word on it, or that it never reached; `barred_epoch`: a core
     that itself does not know; `turned`: a no of which only the ledger can say whether it was meant for the wish.

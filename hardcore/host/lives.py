@@ -8,7 +8,6 @@ import os
 import secrets
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import msgspec
@@ -54,8 +53,7 @@ def clean_environment() -> dict[str, str]:
     return {"PATH": "/usr/bin:/bin", **kept}
 
 
-@dataclass(slots=True)
-class Life:
+class Life(msgspec.Struct):
     """A core's life. `number` counts from 1 in one guard; 0 is one that an earlier guard left behind."""
 
     number: int
@@ -75,7 +73,7 @@ class Life:
     build: str = ""  # the name of the code that it runs, once it is known
     schema: int | None = None  # of the store as it found it, if it said so
     _ticks: int = 0
-    _threads: Threads = field(default_factory=Threads)
+    _threads: Threads = msgspec.field(default_factory=Threads)
     _one_is_slow: bool = False
 
     def look(self) -> Sampled:

@@ -8,8 +8,9 @@ was last told of and says what it saw; a look that fails is left out and the nex
 import os
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hardcore.host import clock, memory, vitals
 from hardcore.host.conduct import ConductWatch
@@ -22,8 +23,7 @@ from hardcore.model.observations import Surveyed
 PENDING_S = 0.5
 
 
-@dataclass(slots=True)
-class _Watched:
+class _Watched(msgspec.Struct):
     """The life that is being looked at."""
 
     life: Life

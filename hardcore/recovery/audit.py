@@ -6,15 +6,14 @@ necessary is closed, so the incident is remembered here and its facts are comple
 whole ends nobody: the core serves the same bytes after a restart, so it is a worry for a person to read.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.actions import Action, AddAudit
 from hardcore.model.observations import LedgerAudited
 from hardcore.recovery.story import Story
 
 
-@dataclass(slots=True)
-class Audit:
+class Audit(msgspec.Struct):
     """Remembers the word of the present core. `heard` is None until it has come."""
 
     heard: LedgerAudited | None = None

@@ -5,7 +5,7 @@ passed on for some seconds and nothing waits. Where nobody counts nothing is kno
 the core's own counters instead was not chosen: probes and pages of the guard's own move them as well.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.observations import GatewayCounted
 from hardcore.recovery.budget import NS_PER_S
@@ -16,8 +16,7 @@ STILL_NS = 3 * NS_PER_S
 COUNT_HOLDS_NS = 5 * NS_PER_S
 
 
-@dataclass(slots=True)
-class Calm:
+class Calm(msgspec.Struct):
     """Remembers the last count, and since when nothing was passed on. Times are monotonic."""
 
     _counted: GatewayCounted | None = None

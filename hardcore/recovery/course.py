@@ -7,7 +7,6 @@ State spread over the objects that use it was not chosen: nobody could say then 
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import msgspec
 
@@ -57,8 +56,7 @@ class Given(msgspec.Struct, frozen=True):
     jitter: Callable[[], float]
 
 
-@dataclass(slots=True)
-class Switching:
+class Switching(msgspec.Struct):
     """A switch that was asked for and that has not been done. Times are monotonic.
 
     `build`: the code that lay on the disk then; `updates`: it is not what serves, or spares have died of it, so only a
@@ -92,8 +90,7 @@ class Fall(msgspec.Struct, frozen=True):
     judged: bool = False
 
 
-@dataclass(slots=True)
-class Course:
+class Course(msgspec.Struct):
     """The state of one manager. Times are monotonic."""
 
     given: Given
@@ -126,13 +123,13 @@ class Course:
     outlasted_ns: int | None = None  # when the time of its probation was over, whatever it looked like then
     term_sent: bool = False
     verdict: Verdict = GREEN
-    growth: Growth = field(default_factory=Growth)
-    curiosity: Curiosity = field(default_factory=Curiosity)
+    growth: Growth = msgspec.field(default_factory=Growth)
+    curiosity: Curiosity = msgspec.field(default_factory=Curiosity)
     pressed_ns: int | None = None  # since when it has held more memory than it may; 0: that was told
     pressed_looked_ns: int = 0  # when that was last looked at
     awaits: CoreReady | None = None  # it is ready, and is to say first that it reads only
     ask_again_ns: int | None = None  # when it is told so again
-    repair: Repair = field(default_factory=Repair)
+    repair: Repair = msgspec.field(default_factory=Repair)
     # What outlives it.
     behind: Behind | None = None  # a core that lives on behind the fence
     switching: Switching | None = None
@@ -153,7 +150,7 @@ class Course:
     relieved_ns: tuple[int, ...] = ()  # when the last switches were done that no person asked for
     relief_pause_ns: int = 0  # after one that could not be done: how long none is tried
     relief_after_ns: int = 0  # and until when
-    calm: Calm = field(default_factory=Calm)
+    calm: Calm = msgspec.field(default_factory=Calm)
     state: HAState = HAState.STARTING  # as it was last told
     history: tuple[StateChange, ...] = ()
     needs_ns: int | None = None  # since when a person is needed
@@ -161,10 +158,10 @@ class Course:
     why: str = ""  # what this step began with
     switch_fault: str = ""  # why the last one that was asked for was given up
     start_fault: str = ""  # what the core said last that died before it served; of the last death
-    store: StoreKnowledge = field(default_factory=StoreKnowledge)
-    audit: Audit = field(default_factory=Audit)
-    foresight: Foresight = field(default_factory=Foresight)
-    drill: PendingDrill = field(default_factory=PendingDrill)
+    store: StoreKnowledge = msgspec.field(default_factory=StoreKnowledge)
+    audit: Audit = msgspec.field(default_factory=Audit)
+    foresight: Foresight = msgspec.field(default_factory=Foresight)
+    drill: PendingDrill = msgspec.field(default_factory=PendingDrill)
     story: Story | None = None
     held_ns: int | None = None  # since when the gateway has been holding
     tries: int = 0  # cores in a row that proved nothing
@@ -178,8 +175,8 @@ class Course:
     worth_a_look: bool = False
     image_asked: bool = False
     skip_evidence: bool = False
-    actions: list[Action] = field(default_factory=list)
-    transitions: deque[Transition] = field(default_factory=lambda: deque(maxlen=TRANSITIONS_MAX))
+    actions: list[Action] = msgspec.field(default_factory=list)
+    transitions: deque[Transition] = msgspec.field(default_factory=lambda: deque(maxlen=TRANSITIONS_MAX))
 
     @property
     def policy(self) -> Policy:

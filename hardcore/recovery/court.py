@@ -13,7 +13,6 @@ trial waits as long as a gateway holds a request and no longer; the trial goes o
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
 
 import msgspec
 from msgspec import structs
@@ -87,12 +86,11 @@ class Docket(msgspec.Struct, frozen=True):
     ending: bool = False
 
 
-@dataclass(slots=True)
-class Court:
+class Court(msgspec.Struct):
     """See the module. Times are monotonic; `new_id` gives numbers of letters."""
 
     rules: Rules
-    register: Register = field(default_factory=Register)
+    register: Register = msgspec.field(default_factory=Register)
     convictions: tuple[Conviction, ...] = ()
     docket: Docket | None = None
     log: Death | None = None  # the death for which the log was or is to be tried last

@@ -4,7 +4,7 @@ A look at the stacks is free for the core and not for the machine; one that hang
 question is out until it is answered or its time is over; what became of it then nobody waits for.
 """
 
-from dataclasses import dataclass, field
+import msgspec
 
 from hardcore.model.verdicts import Wish
 from hardcore.recovery.budget import NS_PER_S
@@ -13,11 +13,10 @@ from hardcore.recovery.budget import NS_PER_S
 ANSWER_NS = 2 * NS_PER_S
 
 
-@dataclass(slots=True)
-class Curiosity:
+class Curiosity(msgspec.Struct):
     """The questions that are out, by the moment each was asked. Times are monotonic."""
 
-    _asked_ns: dict[Wish, int] = field(default_factory=dict)
+    _asked_ns: dict[Wish, int] = msgspec.field(default_factory=dict)
 
     def ask(self, wishes: frozenset[Wish], now_ns: int) -> tuple[Wish, ...]:
         """Return which of these are to be asked now."""

@@ -5,13 +5,12 @@ with it, so nobody had the time that is over now. Then the phase begins its time
 for ever: a machine that is always late must still get rid of a core that hangs.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 AMNESTIES_MAX = 3
 
 
-@dataclass(slots=True)
-class Deadline:
+class Deadline(msgspec.Struct):
     """When the present phase's time is over. Times are monotonic; `due_ns` None: never by itself."""
 
     late_ns: int

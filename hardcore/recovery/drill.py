@@ -5,7 +5,8 @@ its name: only what it can lead to is its own, anything else is real.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from hardcore.model.observations import DrillStarted
 from hardcore.model.verdicts import Diagnosis
@@ -28,8 +29,7 @@ def grace_ns(fault: str) -> int:
     return _SLOW_GRACE_NS if fault in _LEADS_TO else DRILL_GRACE_NS
 
 
-@dataclass(slots=True)
-class PendingDrill:
+class PendingDrill(msgspec.Struct):
     """Remembers what the core was told to do to itself, and when."""
 
     _started: DrillStarted | None = None

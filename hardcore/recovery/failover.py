@@ -7,7 +7,6 @@ written down and given to another. It asks no clock, rolls no dice and touches n
 the same facts always lead to the same orders.
 """
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from typing import assert_never
 
@@ -191,7 +190,7 @@ class FailoverManager:
     def state(self) -> Mapping[str, object]:
         """Return all that this manager remembers, by name: plain values, no copies, nothing not yet taken."""
         c = self._course
-        return {f.name: getattr(c, f.name) for f in dataclasses.fields(c) if f.name not in _NOT_REMEMBERED}
+        return {name: getattr(c, name) for name in c.__struct_fields__ if name not in _NOT_REMEMBERED}
 
     def resume(self, state: Mapping[str, object]) -> None:
         """Go on from what another manager remembered: all that its `state` named, and nothing else."""

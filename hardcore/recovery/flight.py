@@ -16,11 +16,11 @@ import importlib
 import json
 import types
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
 import msgspec
+from msgspec import structs
 
 from hardcore.model import actions, observations, phases, recorder, verdicts
 from hardcore.model.actions import Action
@@ -92,18 +92,16 @@ def resume(manager: FailoverManager, state: dict[str, Any]) -> str | None:
     return None
 
 
-@dataclass(slots=True)
-class Entry:
+class Entry(msgspec.Struct):
     """One fact (or the deadline's moment), what chance said meanwhile, and the orders."""
 
     heard: Observation | int
-    ids: list[str] = field(default_factory=list)
-    jitters: list[float] = field(default_factory=list)
+    ids: list[str] = msgspec.field(default_factory=list)
+    jitters: list[float] = msgspec.field(default_factory=list)
     orders: tuple[Action, ...] = ()
 
 
-@dataclass(slots=True)
-class _Stretch:
+class _Stretch(msgspec.Struct):
     """A state and the policy in force, or why there is none, and what was heard since."""
 
     began_ns: int
@@ -111,7 +109,7 @@ class _Stretch:
     policy: Json
     fault: str
     notes: int = 0
-    entries: list[Entry] = field(default_factory=list)
+    entries: list[Entry] = msgspec.field(default_factory=list)
 
 
 class Tape:
@@ -150,9 +148,7 @@ class Tape:
 
     def cut(self) -> "Recording":
         """Return what is on the tape at this moment. Cheap; the writing is `Recording.write`."""
-        return Recording(
-            tuple(dataclasses.replace(one, entries=list(one.entries)) for one in self._stretches)
-        )
+        return Recording(tuple(structs.replace(one, entries=list(one.entries)) for one in self._stretches))
 
     def _begin(self, manager: FailoverManager, at_ns: int) -> _Stretch:
         try:

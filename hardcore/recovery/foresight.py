@@ -8,7 +8,6 @@ forecast is `foretelling.py`.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import msgspec
 
@@ -58,8 +57,7 @@ def numbers(policy: Policy) -> Numbers:
     )
 
 
-@dataclass(slots=True)
-class Judgement:
+class Judgement(msgspec.Struct):
     """A switch because of a forecast, to be judged by what the next core begins with."""
 
     resource: Resource
@@ -69,20 +67,19 @@ class Judgement:
     until_ns: int | None = None  # the next core is looked at until then
 
 
-@dataclass(slots=True)
-class Foresight:
+class Foresight(msgspec.Struct):
     """All that is remembered for the prediction. Times are monotonic."""
 
     life: int = 0
     looked_ns: int = 0
     done: int = 0  # commands that this life has completed
     private: bool = False  # its memory is told without what it shares with others
-    tracks: dict[Resource, Track] = field(default_factory=dict)
-    limits: dict[Resource, int] = field(default_factory=dict)
+    tracks: dict[Resource, Track] = msgspec.field(default_factory=dict)
+    limits: dict[Resource, int] = msgspec.field(default_factory=dict)
     log: Chatter | None = None
-    forecasts: dict[Resource, Forecast] = field(default_factory=dict)
+    forecasts: dict[Resource, Forecast] = msgspec.field(default_factory=dict)
     asked_ns: int | None = None  # when a switch was last asked for in this life
-    vain_ns: dict[Resource, int] = field(
+    vain_ns: dict[Resource, int] = msgspec.field(
         default_factory=dict
     )  # when the last one was seen not to have helped
     judgement: Judgement | None = None

@@ -6,7 +6,6 @@ in it, so no innocent gathers deaths in bad company. An event of the log stands 
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 
 import msgspec
 from msgspec import structs
@@ -36,11 +35,10 @@ def event_key(seq: int) -> str:
     return f"event {seq}"
 
 
-@dataclass(slots=True)
-class Register:
+class Register(msgspec.Struct):
     """See the module. `by_key`: suspects by name, in the order in which they came. Times are monotonic."""
 
-    by_key: dict[str, Suspect] = field(default_factory=dict)
+    by_key: dict[str, Suspect] = msgspec.field(default_factory=dict)
     settled_seq: int = 0
     changed: bool = False
     open_count: int = 0  # at most times nobody is suspect, and a tick has better things to do than to look

@@ -5,7 +5,7 @@ is no part's matter any more: then another core is worth having. How often is co
 part stand still so often; and in one life a part is begun anew only so often in all, because each leaves a thread behind.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.recorder import ComponentBeat
 from hardcore.recovery.budget import NS_PER_S
@@ -22,8 +22,7 @@ RESTARTS_OF_A_LIFE_MAX = 10
 REMEMBERED_MAX = 80
 
 
-@dataclass(slots=True)
-class Repair:
+class Repair(msgspec.Struct):
     """See the module. Times are monotonic; `due_ns`: when the order that is under way has had its time.
 
     `beats`: the parts as they were last seen. `asked`: a person ordered it. `helpless`: parts for which nothing more is

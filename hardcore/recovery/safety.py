@@ -12,9 +12,10 @@ A person may want reads only as well (`held`). That outlives every core, is left
 holds nothing is tried: a try is a moment in which a write is taken.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import assert_never
+
+import msgspec
 
 from hardcore.model.looks import DiskFacts
 from hardcore.model.observations import SafeSwitched, StoreFault
@@ -64,8 +65,7 @@ class Deed(StrEnum):
     RENEW = "renew"  # the core was started to read only: another one has to try
 
 
-@dataclass(slots=True)
-class Safety:
+class Safety(msgspec.Struct):
     """The switch of the present core. Times are monotonic; `due_ns` is when `ring` wants to be called.
 
     `since_ns` is when the core last said which it is. `reason` is why it serves reads only, `goal` why it was told to

@@ -6,8 +6,9 @@ that dies again and again says something about the store or the code and nothing
 one is to be had at all is answered in words, so that a person can be told why there is none.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from hardcore.model.looks import ProcessSample
 from hardcore.model.observations import SpareReady, StartExtended
@@ -46,8 +47,7 @@ class SpareState(StrEnum):
     ENDING = "ending"  # told to end, its end not seen yet
 
 
-@dataclass(slots=True)
-class Spare:
+class Spare(msgspec.Struct):
     """The spare, or why there is none. Times are monotonic.
 
     `wanted`: the policy's word. `build`: the code that it runs. `fault`: what became of the last one, in words, until
@@ -221,8 +221,7 @@ def spare(policy: Policy) -> Spare:
     )
 
 
-@dataclass(slots=True)
-class Behind:
+class Behind(msgspec.Struct):
     """A core that lives on behind the fence. Times are monotonic.
 
     `stuck`: it was killed and is still there, in the kernel; one that is not was drained and is only to leave.

@@ -4,13 +4,12 @@ A stalled disk must not stop the watch, so the guard never touches the ledger's 
 and the last commit from what cores say and from the recorder pages they leave.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.recorder import LifeState, Page, Witness
 
 
-@dataclass(slots=True)
-class StoreKnowledge:
+class StoreKnowledge(msgspec.Struct):
     """The store's epoch and the last commit anybody saw.
 
     `certain` is False while a core that was started may have raised the epoch without living to say so. `witness` is

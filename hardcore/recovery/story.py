@@ -5,7 +5,7 @@ One incident has one report, however many deaths it takes. A first moment is kep
 with three tries the outage ends with the third.
 """
 
-from dataclasses import dataclass, field
+import msgspec
 
 from hardcore.model.actions import DeathNote, Incident
 from hardcore.model.observations import Exit, LedgerAudited, Proof, RequestOutcome
@@ -29,8 +29,7 @@ _OF_AN_OUTAGE = frozenset(
 )
 
 
-@dataclass(slots=True)
-class Trouble:
+class Trouble(msgspec.Struct):
     """What is about to be told as an incident. `asked`: a person wants done what comes of it. `drill`: it is one's."""
 
     death: Death
@@ -42,8 +41,7 @@ class Trouble:
     drill: str | None = None
 
 
-@dataclass(slots=True)
-class Story:
+class Story(msgspec.Struct):
     """What is known so far. `life` is the core it is about.
 
     `down`: it is about an outage that is not over. `safe`: reads only were served in it.
@@ -58,13 +56,13 @@ class Story:
     planned: bool = False
     drill: str | None = None
     reason: str = ""
-    evidence: list[Testimony] = field(default_factory=list)
+    evidence: list[Testimony] = msgspec.field(default_factory=list)
     exit: Exit | None = None
     last_words: LastWords | None = None
     in_flight: tuple[CommandNote, ...] = ()
     suspects: tuple[str, ...] = ()
-    steps: dict[str, int] = field(default_factory=dict)
-    deaths: list[DeathNote] = field(default_factory=list)
+    steps: dict[str, int] = msgspec.field(default_factory=dict)
+    deaths: list[DeathNote] = msgspec.field(default_factory=list)
     requests: tuple[RequestOutcome, ...] = ()
     proof: Proof | None = None
     witness: Witness | None = None

@@ -20,8 +20,6 @@ Not chosen: a spare that takes over by itself when the core is silent. Two judge
 would be all that stood between them.
 """
 
-import dataclasses
-
 from msgspec import structs
 
 from hardcore.model import observations as seen
@@ -242,7 +240,7 @@ def _switch_if_ready(c: Course, now_ns: int) -> None:
     if c.spare.state is SpareState.READY and _is_of_other_code(c.spare, wish):
         dismiss(c, now_ns)
     if c.spare.fit(now_ns):
-        c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
+        c.pending = structs.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
         if c.safety.troubled:
             _count(c, wish, now_ns)
             c.switching = None
@@ -310,7 +308,7 @@ def _give_up(c: Course, wish: Switching, now_ns: int) -> None:
         return
     _count(c, wish, now_ns)
     c.switching = None
-    c.pending = dataclasses.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
+    c.pending = structs.replace(wish.trouble, fault_ns=now_ns)  # the wait for a spare stopped nobody
     fire(c, Trigger.RESTART, now_ns, wish.reason)
 
 

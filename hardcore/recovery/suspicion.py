@@ -6,7 +6,8 @@ healthy command can need.
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+
+import msgspec
 
 from hardcore.model.recorder import CommandNote
 
@@ -16,11 +17,10 @@ LOOKS_MAX = 600
 GREW_BYTES = 64 << 20
 
 
-@dataclass(slots=True)
-class Growth:
+class Growth(msgspec.Struct):
     """The core's resident memory over the last looks, as (monotonic ns, bytes), the oldest first."""
 
-    _looks: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=LOOKS_MAX))
+    _looks: deque[tuple[int, int]] = msgspec.field(default_factory=lambda: deque(maxlen=LOOKS_MAX))
 
     def look(self, at_ns: int, rss_bytes: int) -> None:
         """Note one look."""

@@ -4,13 +4,12 @@ It is over when nothing has been said of it for `clean_after_ms`: a disk that is
 full again is one trouble, one incident and one report. A damaged ledger is not over because nobody speaks of it.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.verdicts import Diagnosis
 
 
-@dataclass(slots=True)
-class Troubles:
+class Troubles(msgspec.Struct):
     """What is wrong at present. Times are monotonic; `due_ns` is when it is over if nothing comes up."""
 
     clean_ns: int

@@ -3,14 +3,13 @@
 Without the two delays every hiccup would flicker on the page; the verdict itself is not delayed by them.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.verdicts import Colour
 from hardcore.recovery.budget import NS_PER_MS
 
 
-@dataclass(slots=True)
-class Worry:
+class Worry(msgspec.Struct):
     """Remembers since when the verdict has not been green. `shown`: people are told DEGRADED."""
 
     after_ms: int

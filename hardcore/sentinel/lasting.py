@@ -5,15 +5,14 @@ the first one that found it so, because two looks are needed to find anything; a
 nothing either.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.sentinel.seen_time import SeenTime
 
 NS_PER_MS = 1_000_000
 
 
-@dataclass(slots=True)
-class Lasting:
+class Lasting(msgspec.Struct):
     """Remembers since when a thing has held in all looks. `since_ns` 0: it does not hold."""
 
     since_ns: int = 0

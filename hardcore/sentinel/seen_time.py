@@ -8,14 +8,14 @@ time that two looks ordinarily vouch for, when it came late.
 """
 
 from bisect import bisect_right
-from dataclasses import dataclass, field
+
+import msgspec
 
 #: Gaps remembered; what was before the oldest one forgotten counts for nothing.
 GAPS_MAX = 512
 
 
-@dataclass(slots=True)
-class SeenTime:
+class SeenTime(msgspec.Struct):
     """Remembers what was missed. All in monotonic ns; `before_ns` is the look before the one at `at_ns`.
 
     Nothing before `floor_ns` counts.
@@ -25,8 +25,8 @@ class SeenTime:
     at_ns: int = 0
     before_ns: int = 0
     floor_ns: int = 0
-    _missed_from_ns: list[int] = field(default_factory=list)
-    _missed_to_ns: list[int] = field(default_factory=list)
+    _missed_from_ns: list[int] = msgspec.field(default_factory=list)
+    _missed_to_ns: list[int] = msgspec.field(default_factory=list)
 
     def look(self, at_ns: int, *, late: bool) -> None:
         """Note a look. `late`: it came so late that most of the time since the last one was not seen."""

@@ -11,7 +11,6 @@ chosen: it would have to be taught, and a household's days are not alike.
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from statistics import median
 
 import msgspec
@@ -36,18 +35,17 @@ NOISE_SHARE = 0.0005
 FAR_STRETCHES = 1 << 20
 
 
-@dataclass(slots=True)
-class Scale:
+class Scale(msgspec.Struct):
     """Stretches of one length, the oldest first: number, lowest, highest, load of each. `slope`: as it was when the
     last one ended; `left`: the values have left where they began.
     """
 
     size: int
     kept_max: int
-    numbers: deque[int] = field(default_factory=deque)
-    lows: deque[int] = field(default_factory=deque)
-    highs: deque[int] = field(default_factory=deque)
-    loads: deque[int] = field(default_factory=deque)
+    numbers: deque[int] = msgspec.field(default_factory=deque)
+    lows: deque[int] = msgspec.field(default_factory=deque)
+    highs: deque[int] = msgspec.field(default_factory=deque)
+    loads: deque[int] = msgspec.field(default_factory=deque)
     slope: Slope | None = None
     left: bool = False
 
@@ -100,8 +98,7 @@ class Claim(msgspec.Struct, frozen=True):
     scale: int
 
 
-@dataclass(slots=True)
-class Track:
+class Track(msgspec.Struct):
     """One resource of one life. `step_ns`: how long a stretch is. Nothing before `from_ns` counts."""
 
     step_ns: int
@@ -114,7 +111,7 @@ class Track:
     since_ns: int | None = None  # since when a claim has stood
     gone_ns: int | None = None  # since when none has stood
     told: bool = False
-    scales: tuple[Scale, ...] = field(
+    scales: tuple[Scale, ...] = msgspec.field(
         default_factory=lambda: tuple(Scale(size, kept_max) for size, kept_max in SCALES)
     )
 

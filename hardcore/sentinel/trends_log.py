@@ -6,7 +6,8 @@ high one of the past, not the middle: a program that complains every hour compla
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+
+import msgspec
 
 from hardcore.sentinel.trends_slope import POINTS_MIN
 
@@ -18,15 +19,14 @@ TIMES, MORE_MIN = 3, 10
 USUAL_SHARE = 0.95
 
 
-@dataclass(slots=True)
-class Chatter:
+class Chatter(msgspec.Struct):
     """What was written in each stretch of one life, the oldest first. `step_ns`: how long a stretch is."""
 
     step_ns: int
     from_ns: int = 0
     number: int | None = None  # of the open stretch
     begun_with: int = 0  # what was counted when it began
-    counts: deque[int] = field(default_factory=lambda: deque(maxlen=KEPT_MAX))
+    counts: deque[int] = msgspec.field(default_factory=lambda: deque(maxlen=KEPT_MAX))
     told: bool = False
 
     def look(self, at_ns: int, counted: int) -> bool:

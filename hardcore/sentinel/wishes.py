@@ -6,7 +6,7 @@ a machine under load, where suspicions come and go, is not asked again before th
 Nothing waits for an answer: what is conclusive without it is acted on without it.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.verdicts import Wish
 from hardcore.sentinel.lasting import NS_PER_MS
@@ -20,8 +20,7 @@ STACKS_FLOOR_NS = 2_000 * NS_PER_MS
 STORE_EVERY_NS = 500 * NS_PER_MS
 
 
-@dataclass(slots=True)
-class Wishes:
+class Wishes(msgspec.Struct):
     """Remembers what was asked for, and when."""
 
     _stacks: int = 0

@@ -8,8 +8,9 @@ come after it, and the debugger that was begun is ended by whoever waits (`aband
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import assert_never
+
+import msgspec
 
 from hardcore.model.looks import ProcessSample
 from hardcore.snapshot import children, collectors, holders, memory, printed, stacks, tasks, threads
@@ -17,8 +18,7 @@ from hardcore.snapshot.recipe import Piece, Step
 from hardcore.snapshot.subject import Haul, Subject, Tools
 
 
-@dataclass(slots=True)
-class Gathering:
+class Gathering(msgspec.Struct):
     """One evidence while it is being taken. `sample`: the watch's last look at a process that is gone."""
 
     subject: Subject
@@ -27,7 +27,7 @@ class Gathering:
     sample: ProcessSample | None = None
     table: holders.Table | None = None
     rollup: memory.Rollup | None = None
-    seen: list[threads.ThreadFacts] = field(default_factory=list)
+    seen: list[threads.ThreadFacts] = msgspec.field(default_factory=list)
     printed_after_bytes: int | None = None
     debugger: children.Child | str | None = None
 

@@ -5,7 +5,6 @@ in particular a process is only ever signalled through the `pidfd` given here, n
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 
@@ -37,19 +36,18 @@ class Tools(msgspec.Struct, frozen=True):
     gcore: Path | None = None
 
 
-@dataclass(slots=True)
-class Haul:
+class Haul(msgspec.Struct):
     """What has been collected so far; filled on a thread, and readable from another at any moment.
 
     `missing` says why something can't be had, `pending` what nobody has come to, or to the end of,
     yet; `costs_us` what each piece took, in microseconds.
     """
 
-    files: dict[str, bytes] = field(default_factory=dict)
-    missing: dict[str, str] = field(default_factory=dict)
-    pending: dict[str, str] = field(default_factory=dict)
-    costs_us: dict[str, int] = field(default_factory=dict)
-    steps: list[tuple[str, int]] = field(default_factory=list)
+    files: dict[str, bytes] = msgspec.field(default_factory=dict)
+    missing: dict[str, str] = msgspec.field(default_factory=dict)
+    pending: dict[str, str] = msgspec.field(default_factory=dict)
+    costs_us: dict[str, int] = msgspec.field(default_factory=dict)
+    steps: list[tuple[str, int]] = msgspec.field(default_factory=list)
     page: Page | None = None
 
 

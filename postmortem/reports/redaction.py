@@ -10,9 +10,10 @@ two have to be in the same place.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
+
+import msgspec
 
 from frontend import catalogue_evidence, catalogue_reports
 
@@ -93,11 +94,10 @@ _WAITS = (
 )
 
 
-@dataclass(slots=True)
-class Sieve:
+class Sieve(msgspec.Struct):
     """Redacts, and counts what it hid."""
 
-    hidden: int = field(default=0)
+    hidden: int = 0
 
     def value(self, raw: Any, name: str = "", depth: int = 0) -> Any:
         """Return a JSON value with nothing in it that is not known to be harmless."""

@@ -1,4 +1,4 @@
-import dataclasses
+from msgspec import structs
 
 from hardcore.counters import BOUNDS_MS, Counts, Histogram, read_counts
 from hardcore.model.actions import Incident
@@ -133,7 +133,7 @@ def test_what_is_kept_is_what_is_read() -> None:
 
 
 def test_a_file_that_makes_no_sense_begins_anew() -> None:
-    good = dataclasses.replace(Counts()).told()
+    good = structs.replace(Counts()).told()
     damages: tuple[dict[str, object], ...] = (
         {"version": 2},
         {"restarts": {"CRASHED": -1}},

@@ -6,8 +6,6 @@ which it stays true says "done" and does nothing. Until this life has committed 
 compare with: then what it says of its own head when asked for its health is taken, if it says it later.
 """
 
-from dataclasses import dataclass, field
-
 import msgspec
 
 from hardcore.model.observations import Probed
@@ -26,14 +24,13 @@ class Unkept(msgspec.Struct, frozen=True):
     since_ns: int
 
 
-@dataclass(slots=True)
-class Answers:
+class Answers(msgspec.Struct):
     """Remembers since when more was answered than committed."""
 
     _head: int | None = None
     _claimed: int = 0
     _claimed_ns: int = 0
-    _lasting: Lasting = field(default_factory=Lasting)
+    _lasting: Lasting = msgspec.field(default_factory=Lasting)
 
     def hear(self, fact: Probed) -> None:
         """Take in what the core says of its head; what was asked before a claim says nothing about it."""

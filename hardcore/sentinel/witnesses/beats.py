@@ -9,8 +9,6 @@ a loop that has been silent for long, and nothing is wrong any more: so the thre
 two looks before that counts.
 """
 
-from dataclasses import dataclass
-
 import msgspec
 
 from hardcore.model.recorder import Beats
@@ -35,8 +33,7 @@ class BeatAges(msgspec.Struct, frozen=True):
         return self.thread_ns > limit_ms * NS_PER_MS
 
 
-@dataclass(slots=True)
-class LoneThread:
+class LoneThread(msgspec.Struct):
     """Counts the looks in a row in which the thread's beat went on and the loop's did not."""
 
     looks: int = 0

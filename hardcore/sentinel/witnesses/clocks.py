@@ -5,8 +5,6 @@ ticks look on time, and yet peers, sockets and disks were away. So everybody get
 wall's clock judges nothing here, whatever it shows: that it was set is only told.
 """
 
-from dataclasses import dataclass
-
 import msgspec
 
 from hardcore.model.clocks import Clocks
@@ -24,8 +22,7 @@ class ClockFacts(msgspec.Struct, frozen=True):
     jumped_ns: int = 0
 
 
-@dataclass(slots=True)
-class ClockWatch:
+class ClockWatch(msgspec.Struct):
     """Remembers how the clocks stood against each other."""
 
     _slept_ns: int | None = None

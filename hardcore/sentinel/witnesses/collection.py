@@ -6,8 +6,6 @@ burned in that interval is charged to the collection. Nobody is excused for ever
 may burn has a limit of its own.
 """
 
-from dataclasses import dataclass
-
 import msgspec
 
 from hardcore.model.recorder import Beats
@@ -23,8 +21,7 @@ class CollectionFacts(msgspec.Struct, frozen=True):
     for_ns: int = 0
 
 
-@dataclass(slots=True)
-class Collection:
+class Collection(msgspec.Struct):
     """Remembers whether the last look found one running."""
 
     _ran: bool = False

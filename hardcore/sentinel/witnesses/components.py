@@ -5,8 +5,6 @@ the beats, so what was found stands until it is read again: an age that is count
 that has beaten since. Two readings must find the same beat, and only time that we were there to see counts.
 """
 
-from dataclasses import dataclass, field
-
 import msgspec
 
 from hardcore.model.recorder import ComponentBeat
@@ -24,11 +22,10 @@ class Stalled(msgspec.Struct, frozen=True):
     limit_ns: int
 
 
-@dataclass(slots=True)
-class Components:
+class Components(msgspec.Struct):
     """Remembers the last beat of each part, and what was found at the last reading."""
 
-    _beats: dict[str, int] = field(default_factory=dict)
+    _beats: dict[str, int] = msgspec.field(default_factory=dict)
     _found: Stalled | None = None
 
     def look(self, parts: tuple[ComponentBeat, ...], seen: SeenTime) -> Stalled | None:

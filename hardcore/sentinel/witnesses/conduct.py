@@ -5,7 +5,7 @@ would look like, and it is what an update or a debugger looks like too. So it is
 nobody is ever ended for it.
 """
 
-from dataclasses import dataclass, field
+import msgspec
 
 from hardcore.model.looks import Conduct
 from hardcore.model.observations import Surveyed
@@ -15,11 +15,10 @@ from hardcore.model.verdicts import Colour, Testimony
 TOLD_MAX = 3
 
 
-@dataclass(slots=True)
-class ConductWatch:
+class ConductWatch(msgspec.Struct):
     """Remembers what the last survey found."""
 
-    _found: Conduct = field(default_factory=Conduct)
+    _found: Conduct = msgspec.field(default_factory=Conduct)
 
     def hear(self, fact: Surveyed) -> None:
         """Take in a survey, if it looked."""

@@ -6,8 +6,6 @@ whether the write has come back. That there is no room, or that nothing may be w
 a row, so that a file that came and went is no full disk.
 """
 
-from dataclasses import dataclass
-
 import msgspec
 
 from hardcore.model.looks import DiskFacts
@@ -39,8 +37,7 @@ class DiskFindings(msgspec.Struct, frozen=True):
     fault: str = ""
 
 
-@dataclass(slots=True)
-class Disk:
+class Disk(msgspec.Struct):
     """Remembers the last survey, and since when it has found what it finds. The limits are the policy's."""
 
     floor_bytes: int

@@ -4,7 +4,7 @@ It may have been a child's, or a neighbour's in the same group: of a living core
 nothing more. Of a dead one it tells who killed it, which `deaths` reads from the fact of the death itself.
 """
 
-from dataclasses import dataclass
+import msgspec
 
 from hardcore.model.observations import Surveyed
 from hardcore.model.verdicts import Colour, Testimony
@@ -13,8 +13,7 @@ from hardcore.model.verdicts import Colour, Testimony
 TOLD_NS = 60_000_000_000
 
 
-@dataclass(slots=True)
-class MemoryKills:
+class MemoryKills(msgspec.Struct):
     """Remembers the counter and when it last rose."""
 
     _kills: int = 0

@@ -8,7 +8,8 @@ then it is taken for how this machine is: each counts for little, and enough of 
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+
+import msgspec
 
 #: A tick that comes this many intervals after the last one makes its silence our own.
 LATE_INTERVALS = 2.0
@@ -19,15 +20,14 @@ OFTEN_TICKS = 3
 OFTEN_WITHIN_NS = 5_000_000_000
 
 
-@dataclass(slots=True)
-class OwnStall:
+class OwnStall(msgspec.Struct):
     """Remembers our last tick, and those that came late."""
 
     interval_ns: int
     late_ticks: int = 0
     _last_ns: int | None = None
     _in_a_row: int = 0
-    _late_at_ns: deque[int] = field(default_factory=lambda: deque(maxlen=OFTEN_TICKS))
+    _late_at_ns: deque[int] = msgspec.field(default_factory=lambda: deque(maxlen=OFTEN_TICKS))
 
     def look(self, at_ns: int) -> bool:
         """Note a tick at `at_ns`; return whether it came late."""

@@ -4,8 +4,6 @@ A slow answer is what a loaded server looks like, so silence counts only while n
 command is completed, yet the loop's beats are fresh. Whatever moves begins the count anew.
 """
 
-from dataclasses import dataclass
-
 import msgspec
 
 from hardcore.model.observations import Probed
@@ -26,8 +24,7 @@ class Unanswered(msgspec.Struct, frozen=True):
     since_ns: int
 
 
-@dataclass(slots=True)
-class Probe:
+class Probe(msgspec.Struct):
     """Remembers the probes in a row that were not answered."""
 
     _probes: int = 0

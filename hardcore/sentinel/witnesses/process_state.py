@@ -8,7 +8,6 @@ It also says for how long: a stop of a moment at the end of a long computation i
 must not be held against the core as if it had lasted as long as the silence of its beats.
 """
 
-from dataclasses import dataclass, field
 from enum import Enum
 
 import msgspec
@@ -31,16 +30,15 @@ class Sleep(Enum):
     GONE = "gone"
 
 
-@dataclass(slots=True)
-class ProcessState:
+class ProcessState(msgspec.Struct):
     """Remembers the last look at one life, and since when each thing has been as it is."""
 
     _last: ProcessSample | None = None
     _last_ns: int = 0
-    _stopped: Lasting = field(default_factory=Lasting)
-    _loop: Lasting = field(default_factory=Lasting)
-    _writer: Lasting = field(default_factory=Lasting)
-    _quiet: Lasting = field(default_factory=Lasting)
+    _stopped: Lasting = msgspec.field(default_factory=Lasting)
+    _loop: Lasting = msgspec.field(default_factory=Lasting)
+    _writer: Lasting = msgspec.field(default_factory=Lasting)
+    _quiet: Lasting = msgspec.field(default_factory=Lasting)
 
     def look(self, sample: ProcessSample, seen: SeenTime) -> "ProcessFacts":
         """Take in one look and return what it and the one before agree on."""

@@ -9,8 +9,6 @@ Whoever waits for the interpreter sleeps on a lock and wakes up every 5 ms to as
 looks like that, which tells "the one that has it is asleep" from a core that waits for work.
 """
 
-from dataclasses import dataclass, field
-
 import msgspec
 
 from hardcore.model.looks import ProcessSample, ThreadSample
@@ -50,23 +48,22 @@ class ProcessorFacts(msgspec.Struct, frozen=True):
     starved_ns: int = 0
 
 
-@dataclass(slots=True)
-class Processor:
+class Processor(msgspec.Struct):
     """Remembers the last look, and what was burned since the last sign of life."""
 
     _last: ProcessSample | None = None
     _last_ns: int = 0
-    _beats: Beats = field(default_factory=Beats)
+    _beats: Beats = msgspec.field(default_factory=Beats)
     _loop_moved: bool = False
     _any_moved: bool = False
     _loop_burned_ns: int = 0
     _loop_all_ns: int = 0
     _held_burned_ns: int = 0
     _held_all_ns: int = 0
-    _queued: Lasting = field(default_factory=Lasting)
-    _idle: Lasting = field(default_factory=Lasting)
+    _queued: Lasting = msgspec.field(default_factory=Lasting)
+    _idle: Lasting = msgspec.field(default_factory=Lasting)
     _idle_spent_ns: int = 0
-    _starved: Lasting = field(default_factory=Lasting)
+    _starved: Lasting = msgspec.field(default_factory=Lasting)
 
     def look(
         self, beats: Beats, sample: ProcessSample, seen: SeenTime, *, collecting: bool

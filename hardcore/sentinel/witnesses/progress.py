@@ -7,8 +7,6 @@ somebody else's matter (a slow transaction, a slow store): never a reason to cal
 read that waits behind slow reads: the writer sleeps then because nobody wants anything of it.
 """
 
-from dataclasses import dataclass
-
 import msgspec
 
 from hardcore.model.recorder import Beats, CommandNote, SlotStage
@@ -19,8 +17,7 @@ from hardcore.sentinel.seen_time import SeenTime
 _TAKEN = frozenset({SlotStage.DECIDING, SlotStage.WRITING, SlotStage.COMMITTED})
 
 
-@dataclass(slots=True)
-class Progress:
+class Progress(msgspec.Struct):
     """Remembers since when nothing was completed."""
 
     _completed: int = -1

@@ -5,8 +5,6 @@ said, with its reason, from the first look on. A page is as good as unreadable i
 from the future, or none where there were some.
 """
 
-from dataclasses import dataclass
-
 import msgspec
 
 from hardcore.model.observations import Sampled
@@ -21,8 +19,7 @@ class Missing(msgspec.Struct, frozen=True):
     process: str = ""
 
 
-@dataclass(slots=True)
-class Sight:
+class Sight(msgspec.Struct):
     """Remembers whether this core has ever beaten."""
 
     _beaten: bool = False

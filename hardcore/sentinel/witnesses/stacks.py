@@ -11,7 +11,6 @@ computation moves in its own frames and not in those that called it.
 
 import re
 from collections import deque
-from dataclasses import dataclass, field
 
 import msgspec
 
@@ -70,11 +69,10 @@ class StackFacts(msgspec.Struct, frozen=True):
     gil: str = ""
 
 
-@dataclass(slots=True)
-class Stacks:
+class Stacks(msgspec.Struct):
     """Remembers the last few looks."""
 
-    _looks: deque[StacksSampled] = field(default_factory=lambda: deque(maxlen=LOOKS_MAX))
+    _looks: deque[StacksSampled] = msgspec.field(default_factory=lambda: deque(maxlen=LOOKS_MAX))
 
     def hear(self, fact: StacksSampled) -> None:
         """Take in a look; one that showed nothing is none."""

@@ -6,8 +6,6 @@ table of locks, from outside: the same stranger must be found in two looks, beca
 holds the lock for a moment and is no outage.
 """
 
-from dataclasses import dataclass
-
 import msgspec
 
 from hardcore.model.looks import LockHolder
@@ -36,8 +34,7 @@ class StoreFindings(msgspec.Struct, frozen=True):
     looks: int = 0
 
 
-@dataclass(slots=True)
-class Store:
+class Store(msgspec.Struct):
     """Remembers the core's word and the looks at the lock."""
 
     _told: StoreFault = StoreFault.OK

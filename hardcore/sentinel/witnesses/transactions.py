@@ -6,8 +6,6 @@ command's. What its thread did before it was first looked at can't be excused, s
 only once it has been looked at for a while. Reads have limits of their own and are looked at in the same way.
 """
 
-from dataclasses import dataclass, field
-
 import msgspec
 
 from hardcore.model.looks import ThreadSample
@@ -47,8 +45,7 @@ class Deciding(msgspec.Struct, frozen=True):
         return self.sample is not None and self.sample.state == "D"
 
 
-@dataclass(slots=True)
-class Run:
+class Run(msgspec.Struct):
     """What is remembered of one command between two looks."""
 
     since_ns: int
@@ -58,11 +55,10 @@ class Run:
     sample: ThreadSample | None
 
 
-@dataclass(slots=True)
-class Transactions:
+class Transactions(msgspec.Struct):
     """Remembers the commands that are being decided; as many as there are slots at most."""
 
-    _runs: dict[str, Run] = field(default_factory=dict)
+    _runs: dict[str, Run] = msgspec.field(default_factory=dict)
 
     def look(
         self,
