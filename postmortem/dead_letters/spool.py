@@ -2,7 +2,7 @@
 
 A message is written whole (temporary name, synced, renamed) and removed by the reader alone, after it has committed
 what it says; so each is taken in once, whoever dies between. A socket was not chosen: the investigators are often
-not running, and the guard never waits for them. The guard's own process writes here: standard library only. What goes
+not running, and the guard never waits for them. The guard's own process writes here: standard library and msgspec only. What goes
 wrong on the disk is the value `SpoolFailed`.
 """
 

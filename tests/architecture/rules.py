@@ -20,6 +20,8 @@ PUBLIC_METHODS_MAX: Final = 12
 
 _VAGUE_NAME: Final = re.compile(r"(^|_)(utils?|common|helpers?|managers?|misc|stuff)(_|$)")
 _BLIND: Final = frozenset({"Exception", "BaseException"})
+# What a field of a dataclass can be told, and a field of a struct cannot.
+_BEYOND_STRUCTS: Final = frozenset({"init", "repr", "compare", "hash", "metadata"})
 # What a pure room could still do without importing anything.
 _IMPURE_BUILTINS: Final = frozenset(
     {"open", "print", "input", "breakpoint", "exec", "eval", "__import__", "id", "hash"}
@@ -144,13 +146,31 @@ def impurities(source: Source) -> list[str]:
 
 
 def thawed_words(source: Source) -> list[str]:
-    """Dataclasses of the shared words that could be changed after they were said."""
-    return [
+    """Structs and dataclasses of the shared words that could be changed after they were said."""
+    classes = [node for node in ast.walk(source.tree) if isinstance(node, ast.ClassDef)]
+    dataclasses = [
         f"{source.path}:{node.lineno}: {node.name} is not a frozen dataclass with slots"
-        for node in ast.walk(source.tree)
-        if isinstance(node, ast.ClassDef)
+        for node in classes
         for decorator in node.decorator_list
         if _is_dataclass(decorator) and not {"frozen", "slots"} <= _switched_on(decorator)
+    ]
+    structs = [
+        f"{source.path}:{node.lineno}: {node.name} is not a frozen struct"
+        for node in classes
+        if any(dotted(base).endswith("Struct") for base in node.bases)
+        and "frozen" not in _switched(node.keywords)
+    ]
+    return dataclasses + structs
+
+
+def needless_dataclasses(source: Source) -> list[str]:
+    """Dataclasses whose fields a struct could say, which is made fifty times faster."""
+    return [
+        f"{source.path}:{node.lineno}: {node.name} is a dataclass where a struct would do"
+        for node in ast.walk(source.tree)
+        if isinstance(node, ast.ClassDef)
+        and any(map(_is_dataclass, node.decorator_list))
+        and not any(isinstance(line, ast.AnnAssign) and _says_more(line.value) for line in node.body)
     ]
 
 
@@ -266,6 +286,16 @@ def _is_dataclass(decorator: ast.expr) -> bool:
 
 
 def _switched_on(decorator: ast.expr) -> set[str | None]:
-    if not isinstance(decorator, ast.Call):
-        return set()
-    return {k.arg for k in decorator.keywords if isinstance(k.value, ast.Constant) and k.value.value is True}
+    return _switched(decorator.keywords) if isinstance(decorator, ast.Call) else set()
+
+
+def _switched(keywords: list[ast.keyword]) -> set[str | None]:
+    return {k.arg for k in keywords if isinstance(k.value, ast.Constant) and k.value.value is True}
+
+
+def _says_more(value: ast.expr | None) -> bool:
+    """Whether a field says more than a default: its bounds, or that it is neither given nor shown."""
+    if not isinstance(value, ast.Call):
+        return False
+    name = dotted(value.func).rpartition(".")[2]
+    return name == "setting" or (name == "field" and bool(_BEYOND_STRUCTS & {k.arg for k in value.keywords}))

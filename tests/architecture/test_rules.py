@@ -30,6 +30,9 @@ PURE_ROOMS: Final = (
     "postmortem/incident.py",
 )
 
+# Word for word the same in the core, which makes its values as dataclasses (docs/decisions/0050-structs.md).
+TWINS: Final = ("hardcore/crisis/agent_table.py", "hardcore/crisis/sentinel_seen.py")
+
 LAUNCHER: Final = "hardcore/launcher.py"
 STARTER: Final = "hardcore/starter.py"
 
@@ -66,6 +69,18 @@ SNIPPETS: Final[tuple[tuple[type_of_rule, str, str], ...]] = (
     (rules.impurities, "core/ledger/money.py", "from datetime import datetime, UTC\ndatetime.now(UTC)\n"),
     (rules.thawed_words, "hardcore/model/phases.py", "@dataclass\nclass A: pass\n"),
     (rules.thawed_words, "hardcore/model/phases.py", "@dataclass(frozen=True, slots=False)\nclass A: pass\n"),
+    (rules.thawed_words, "hardcore/model/phases.py", "class A(msgspec.Struct): pass\n"),
+    (rules.thawed_words, "hardcore/model/phases.py", "class A(msgspec.Struct, frozen=False): pass\n"),
+    (
+        rules.needless_dataclasses,
+        "hardcore/house.py",
+        "@dataclass(frozen=True, slots=True)\nclass A:\n    a: int\n",
+    ),
+    (
+        rules.needless_dataclasses,
+        "hardcore/house.py",
+        "@dataclasses.dataclass\nclass A:\n    a: list[int] = field(default_factory=list)\n",
+    ),
     (rules.imports_beyond_the_standard_library, "hardcore/launcher.py", "from hardcore.settings import x\n"),
     (rules.imports_beyond_the_standard_library, "hardcore/launcher.py", "from . import settings\n"),
     (rules.imports_beyond_the_standard_library, "hardcore/launcher.py", "def f():\n    import psutil\n"),
@@ -105,6 +120,18 @@ ALLOWED: Final[tuple[tuple[type_of_rule, str, str], ...]] = (
         "try:\n    f()\nexcept BaseException:\n    g()\n    raise\n",
     ),
     (rules.thawed_words, "hardcore/model/phases.py", "@dataclass(frozen=True, slots=True)\nclass A: pass\n"),
+    (rules.thawed_words, "hardcore/model/phases.py", "class A(msgspec.Struct, frozen=True): pass\n"),
+    (rules.needless_dataclasses, "hardcore/house.py", "class A(msgspec.Struct):\n    a: int\n"),
+    (
+        rules.needless_dataclasses,
+        "hardcore/house.py",
+        "@dataclass\nclass A:\n    a: int = field(init=False)\n",
+    ),
+    (
+        rules.needless_dataclasses,
+        "hardcore/house.py",
+        "@dataclass\nclass A:\n    a: int = setting(1, 'one')\n",
+    ),
     (rules.doors_to_the_ledger, "core/journal/store.py", "sqlite3.connect(data / 'ledger.db')\n"),
     (rules.doors_to_the_ledger, "hardcore/host/files.py", "open(path)\n"),
     (rules.doors_to_the_ledger, "core/main.py", "out = io.StringIO()\n"),
@@ -151,6 +178,12 @@ def test_what_starts_a_sentinel_for_its_agents_imports_nothing_of_ours_either() 
 
 def test_the_words_everybody_uses_are_frozen() -> None:
     assert _faults(rules.thawed_words, read("hardcore/model")) == []
+
+
+@pytest.mark.parametrize("island", ["hardcore", "postmortem", "frontend"])
+def test_a_class_is_a_struct_where_a_struct_can_say_its_fields(island: str) -> None:
+    rooms = [room for room in read(island) if not room.path.endswith(TWINS)]
+    assert _faults(rules.needless_dataclasses, rooms) == []
 
 
 def test_no_test_sleeps() -> None:
