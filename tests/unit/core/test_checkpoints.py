@@ -211,7 +211,7 @@ def remade(shelf: Shelf, name: str, **changed: object) -> None:
     """Write a checkpoint anew with other words and a right digest: a liar's, or another machine's."""
     found = checkpoint.read(name, shelf.file(name).read_bytes())
     assert isinstance(found, Checkpoint)
-    liar = msgspec.structs.replace(found, **changed)
+    liar = msgspec.structs.replace(found, **changed)  # type: ignore[arg-type]  # names of fields
     liar = msgspec.structs.replace(liar, size=len(checkpoint._encoded(liar)))
     data = checkpoint._encoded(msgspec.structs.replace(liar, sha256=checkpoint._digest(liar)))
     shelf.file(name).unlink()
