@@ -4,13 +4,16 @@ Read once, at the start; written by a thread after each outage, whole or not at 
 written costs an estimate and nothing else.
 """
 
-import asyncio
 import logging
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hardcore.crisis.estimate import STAGES, Sample, Told, Way, score, youngest
 from hardcore.host.files import read_json, write_json
+
+if TYPE_CHECKING:  # the status command reads the file too, and is spared the 20 ms of a loop
+    import asyncio
 
 _LOG = logging.getLogger(__name__)
 #: Milliseconds; a longer outage is none that the next could be like.
@@ -20,7 +23,7 @@ _LENGTH_MS_MAX = 7 * 24 * 3_600_000
 class History:
     """The last outages, the oldest first. Without a path they are forgotten with the gateway."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, path: Path | None) -> None:
+    def __init__(self, loop: "asyncio.AbstractEventLoop", path: Path | None) -> None:
         self.samples: tuple[Sample, ...] = read_samples(read_json(path)) if path is not None else ()
         self._loop = loop
         self._path = path
@@ -39,7 +42,7 @@ class History:
         while self._due:
             self._due = False
             try:
-                await asyncio.to_thread(write_json, self._path, _told(self.samples))
+                await self._loop.run_in_executor(None, write_json, self._path, _told(self.samples))
             except OSError as error:
                 _LOG.warning("the outages that are over could not be written: %s", error.strerror)
         self._writing = None

@@ -5,7 +5,6 @@ stranger. So an identity is pid + start time, the pidfd is opened *first* and th
 and every signal goes through the descriptor.
 """
 
-import asyncio
 import errno
 import os
 import signal
@@ -114,6 +113,9 @@ class Handle:
 
 async def gone(handle: Handle, within_s: float) -> bool:
     """Wait until the process is gone; return whether it is."""
+    # Whoever waits here runs a loop and has it loaded; a command that only looks at processes is spared 20 ms.
+    import asyncio
+
     loop = asyncio.get_running_loop()
     ended = asyncio.Event()
     fd = handle.copy()
