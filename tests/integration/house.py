@@ -20,6 +20,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Self
 
+import psutil
+
 from hardcore.control import client
 from hardcore.host.folders import Folders, locate
 from postmortem import bundle
@@ -95,6 +97,13 @@ class Victim:
     @property
     def gone(self) -> bool:
         return bool(select.select([self.pidfd], [], [], 0)[0])
+
+
+def _lives(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 def transaction(description: str, amount: int = 1) -> dict[str, Any]:
@@ -258,7 +267,8 @@ class Doors(Premises):
 
         def settled(status: dict[str, Any]) -> bool:
             at_rest = status["phase"] == "RUNNING" and status["incident"] is None
-            return at_rest and status["gateway"]["pid"] is not None
+            # A core that was killed this moment may still be the one that the guard tells of.
+            return at_rest and status["gateway"]["pid"] is not None and _lives(status["core"]["pid"])
 
         status = self.until(settled, "the house to run")
         self.url = status["url"]
