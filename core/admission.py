@@ -8,9 +8,10 @@ each minute; twice as much would pass around its edge.
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from hashlib import sha256
 from typing import Final
+
+import msgspec
 
 from core.guarded.quarantine import Limit, Quarantine, Rules
 from core.journal.answers import Limited, SetAside
@@ -20,8 +21,7 @@ WINDOW_NS: Final = 60_000_000_000
 COUNTED_MAX: Final = 100_000
 
 
-@dataclass(frozen=True, slots=True)
-class Wish:
+class Wish(msgspec.Struct, frozen=True):
     """What is known of a command before it is asked for. `name`: what a guard calls it; `digest` of its request."""
 
     kind: str

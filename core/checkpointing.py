@@ -13,9 +13,9 @@ import logging
 import threading
 import time
 from collections.abc import Awaitable, Callable
-from dataclasses import replace
 from typing import Final
 
+import msgspec
 from sqlalchemy import Engine
 
 from core import departure
@@ -160,5 +160,5 @@ class Checkpointer:
             self._checkpoints.keep(name, data)
         except OSError as error:
             return f"It could not be written ({error.strerror})."
-        self._ground = replace(self._ground, known=proven.attested)
+        self._ground = msgspec.structs.replace(self._ground, known=proven.attested)
         return CheckpointMade(name, proven.attested.seq)

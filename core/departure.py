@@ -5,8 +5,9 @@ that is damaged by them, and restarts, waits or stops accordingly. Every way out
 by one function below, so the code, the word and the sentence can't go apart.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
+
+import msgspec
 
 
 class ExitCode(IntEnum):
@@ -22,8 +23,7 @@ class ExitCode(IntEnum):
     CONFIG_INVALID = 78
 
 
-@dataclass(frozen=True, slots=True)
-class Departure:
+class Departure(msgspec.Struct, frozen=True):
     """Why this core leaves. `sentence` says what is wrong and what to do next.
 
     `finer` names the cause where one code stands for several.

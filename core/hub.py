@@ -9,8 +9,9 @@ bound: the first lets a sleeping telephone stop the household, the second lets i
 import asyncio
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
+
+import msgspec
 
 from core.journal.writer import BATCH_MAX
 from core.ledger.decider import EVENTS_PER_COMMAND_MAX
@@ -20,8 +21,7 @@ SEATS_MAX: Final = 512
 WAITING_FRAMES_MAX: Final = BATCH_MAX * EVENTS_PER_COMMAND_MAX + 1_000
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(msgspec.Struct, frozen=True):
     """One text for every listener. `seq`: the event it tells of, None where it tells of none."""
 
     text: str

@@ -7,10 +7,10 @@ from then on no older core can commit, whatever the proof will say.
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, assert_never
 
+import msgspec
 from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError
 
@@ -46,8 +46,7 @@ ASK_EVERY_S: Final = 1.0
 MORE_TIME_USEC: Final = 5_000_000  # several times that, so one lost asking does not end a start
 
 
-@dataclass(frozen=True, slots=True)
-class OpenBook:
+class OpenBook(msgspec.Struct, frozen=True):
     """A proven book that this core, and no other, may write to."""
 
     journal: Journal
@@ -56,16 +55,14 @@ class OpenBook:
     guard: StartGuard
 
 
-@dataclass(frozen=True, slots=True)
-class Telling:
+class Telling(msgspec.Struct, frozen=True):
     """Whom to tell while the book is being opened."""
 
     recorder: FlightRecorder
     beacon: Beacon
 
 
-@dataclass(frozen=True, slots=True)
-class Terms:
+class Terms(msgspec.Struct, frozen=True):
     """On what terms a book is taken over.
 
     `expected_epoch`: from which epoch it is raised; None: from whatever stands in the store. `witnesses`: commits
@@ -136,8 +133,7 @@ def _not_let_in(door: DoorClosed) -> Departure:
     return departure.config_invalid(door.sentence) if error is None else _of_store(error)
 
 
-@dataclass(frozen=True, slots=True)
-class _Taken:
+class _Taken(msgspec.Struct, frozen=True):
     connection: Connection
     epoch: int
 
@@ -226,7 +222,7 @@ def _prove(
         if isinstance(tail, Broken):
             return departure.corrupt(tail.sentence)
         asking = AskingForTime(telling.beacon.extend, time.monotonic)
-        proof = prove(replace(tail, rows=asking.over(rebuilding.over(tail.rows))), witnesses)
+        proof = prove(msgspec.structs.replace(tail, rows=asking.over(rebuilding.over(tail.rows))), witnesses)
         connection.exec_driver_sql("ROLLBACK").close()
     except DBAPIError as error:
         return store_error(error)

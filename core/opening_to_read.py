@@ -9,10 +9,10 @@ write meanwhile, so it is never done where somebody holds the store: this core l
 where there is something in the log. Not chosen: a copy in memory, which a long ledger would not fit into.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, assert_never
 
+import msgspec
 from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
@@ -31,8 +31,7 @@ _WITHOUT_INDEX: Final = frozenset({StoreFault.NO_ROOM, StoreFault.READ_ONLY, Sto
 _DAMAGED: Final = "STORE_CORRUPT"
 
 
-@dataclass(frozen=True, slots=True)
-class ReadableBook:
+class ReadableBook(msgspec.Struct, frozen=True):
     """A book that this core reads and never writes to. `epoch` and head as they stand in the store."""
 
     readers: Engine
@@ -42,15 +41,13 @@ class ReadableBook:
     guard: StartGuard
 
 
-@dataclass(frozen=True, slots=True)
-class _NotOurs:
+class _NotOurs(msgspec.Struct, frozen=True):
     """The file is no ledger that this version can read as it stands. `version`: of a ledger, its schema."""
 
     version: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class _Head:
+class _Head(msgspec.Struct, frozen=True):
     epoch: int
     seq: int
     hash: bytes

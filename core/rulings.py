@@ -5,9 +5,10 @@ that nobody guards has one too, and it is empty. Not chosen: a look at the files
 core could then go by two of them.
 """
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
+
+import msgspec
 
 from core.guarded.poison import FILE, Armoury
 from core.guarded.quarantine import Quarantine, Unreadable
@@ -17,12 +18,11 @@ RULES: Final = "state/quarantine.json"  # in a data folder: where its guard writ
 CASES: Final = "cases"  # beside the rules: where a suspect's case is filed
 
 
-@dataclass(frozen=True, slots=True)
-class Rulings:
+class Rulings(msgspec.Struct, frozen=True):
     """The rules in force and what is armed. `cases`: where cases are filed; None: nobody would read one."""
 
-    quarantine: Quarantine = field(default_factory=Quarantine)
-    armoury: Armoury = field(default_factory=Armoury)
+    quarantine: Quarantine = msgspec.field(default_factory=Quarantine)
+    armoury: Armoury = msgspec.field(default_factory=Armoury)
     cases: Path | None = None
 
     @classmethod

@@ -10,7 +10,6 @@ import asyncio
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import partial
 from typing import Final, TypeVar
 
@@ -66,8 +65,7 @@ class ReadTooLong:
     """The question takes longer than a read may."""
 
 
-@dataclass(frozen=True, slots=True)
-class Unwritten:
+class Unwritten(msgspec.Struct, frozen=True):
     """In the writer's place of a core that was started to read only: `head_seq` is the last event there is."""
 
     head_seq: int

@@ -10,12 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Final
 
+import msgspec
+
 _PREFIX: Final = "CORE_"
 _DIGITS_MAX: Final = 12
 
 
-@dataclass(frozen=True, slots=True)
-class _Bounds:
+class _Bounds(msgspec.Struct, frozen=True):
     least: int
     most: int
     text: str

@@ -11,8 +11,9 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Final
+
+import msgspec
 
 from core.guarded.recorder import FlightRecorder, Stage
 from core.ledger.ids import ENTROPY_BYTES, uuid7
@@ -23,8 +24,7 @@ from core.settings import Settings
 UNANSWERED: Final = 500  # noted of work that ended without an answer
 
 
-@dataclass(slots=True)
-class Held:
+class Held(msgspec.Struct):
     """A slot while its work goes on. `status`: what the work was answered with, as soon as that is known."""
 
     slot: int

@@ -13,11 +13,11 @@ import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
+import msgspec
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 from starlette.applications import Starlette
@@ -55,8 +55,7 @@ LOG_BYTES_MAX: Final = 32 << 20
 REHEARSING: Final = "REHEARSING"  # why the service of a rehearsal serves reads only
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
+class Seen(msgspec.Struct, frozen=True):
     """The store as a spare has read it. `followed`: the proof has walked to its head."""
 
     schema_version: int

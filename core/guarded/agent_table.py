@@ -6,8 +6,9 @@ whatever kept us may have kept it. Who waits for a disk or for a processor is no
 of a beat; under it, whoever is starved of processor time would be killed for it.
 """
 
-from dataclasses import dataclass, field
 from enum import Enum
+
+import msgspec
 
 #: How often it is looked. A look that comes after twice as long was late.
 LOOK_NS = 250_000_000
@@ -24,8 +25,7 @@ class Finding(Enum):
     FROZEN = "it stands still, and the kernel agrees"
 
 
-@dataclass(frozen=True, slots=True)
-class Body:
+class Body(msgspec.Struct, frozen=True):
     """What the kernel says of its threads: how often they were given a processor, and what they wait for."""
 
     stopped: bool  # by a signal or a tracer, all of it
@@ -35,8 +35,7 @@ class Body:
     loop_turns: int
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
+class Seen(msgspec.Struct, frozen=True):
     """One look. `beats`: of the loop and of the thread beside it; None: its page can't be read."""
 
     at_ns: int
@@ -45,12 +44,11 @@ class Seen:
     body: Body | None = None
 
 
-@dataclass(slots=True)
-class Table:
+class Table(msgspec.Struct):
     """Remembers since when each thing has stood still."""
 
     _last_ns: int | None = None
-    _since: dict[str, tuple[object, int]] = field(default_factory=dict)
+    _since: dict[str, tuple[object, int]] = {}
 
     def judge(self, seen: Seen, stale_ns: int, after_ns: int) -> Finding:
         """Return what is to be thought after this look."""

@@ -23,9 +23,10 @@ import time
 from array import array
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import msgspec
 
 from core.guarded import page
 from core.guarded.recorder import FlightRecorder
@@ -58,8 +59,7 @@ _name_of: Final = type.__dict__["__qualname__"].__get__
 _GROWING: Final = (dict, list, set, frozenset, deque)
 
 
-@dataclass(slots=True)
-class _Tally:
+class _Tally(msgspec.Struct):
     """One type of the sample. `size_bytes` is of those that are not large."""
 
     kind: type
@@ -68,8 +68,7 @@ class _Tally:
     large_bytes: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Counted:
+class Counted(msgspec.Struct, frozen=True):
     """What a listing came to: `types` are name, count and bytes, the largest first, as many as the page takes."""
 
     objects: int
@@ -163,8 +162,7 @@ def stride(objects: int) -> int:
     return next(n for n in range(least, 2 * least + 2) if all(n % f for f in range(2, int(n**0.5) + 1)))
 
 
-@dataclass(slots=True)
-class Pace:
+class Pace(msgspec.Struct):
     """When a census is due, and whether it can be had without holding up the core. Times: monotonic ns."""
 
     every_ms: int

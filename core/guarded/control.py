@@ -12,9 +12,10 @@ import json
 import os
 import socket
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol, assert_never
+
+import msgspec
 
 from core.guarded.orders import (
     CheckpointOrder,
@@ -43,8 +44,7 @@ class ControlUnboundError(OSError):
     """The control socket can't be bound; `strerror` says why. The guard has to name another path."""
 
 
-@dataclass(frozen=True, slots=True)
-class Standing:
+class Standing(msgspec.Struct, frozen=True):
     """Where the core stands: its epoch (0: none raised yet), the last committed sequence, why it only reads.
 
     `spare`: it waits to be promoted. `build`: the name of its code, empty while it is not known. `drained`: it has
@@ -60,16 +60,14 @@ class Standing:
     checkpoint: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class RulesRead:
+class RulesRead(msgspec.Struct, frozen=True):
     """The rules in force: the number of their file, and how many they are."""
 
     serial: int
     rules: int
 
 
-@dataclass(frozen=True, slots=True)
-class CheckpointMade:
+class CheckpointMade(msgspec.Struct, frozen=True):
     """The checkpoint that stands for the ledger as it is now: its name, and the last event in it."""
 
     name: str
@@ -198,7 +196,7 @@ class ControlServer:
         match order:
             case StatusOrder():
                 now = self._guarded.standing()
-                await _say(writer, {"ok": True, "pid": os.getpid(), **asdict(now)})
+                await _say(writer, {"ok": True, "pid": os.getpid(), **msgspec.structs.asdict(now)})
             case TasksOrder():
                 tasks, count = suspended_tasks()
                 await _say(writer, {"ok": True, "tasks": tasks, "count": count})
@@ -222,7 +220,10 @@ class ControlServer:
                 await _say(writer, _outcome(await self._guarded.restart_component(order)))
             case CheckpointOrder():
                 made = await self._guarded.checkpoint()
-                await _say(writer, _outcome(made) if isinstance(made, str) else {"ok": True, **asdict(made)})
+                await _say(
+                    writer,
+                    _outcome(made) if isinstance(made, str) else {"ok": True, **msgspec.structs.asdict(made)},
+                )
             case Refused(error):
                 await _say(writer, _outcome(error))
             case _:
@@ -248,7 +249,7 @@ class ControlServer:
             await _say(writer, _outcome(found))
             return
         self._note("RULES", f"{found.rules} of serial {found.serial}")
-        await _say(writer, {"ok": True, **asdict(found)})
+        await _say(writer, {"ok": True, **msgspec.structs.asdict(found)})
 
     async def _promote(self, order: PromoteOrder, writer: asyncio.StreamWriter) -> None:
         begin = self._guarded.promote(order)

@@ -8,8 +8,9 @@ that guesses its own socket would be one that nobody asked for.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 #: The kernel's limit for a Unix socket's path, without the closing zero.
 SOCKET_PATH_BYTES_MAX = 107
@@ -29,8 +30,7 @@ _NUMBER = re.compile(r"[0-9]{1,19}")
 _DIAGNOSIS = re.compile(r"[A-Z_]{1,40}")
 
 
-@dataclass(frozen=True, slots=True)
-class LastSeen:
+class LastSeen(msgspec.Struct, frozen=True):
     """The last commit of the predecessor that somebody saw. `hash`: 32 bytes."""
 
     seq: int
@@ -46,8 +46,7 @@ class LastSeen:
         return cls(int(parts[1]), int(parts[2]), bytes.fromhex(parts[3]))
 
 
-@dataclass(frozen=True, slots=True)
-class GuardedEnvironment:
+class GuardedEnvironment(msgspec.Struct, frozen=True):
     """What the guard said. None: it said nothing about that."""
 
     data: Path | None = None

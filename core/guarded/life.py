@@ -10,8 +10,9 @@ import asyncio
 import signal
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from core.guarded import agent, oom
 from core.guarded.beacon import Beacon
@@ -28,8 +29,7 @@ from core.guarded.tracing import allow_tracing
 RESEND_S = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Instruments:
+class Instruments(msgspec.Struct, frozen=True):
     """What the core tells its guard with."""
 
     recorder: FlightRecorder

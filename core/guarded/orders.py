@@ -8,8 +8,9 @@ after. Questions need none. A line that is no order is a value with a sentence, 
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final, TypeGuard, assert_never
+
+import msgspec
 
 from core.guarded.drills import Drill
 from core.guarded.environment import WITNESSES_MAX, LastSeen
@@ -26,18 +27,15 @@ _REASON: Final = re.compile(r"[A-Z_]{1,40}")
 _COMPONENT: Final = re.compile(r"[a-z][a-z-]{0,23}")
 
 
-@dataclass(frozen=True, slots=True)
-class StatusOrder:
+class StatusOrder(msgspec.Struct, frozen=True):
     """Asks where the core stands."""
 
 
-@dataclass(frozen=True, slots=True)
-class TasksOrder:
+class TasksOrder(msgspec.Struct, frozen=True):
     """Asks what waits on the event loop."""
 
 
-@dataclass(frozen=True, slots=True)
-class SafeOrder:
+class SafeOrder(msgspec.Struct, frozen=True):
     """Has the core serve reads only because of a diagnosis (`reason`), or everything again."""
 
     on: bool
@@ -45,8 +43,7 @@ class SafeOrder:
     generation: int
 
 
-@dataclass(frozen=True, slots=True)
-class DrillOrder:
+class DrillOrder(msgspec.Struct, frozen=True):
     """Has the core break itself.
 
     `armed`: the guard has bounded this process's memory, so it may be used up. `seconds`: how long `diskfull` and
@@ -61,8 +58,7 @@ class DrillOrder:
     component: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class PromoteOrder:
+class PromoteOrder(msgspec.Struct, frozen=True):
     """Has a spare take over.
 
     `expected_epoch`: the predecessor's; None: raise whatever stands in the store. `witnesses`: commits that somebody
@@ -75,38 +71,33 @@ class PromoteOrder:
     generation: int
 
 
-@dataclass(frozen=True, slots=True)
-class DrainOrder:
+class DrainOrder(msgspec.Struct, frozen=True):
     """Has the core take nothing new, finish what it has within `within_ms`, and let go of the store."""
 
     within_ms: int
     generation: int
 
 
-@dataclass(frozen=True, slots=True)
-class QuarantineOrder:
+class QuarantineOrder(msgspec.Struct, frozen=True):
     """Has the core read the rules anew, and what is armed for a drill."""
 
     generation: int
 
 
-@dataclass(frozen=True, slots=True)
-class ComponentOrder:
+class ComponentOrder(msgspec.Struct, frozen=True):
     """Has the core end one of its components and begin it anew; everything else goes on."""
 
     name: str
     generation: int
 
 
-@dataclass(frozen=True, slots=True)
-class CheckpointOrder:
+class CheckpointOrder(msgspec.Struct, frozen=True):
     """Has the core make a checkpoint of the ledger now."""
 
     generation: int
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
+class Refused(msgspec.Struct, frozen=True):
     """An order that is not carried out, and why."""
 
     error: str

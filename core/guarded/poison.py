@@ -11,11 +11,12 @@ import re
 import signal
 import threading
 from collections.abc import Iterable
-from dataclasses import dataclass
 from enum import StrEnum
 from hashlib import sha256
 from pathlib import Path
 from typing import Final
+
+import msgspec
 
 from core.guarded.quarantine import Unreadable, read_small
 
@@ -38,8 +39,7 @@ class At(StrEnum):
     LOG = "log"
 
 
-@dataclass(frozen=True, slots=True)
-class Poison:
+class Poison(msgspec.Struct, frozen=True):
     """What is armed. `names`: of the commands that kill; `seq`: of the event, where the log does."""
 
     names: frozenset[str]

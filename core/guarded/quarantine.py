@@ -13,10 +13,11 @@ import os
 import re
 import stat
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, TypeGuard
+
+import msgspec
 
 FILE_BYTES_MAX: Final = 8 << 20
 VERSION: Final = 1
@@ -30,8 +31,7 @@ _TEXT_CHARACTERS_MAX: Final = 256
 _NS_PER_S: Final = 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Limit:
+class Limit(msgspec.Struct, frozen=True):
     """How much of a kind is taken: so many in a minute, bodies of so many bytes; None: as many as come."""
 
     rule: str
@@ -39,16 +39,14 @@ class Limit:
     body_bytes_max: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class Parked:
+class Parked(msgspec.Struct, frozen=True):
     """An event that is left out: the number of its letter, and the accounts that it is known to book on."""
 
     letter: str
     account_ids: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Rules:
+class Rules(msgspec.Struct, frozen=True):
     """What is in force. Each look-up gives the id of its rule; a letter's is the letter's number.
 
     `names`, `digests` and `fingerprints` (hex) are refused. `parked`: events that are left out, by
@@ -58,15 +56,15 @@ class Rules:
     """
 
     serial: int = 0
-    names: Mapping[str, str] = field(default_factory=dict)
-    digests: Mapping[str, str] = field(default_factory=dict)
-    fingerprints: Mapping[str, str] = field(default_factory=dict)
-    parked: Mapping[int, Parked] = field(default_factory=dict)
-    marked: Mapping[str, str] = field(default_factory=dict)
-    limits: Mapping[str, Limit] = field(default_factory=dict)
-    deadlines_ms: Mapping[str, int] = field(default_factory=dict)
+    names: Mapping[str, str] = {}
+    digests: Mapping[str, str] = {}
+    fingerprints: Mapping[str, str] = {}
+    parked: Mapping[int, Parked] = {}
+    marked: Mapping[str, str] = {}
+    limits: Mapping[str, Limit] = {}
+    deadlines_ms: Mapping[str, int] = {}
     suspects: frozenset[str] = frozenset()
-    sources: Mapping[str, int] = field(default_factory=dict)
+    sources: Mapping[str, int] = {}
     count: int = 0
     passed_over: int = 0
 
@@ -79,8 +77,7 @@ class Rules:
 NO_RULES: Final = Rules()
 
 
-@dataclass(frozen=True, slots=True)
-class Unreadable:
+class Unreadable(msgspec.Struct, frozen=True):
     """The file says nothing that can be used; `why` is a sentence."""
 
     why: str
@@ -165,17 +162,16 @@ def _stopped(sources: object) -> dict[str, int]:
     return found
 
 
-@dataclass(slots=True)
-class _Found:
+class _Found(msgspec.Struct):
     """The rules so far."""
 
-    names: dict[str, str] = field(default_factory=dict)
-    digests: dict[str, str] = field(default_factory=dict)
-    fingerprints: dict[str, str] = field(default_factory=dict)
-    parked: dict[int, Parked] = field(default_factory=dict)
-    marked: dict[str, str] = field(default_factory=dict)
-    limits: dict[str, Limit] = field(default_factory=dict)
-    deadlines_ms: dict[str, int] = field(default_factory=dict)
+    names: dict[str, str] = {}
+    digests: dict[str, str] = {}
+    fingerprints: dict[str, str] = {}
+    parked: dict[int, Parked] = {}
+    marked: dict[str, str] = {}
+    limits: dict[str, Limit] = {}
+    deadlines_ms: dict[str, int] = {}
     count: int = 0
     passed_over: int = 0
 

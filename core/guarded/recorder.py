@@ -14,9 +14,10 @@ import os
 import time
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from struct import Struct
+
+import msgspec
 
 from core.guarded import page
 from core.guarded.commands import CommandTable, Stage
@@ -27,8 +28,7 @@ from core.guarded.pulse import LifeState, Pulse
 __all__ = ["FlightRecorder", "LifeState", "NoRecorder", "Recorder", "RecorderUnusable", "Stage"]
 
 
-@dataclass(frozen=True, slots=True)
-class RecorderUnusable:
+class RecorderUnusable(msgspec.Struct, frozen=True):
     """The page can't be written to; `reason` is a sentence with the file's name in it."""
 
     reason: str

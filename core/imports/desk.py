@@ -10,7 +10,6 @@ import logging
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -40,8 +39,7 @@ DAY_NS: Final = 86_400 * 1_000_000_000
 logger = logging.getLogger("core.imports")
 
 
-@dataclass(frozen=True, slots=True)
-class Kept:
+class Kept(msgspec.Struct, frozen=True):
     """An import as it stands. `table` is None where its rows are lost; `replayed`: its key had made it before.
 
     `waiting`: why it is not being gone on with at this moment, if it is being booked.
@@ -191,7 +189,7 @@ class Desk:
         before = await self.get(import_id)
         if isinstance(before, Kept):
             same = before.manifest.sha256 == sha256
-            return replace(before, replayed=True) if same else Trouble("key-reused")
+            return msgspec.structs.replace(before, replayed=True) if same else Trouble("key-reused")
         folder = self._imports.unfinished(import_id)
         name = name[:NAME_CHARACTERS_MAX]
         until_ns = self._looker.deadline_ns()
@@ -294,7 +292,7 @@ class Desk:
         folder = self._imports.open(wish.id)
         await asyncio.to_thread(folder.keep_manifest, wish)
         self._importer.add(_job(folder, wish, kept.table, Progress()))
-        return replace(kept, manifest=wish, progress=Progress())
+        return msgspec.structs.replace(kept, manifest=wish, progress=Progress())
 
     async def _go_on(self, manifest: Manifest) -> None:
         """Take up what a death has interrupted. What can't be gone on with ends by itself, and nothing else does."""

@@ -15,7 +15,6 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice
 from typing import Final, TypeVar, assert_never
@@ -64,8 +63,7 @@ def _no_rows() -> Iterator[Result]:
     return iter(())
 
 
-@dataclass(slots=True)
-class Job:
+class Job(msgspec.Struct):
     """One committed import. `rows` are all of its rows, parsed as they are needed; `parsed` of them are.
 
     Those before `progress.done` are settled and only parsed: which of several identical rows one is depends on
@@ -81,12 +79,12 @@ class Job:
     rows: Iterator[Result]
     progress: Progress
     parsed: int = 0
-    ahead: deque[Result] = field(default_factory=deque)
+    ahead: deque[Result] = msgspec.field(default_factory=deque)
     told_ns: int = 0
     end: State | None = None
     end_again_ns: int = 0
     waits_for: str = ""
-    filed: set[str] = field(default_factory=set)
+    filed: set[str] = set()
     file_again_ns: int = 0
     waiting: Waiting | None = None
     rows_anew: Callable[[], Iterator[Result]] = _no_rows

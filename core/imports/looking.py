@@ -8,7 +8,6 @@ a file's bytes, and a password above all, have no place in evidence.
 import asyncio
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import Final, TypeVar
 
@@ -42,8 +41,7 @@ GUESSED: Final = ("date_format", "decimal")
 NAMED_MAX: Final = 128  # characters of somebody's text that a sentence repeats
 
 
-@dataclass(frozen=True, slots=True)
-class Choices:
+class Choices(msgspec.Struct, frozen=True):
     """What a person chose; None: as it was, or as the file says. `format` "": none of the known ones."""
 
     account: str | None = None
@@ -52,8 +50,7 @@ class Choices:
     encoding: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Looked:
+class Looked(msgspec.Struct, frozen=True):
     """What was seen: the wish with everything filled in, and the numbers."""
 
     manifest: Manifest
@@ -64,8 +61,7 @@ class TooLateError(Exception):
     """A look has taken as long as it may."""
 
 
-@dataclass(frozen=True, slots=True)
-class Timed:
+class Timed(msgspec.Struct, frozen=True):
     """A table whose rows come until a moment of the monotonic clock: a thread can't be called off otherwise."""
 
     table: ReadTable

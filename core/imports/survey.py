@@ -5,7 +5,8 @@ the caller, with the fingerprints gathered here, because that question goes to a
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+
+import msgspec
 
 from core.imports.judging import judge, sample_of
 from core.imports.reading.balance import BalanceCheck
@@ -14,8 +15,7 @@ from core.imports.reading.fingerprints import fingerprint
 from core.imports.records import PROBLEMS_MAX, SAMPLE_MAX, Problem, SampleRow, Survey
 
 
-@dataclass(slots=True)
-class Surveyor:
+class Surveyor(msgspec.Struct):
     """Takes the results of a file one by one. `account` and `currency` are None until one is chosen."""
 
     account: str | None
@@ -23,10 +23,10 @@ class Surveyor:
     good: int = 0
     refused: int = 0
     skipped: int = 0
-    sample: list[SampleRow] = field(default_factory=list)
-    problems: list[Problem] = field(default_factory=list)
-    fingerprints: list[str] = field(default_factory=list)
-    balance: BalanceCheck = field(default_factory=BalanceCheck)
+    sample: list[SampleRow] = []
+    problems: list[Problem] = []
+    fingerprints: list[str] = []
+    balance: BalanceCheck = msgspec.field(default_factory=BalanceCheck)
 
     def see(self, result: Result) -> None:
         """Take the next row."""

@@ -11,10 +11,11 @@ import json
 import logging
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Final
+
+import msgspec
 
 from core.imports.states import Waiting
 from core.rulings import Rulings
@@ -26,8 +27,7 @@ SOURCE: Final = "import:"  # and the id of one: as whom a case, and a source tha
 logger = logging.getLogger("core.imports")
 
 
-@dataclass(frozen=True, slots=True)
-class HeldRow:
+class HeldRow(msgspec.Struct, frozen=True):
     """A row that waits for its trial: what it is called, its key in the ledger, and its place in its file, from 1."""
 
     name: str

@@ -1,12 +1,11 @@
 """Troubles: the ways in which the desk says no, as values without a language."""
 
-from dataclasses import dataclass, field
+import msgspec
 
 from core.imports.reading.mapping import MappingFault
 
 
-@dataclass(frozen=True, slots=True)
-class Trouble:
+class Trouble(msgspec.Struct, frozen=True):
     """A no: the slug of its problem and the values its sentence names.
 
     `reason` says for a file why it gave no rows, `faults` for a mapping what is wrong with it. `done_before`: an
@@ -14,7 +13,7 @@ class Trouble:
     """
 
     slug: str
-    values: dict[str, str] = field(default_factory=dict)
+    values: dict[str, str] = {}
     reason: str | None = None
     faults: tuple[MappingFault, ...] = ()
     done_before: bool = False

@@ -6,7 +6,6 @@ whoever asks again; a success is kept as the very bytes that were sent.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, assert_never
 
 import msgspec
@@ -15,8 +14,7 @@ from core.ledger.commands import Command
 from core.ledger.reasons import Rejection, Slug
 
 
-@dataclass(frozen=True, slots=True)
-class Order:
+class Order(msgspec.Struct, frozen=True):
     """A command for the writer.
 
     `fingerprint` tells one wish from another under the same key; `digest` tells the very request, so that a
@@ -35,8 +33,7 @@ class Order:
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class LookUp:
+class LookUp(msgspec.Struct, frozen=True):
     """The question what became of a key, or (with a `digest`) of one request under it.
 
     It stands in the same line as the commands, because "not done" must be true of every command that came
@@ -48,8 +45,7 @@ class LookUp:
     digest: bytes | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Exercise:
+class Exercise(msgspec.Struct, frozen=True):
     """A drill in a command's place: `run` happens where a command would be decided, and nothing is booked.
 
     None: it does nothing itself, and meets what every command would meet. `name` as of an order.
@@ -63,8 +59,7 @@ class Exercise:
     name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Touch:
+class Touch(msgspec.Struct, frozen=True):
     """The question whether the store takes writes: a write without effect, committed like any other."""
 
     slot: int
@@ -74,16 +69,14 @@ class Touch:
 Work = Order | LookUp | Exercise | Touch
 
 
-@dataclass(frozen=True, slots=True)
-class Commit:
+class Commit(msgspec.Struct, frozen=True):
     """Where an event stands in the book: its number and its hash (32 bytes)."""
 
     seq: int
     hash: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
+class Done(msgspec.Struct, frozen=True):
     """The command was carried out: the JSON of its answer. `commit`: what was booked for it in this life."""
 
     status: int
@@ -92,55 +85,46 @@ class Done:
     commit: Commit | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Refused:
+class Refused(msgspec.Struct, frozen=True):
     """The book said no."""
 
     rejection: Rejection
     replayed: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class KeyTaken:
+class KeyTaken(msgspec.Struct, frozen=True):
     """The key belongs to another wish; to a look-up: to another request, whatever that one wished."""
 
 
-@dataclass(frozen=True, slots=True)
-class KeyUnknown:
+class KeyUnknown(msgspec.Struct, frozen=True):
     """No command under this key has been carried out or refused."""
 
 
-@dataclass(frozen=True, slots=True)
-class DecisionFailed:
+class DecisionFailed(msgspec.Struct, frozen=True):
     """Our own bug while deciding this one command; nothing was written for it. `text` is for the log."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class StoreBusy:
+class StoreBusy(msgspec.Struct, frozen=True):
     """Somebody else held the store's lock for too long: the command was not begun."""
 
 
-@dataclass(frozen=True, slots=True)
-class OutcomeUnknown:
+class OutcomeUnknown(msgspec.Struct, frozen=True):
     """The store raised inside the transaction: whether the command was carried out, nobody can say yet."""
 
 
-@dataclass(frozen=True, slots=True)
-class Leaving:
+class Leaving(msgspec.Struct, frozen=True):
     """This core is leaving: the command was not begun."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReadOnly:
+class ReadOnly(msgspec.Struct, frozen=True):
     """This core serves reads only, because of the diagnosis `reason`: the command was not done."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class SetAside:
+class SetAside(msgspec.Struct, frozen=True):
     """The guard has set it aside under the number `letter`, or (`account`) an event of an account that it would book on.
 
     Nothing was done, and nothing is kept under its key: once the rule is taken away it may run.
@@ -150,8 +134,7 @@ class SetAside:
     account: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Limited:
+class Limited(msgspec.Struct, frozen=True):
     """A rule takes no more of its kind for `again_s` seconds; None: it is larger than the rule ever takes.
 
     Nothing was done, as of what is set aside.

@@ -9,10 +9,10 @@ leaves a batch of which nobody can say what became, and such a journal never wri
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any, Final, assert_never
 
+import msgspec
 from sqlalchemy import Connection, bindparam, insert, select, update
 from sqlalchemy.exc import DBAPIError
 
@@ -59,8 +59,7 @@ WHY_NOT: Final = MappingProxyType({**SHUT, StoreFault.DAMAGED: "STORE_CORRUPT"})
 NAMED_IN_FRAME_MAX: Final = 8  # orders whose ids are kept in a frame's locals
 
 
-@dataclass(frozen=True, slots=True)
-class Committed:
+class Committed(msgspec.Struct, frozen=True):
     """The batch is in the store (or needed nothing of it), one answer for each of its works.
 
     `events` are those that came of it, each with its number.
@@ -70,30 +69,26 @@ class Committed:
     events: tuple[tuple[int, Event], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class NotBegun:
+class NotBegun(msgspec.Struct, frozen=True):
     """The lock could not be had: nothing was done."""
 
     answers: tuple[Answer, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Failed:
+class Failed(msgspec.Struct, frozen=True):
     """The store raised inside the transaction: the outcome is unknown."""
 
     answers: tuple[Answer, ...]
     error: StoreError
 
 
-@dataclass(frozen=True, slots=True)
-class FencedBy:
+class FencedBy(msgspec.Struct, frozen=True):
     """Another core may write now. Nothing was written, and nobody may be answered."""
 
     actual: int
 
 
-@dataclass(frozen=True, slots=True)
-class NotTaken:
+class NotTaken(msgspec.Struct, frozen=True):
     """Nothing can be written now (see `WHY_NOT`), nothing was done, and what was known before is answered."""
 
     answers: tuple[Answer, ...]
@@ -358,7 +353,7 @@ def _attested(batch: Batch, due: Sequence[int], now: Sequence[Balance]) -> list[
         for row in batch.postings:
             if row["seq"] > seq:
                 moved[row["account_id"]] = moved.get(row["account_id"], 0) + row["amount"]
-        made.append(asdict(attest(seq, hashes[seq], standing(now, moved))))
+        made.append(msgspec.structs.asdict(attest(seq, hashes[seq], standing(now, moved))))
     return made
 
 

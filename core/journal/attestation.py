@@ -19,10 +19,11 @@ Accounts that stand at zero are left out: one that was opened since then stood a
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from hashlib import sha256
 from struct import Struct
 from typing import Final
+
+import msgspec
 
 from core.journal.chain import GENESIS
 
@@ -34,8 +35,7 @@ Balance = tuple[str, str, int]  # id, currency, minor units (debit positive)
 Standing = Mapping[str, tuple[str, int]]  # by id: currency and minor units, never zero
 
 
-@dataclass(frozen=True, slots=True)
-class Attestation:
+class Attestation(msgspec.Struct, frozen=True):
     """What stood after event `seq`, whose hash is `hash`. `balances` is a digest; `sums` is for people."""
 
     seq: int

@@ -9,7 +9,6 @@ Commands of their own for each were not chosen: a death between two of them woul
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any, assert_never
 
 import msgspec
@@ -51,8 +50,7 @@ from core.ledger.views import Place, answer_account, answer_reversal, view_entry
 Row = dict[str, Any]
 
 
-@dataclass(slots=True)
-class Batch:
+class Batch(msgspec.Struct):
     """Head, book and keys as they stand after the commands taken so far, and the rows to be written.
 
     `happened` are the events with their numbers; `reversed_seqs` those whose postings stand no longer.
@@ -63,18 +61,18 @@ class Batch:
     head_hash: bytes
     book: Book
     keys: dict[str, KeyRow]
-    events: list[Row] = field(default_factory=list)
-    key_rows: list[Row] = field(default_factory=list)
-    bookings: list[Row] = field(default_factory=list)
-    postings: list[Row] = field(default_factory=list)
-    reversals: list[Row] = field(default_factory=list)
-    origins: list[Row] = field(default_factory=list)
-    happened: list[tuple[int, Event]] = field(default_factory=list)
-    reversed_seqs: list[int] = field(default_factory=list)
-    opened: set[str] = field(default_factory=set)
-    changed: set[str] = field(default_factory=set)
-    entered: set[str] = field(default_factory=set)
-    altered: set[str] = field(default_factory=set)
+    events: list[Row] = []
+    key_rows: list[Row] = []
+    bookings: list[Row] = []
+    postings: list[Row] = []
+    reversals: list[Row] = []
+    origins: list[Row] = []
+    happened: list[tuple[int, Event]] = []
+    reversed_seqs: list[int] = []
+    opened: set[str] = set()
+    changed: set[str] = set()
+    entered: set[str] = set()
+    altered: set[str] = set()
 
     def look_up(self, work: LookUp) -> Answer:
         """Return what became of a key."""
@@ -104,7 +102,9 @@ class Batch:
         for event in events[:-1]:
             self._happen(order, event, None, wall_ns)
         place = self._happen(order, events[-1], order.key, wall_ns)
-        answer = replace(self._tell(order, events[-1], place), commit=Commit(place.seq, place.hash))
+        answer = msgspec.structs.replace(
+            self._tell(order, events[-1], place), commit=Commit(place.seq, place.hash)
+        )
         self._keep(order, answer, place.seq)
         return answer
 
@@ -207,7 +207,7 @@ class Batch:
     def _take_back(self, event: TransactionReversed, seq: int) -> None:
         assert event.entry is not None, "only entries are reversed"
         known = self.book.entries[event.entry]
-        self.book.entries[event.entry] = replace(known, reversed=True)
+        self.book.entries[event.entry] = msgspec.structs.replace(known, reversed=True)
         self.altered.add(event.entry)
         self.reversals.append({"seq": seq, "reversed_seq": known.seq})
         self.reversed_seqs.append(known.seq)

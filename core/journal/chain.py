@@ -14,10 +14,11 @@ and carelessness, and it binds each answer to all history before it; somebody wh
 compute a new chain, and against him only a head that is kept elsewhere helps (the guard keeps one).
 """
 
-from dataclasses import dataclass
 from hashlib import sha256
 from struct import Struct
 from typing import Final
+
+import msgspec
 
 GENESIS: Final = bytes(32)
 _NUMBERS: Final = Struct("<QQQ")
@@ -25,8 +26,7 @@ _LENGTH: Final = Struct("<I")
 _NO_KEY: Final = _LENGTH.pack(0xFFFFFFFF)
 
 
-@dataclass(frozen=True, slots=True)
-class EventRow:
+class EventRow(msgspec.Struct, frozen=True):
     """An event as it stands in the store. `booked_ns` is wall time since 1970, `hash` 32 bytes."""
 
     seq: int
@@ -39,8 +39,7 @@ class EventRow:
     hash: bytes = GENESIS
 
 
-@dataclass(frozen=True, slots=True)
-class Broken:
+class Broken(msgspec.Struct, frozen=True):
     """The first place where the book is not what it must be; `seq` is None where no event is to blame."""
 
     seq: int | None

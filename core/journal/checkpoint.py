@@ -11,7 +11,6 @@ and to load them; they would be a second truth about somebody's money, and readi
 import datetime as dt
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from hashlib import sha256
 from types import MappingProxyType
@@ -91,8 +90,7 @@ class Checkpoint(msgspec.Struct, frozen=True):
         return Attestation(self.seq, bytes.fromhex(self.hash), bytes.fromhex(self.balances_sha256), "")
 
 
-@dataclass(frozen=True, slots=True)
-class Stand:
+class Stand(msgspec.Struct, frozen=True):
     """What a book says of itself, to hold a checkpoint against. `hash`: that of the checkpoint's event; None: there is none."""
 
     head_seq: int

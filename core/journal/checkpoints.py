@@ -12,10 +12,10 @@ import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import msgspec
 from sqlalchemy import Connection
 
 from core.journal import checkpoint, queries
@@ -29,16 +29,14 @@ LOOKED_AT_MAX: Final = 64
 _HOUR_NS: Final = 3_600 * 1_000_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class PassedOver:
+class PassedOver(msgspec.Struct, frozen=True):
     """A checkpoint that is not used, and why."""
 
     name: str
     why: str
 
 
-@dataclass(slots=True)
-class Checkpoints:
+class Checkpoints(msgspec.Struct):
     """The checkpoints of one data folder. Every method blocks.
 
     `note` is told the name and what became of it: a state, or why it was passed over.

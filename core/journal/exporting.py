@@ -6,9 +6,9 @@ every rebuild is drawn from the readings, as everywhere.
 """
 
 from collections.abc import Container, Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
+import msgspec
 from sqlalchemy import Connection, select
 
 from core.journal import queries, schema
@@ -20,8 +20,7 @@ from core.ledger.views import Place, TransactionView, view_transaction
 SLICE_BOOKINGS: Final = 500
 
 
-@dataclass(frozen=True, slots=True)
-class Moment:
+class Moment(msgspec.Struct, frozen=True):
     """The moment an export is of: the last event in it, the epoch, and the accounts by id."""
 
     seq: int
@@ -29,8 +28,7 @@ class Moment:
     accounts: Mapping[str, Account]
 
 
-@dataclass(frozen=True, slots=True)
-class Exported:
+class Exported(msgspec.Struct, frozen=True):
     """One booked transaction. `category` and `payment_method` are those of a household's entry, as they were given."""
 
     seen: TransactionView

@@ -8,8 +8,8 @@ holder can't know that its time is over (8 of 8 double spends); a number in the 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
+import msgspec
 from sqlalchemy import Connection, insert, select, update
 from sqlalchemy.exc import DBAPIError
 
@@ -18,37 +18,32 @@ from core.journal.chain import GENESIS
 from core.journal.store import StoreError, store_error
 
 
-@dataclass(frozen=True, slots=True)
-class Raised:
+class Raised(msgspec.Struct, frozen=True):
     """The epoch is ours."""
 
     epoch: int
 
 
-@dataclass(frozen=True, slots=True)
-class Fenced:
+class Fenced(msgspec.Struct, frozen=True):
     """Another core has raised the epoch: it stands at `actual`, past the expected one."""
 
     actual: int
 
 
-@dataclass(frozen=True, slots=True)
-class StoreWentBack:
+class StoreWentBack(msgspec.Struct, frozen=True):
     """The store stands at an epoch before the expected one: it is not the store the predecessor wrote."""
 
     actual: int
     expected: int
 
 
-@dataclass(frozen=True, slots=True)
-class NotOurs:
+class NotOurs(msgspec.Struct, frozen=True):
     """The file is no ledger that this version knows: `found` is its schema version, None if it has none."""
 
     found: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class NotKept:
+class NotKept(msgspec.Struct, frozen=True):
     """The ledger is of an older `version` and could not be copied before it is changed."""
 
     version: int

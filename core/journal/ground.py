@@ -7,8 +7,8 @@ against it.
 """
 
 import time
-from dataclasses import dataclass
 
+import msgspec
 from sqlalchemy import Connection
 
 from core.journal import checkpoint, queries
@@ -17,8 +17,7 @@ from core.journal.checkpoint import State, Trigger
 from core.journal.checkpoints import Checkpoints
 
 
-@dataclass(slots=True)
-class Ground:
+class Ground(msgspec.Struct):
     """From where to prove. `whole`: from the first event. `known`: what this very process has proven already.
 
     `gone_by`: the name of the checkpoint that the last proof began at, empty where it was none.

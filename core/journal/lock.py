@@ -9,15 +9,15 @@ The file is never unlinked: two owners of two inodes with one name was the trap.
 import errno
 import fcntl
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+import msgspec
 
 LOCK_FILE: Final = "ledger.lock"
 
 
-@dataclass(frozen=True, slots=True)
-class StartGuard:
+class StartGuard(msgspec.Struct, frozen=True):
     """The lock, held until this is let go or the process ends."""
 
     descriptor: int
@@ -27,8 +27,7 @@ class StartGuard:
         os.close(self.descriptor)
 
 
-@dataclass(frozen=True, slots=True)
-class DoorClosed:
+class DoorClosed(msgspec.Struct, frozen=True):
     """The lock could not be had; the sentence says why and what to do. `number` is the system's, 0 without one."""
 
     sentence: str

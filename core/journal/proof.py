@@ -10,15 +10,15 @@ attested, moved by what was posted since.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import StrEnum
+
+import msgspec
 
 from core.journal.attestation import Attestation, Balance, attest, standing
 from core.journal.chain import Broken, EventRow, check_link
 
 
-@dataclass(frozen=True, slots=True)
-class Witness:
+class Witness(msgspec.Struct, frozen=True):
     """A commit that somebody saw: its number, the epoch of whoever told it, and its hash (32 bytes)."""
 
     seq: int
@@ -26,8 +26,7 @@ class Witness:
     hash: bytes
 
 
-@dataclass(slots=True)
-class Walk:
+class Walk(msgspec.Struct):
     """A walk along the chain: where it began, where it has come, and what it met on its way.
 
     `base`: what was attested where it began; None: nothing was (a ledger that was brought up to attestations and
@@ -37,7 +36,7 @@ class Walk:
 
     base: Attestation | None
     last: EventRow | None
-    moved: dict[str, int] = field(default_factory=dict)
+    moved: dict[str, int] = {}
     checked: int = 0
 
     @property
@@ -59,8 +58,7 @@ class Walk:
             self.moved[name] = self.moved.get(name, 0) + amount
 
 
-@dataclass(frozen=True, slots=True)
-class Tail:
+class Tail(msgspec.Struct, frozen=True):
     """What is read for the proof, at one moment.
 
     `head_*` is what the store says of itself; `walk` is as far as the chain has been seen, and `hashes` are those of
@@ -87,8 +85,7 @@ class ProofKind(StrEnum):
     CHAIN = "chain"
 
 
-@dataclass(frozen=True, slots=True)
-class Proven:
+class Proven(msgspec.Struct, frozen=True):
     """The tail is whole: what the proof rests on, how many events were hashed for it in this life, and the head."""
 
     kind: ProofKind

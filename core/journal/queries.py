@@ -6,9 +6,9 @@ the event is what happened. Only of one that is left out of every rebuild (`park
 """
 
 from collections.abc import Container, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
+import msgspec
 from msgspec import Raw
 from sqlalchemy import Connection, func, select, text
 
@@ -34,8 +34,7 @@ ACCOUNTS_MAX: Final = 10_000
 _OPENED: Final = AccountOpened.__struct_config__.tag
 
 
-@dataclass(frozen=True, slots=True)
-class TransactionFilter:
+class TransactionFilter(msgspec.Struct, frozen=True):
     """Which transactions: of an account, between two days (inclusive), with words in the description."""
 
     account: str | None = None

@@ -6,8 +6,8 @@ ground of the next. What it does not see again is what lies before the ground: t
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
+import msgspec
 from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
@@ -22,8 +22,7 @@ from core.journal.verify import GivenUp
 from core.ledger.money import format_amount
 
 
-@dataclass(frozen=True, slots=True)
-class Quick:
+class Quick(msgspec.Struct, frozen=True):
     """The book is whole from its ground to its head. `attested`: what stands there now; `sums`: per currency, zero each.
 
     `grounded`: the balances could be held against something; they can't in a book without any ground yet.
@@ -63,7 +62,7 @@ def _at_the_head(connection: Connection, ahead: Ahead, gate: Rebuilding) -> Quic
     if isinstance(tail, Broken):
         return tail
     grounded = tail.walk.base is not None
-    proof = prove(replace(tail, rows=gate.over(tail.rows)), ())
+    proof = prove(msgspec.structs.replace(tail, rows=gate.over(tail.rows)), ())
     if isinstance(proof, Broken):
         return proof
     sums = {name: format_amount(total, name) for name, total in sums_by_currency(tail.balances).items()}

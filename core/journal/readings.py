@@ -7,9 +7,9 @@ moment, and each of those is compared with its own event when the proof comes to
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import Any, Final
 
+import msgspec
 from sqlalchemy import Connection, select
 
 from core.journal import schema
@@ -18,8 +18,7 @@ from core.ledger.events import Booking, EntryPosted, Event, TransactionReversed,
 _Line = tuple[str, int, str, int]
 
 
-@dataclass(slots=True)
-class Readings:
+class Readings(msgspec.Struct):
     """What is listed for a range of events, by sequence. `take` and `leave_out` remove what they have seen."""
 
     bookings: dict[int, tuple[str, str, str]]

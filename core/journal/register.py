@@ -9,9 +9,9 @@ is drawn from the readings alone (`drawing`).
 """
 
 from collections.abc import Container, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
+import msgspec
 from sqlalchemy import ColumnElement, Connection, and_, func, or_, select, tuple_, union_all
 
 from core.journal import schema
@@ -36,8 +36,7 @@ _LOW_BITS: Final = 32
 _LOW_MASK: Final = 0xFFFFFFFF
 
 
-@dataclass(frozen=True, slots=True)
-class Position:
+class Position(msgspec.Struct, frozen=True):
     """A place in a list that goes by days; `line` is 0 in a list of entries."""
 
     date: str
@@ -45,8 +44,7 @@ class Position:
     line: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class HouseholdFilter:
+class HouseholdFilter(msgspec.Struct, frozen=True):
     """Which entries or lines: of an account, between two days (inclusive), with words or an amount."""
 
     account: str | None = None

@@ -11,11 +11,11 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Final
 
+import msgspec
 from sqlalchemy import Connection, Engine, create_engine
 from sqlalchemy.exc import DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as NoneFreeError
@@ -45,8 +45,7 @@ class StoreFault(Enum):
     OTHER = "other"
 
 
-@dataclass(frozen=True, slots=True)
-class StoreError:
+class StoreError(msgspec.Struct, frozen=True):
     """An error of the store: its kind and its own words."""
 
     fault: StoreFault

@@ -7,7 +7,6 @@ ever repaired here; a repair would be a guess about somebody's money.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
 from typing import Final
 
 import msgspec
@@ -61,8 +60,7 @@ class GivenUp:
     """The core leaves: the proof was not brought to its end."""
 
 
-@dataclass(slots=True)
-class _Replay:
+class _Replay(msgspec.Struct):
     """The book as its events tell it, so far.
 
     `unproven`: accounts that events which were left out have booked on; `unnamed`: how many of those name none.
@@ -70,11 +68,11 @@ class _Replay:
 
     rebuilding: Rebuilding
     last: EventRow | None = None
-    book: dict[str, Account] = field(default_factory=dict)
+    book: dict[str, Account] = {}
     entries: int = 0
     attested: int = 0
-    parked: list[int] = field(default_factory=list)
-    unproven: set[str] = field(default_factory=set)
+    parked: list[int] = []
+    unproven: set[str] = set()
     unnamed: int = 0
 
     @property
@@ -165,7 +163,9 @@ def _leave_out(connection: Connection, replay: _Replay, row: EventRow, readings:
     _stand_in(connection, replay, names)
     for name, amount in lines:
         if name in replay.book:
-            replay.book[name] = replace(replay.book[name], posted=replay.book[name].posted + amount)
+            replay.book[name] = msgspec.structs.replace(
+                replay.book[name], posted=replay.book[name].posted + amount
+            )
     replay.entries += queries.began_entry(connection, row.seq)
     replay.parked.append(row.seq)
     replay.unproven |= names
@@ -177,7 +177,7 @@ def _stand_in(connection: Connection, replay: _Replay, names: Iterable[str]) -> 
     for name in sorted(set(names) - replay.book.keys()):
         account = queries.get_account(connection, name)
         if account is not None:
-            replay.book[name] = replace(account, posted=0, closed=False)
+            replay.book[name] = msgspec.structs.replace(account, posted=0, closed=False)
             replay.unproven.add(name)
 
 

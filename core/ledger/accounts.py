@@ -6,9 +6,10 @@ overdrawn is judged in its natural sense. An account holds one currency; exchang
 """
 
 import re
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, assert_never
+
+import msgspec
 
 _ID: Final = re.compile(r"[a-z0-9][a-z0-9:_-]{0,127}")
 
@@ -23,8 +24,7 @@ class AccountType(StrEnum):
     EXPENSE = "expense"
 
 
-@dataclass(frozen=True, slots=True)
-class Account:
+class Account(msgspec.Struct, frozen=True):
     """An account as it stands. `posted` is in minor units of `currency`, debit positive."""
 
     id: str

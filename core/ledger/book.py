@@ -9,9 +9,10 @@ A counter was not chosen: it would depend on which category came first.
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import Final
+
+import msgspec
 
 from core.ledger.accounts import Account, AccountType
 from core.ledger.events import EntryPosted
@@ -27,8 +28,7 @@ _UNCATEGORISED_SLUG: Final = "_uncategorised"
 _UNCATEGORISED: Final = re.compile(rf"(?:income|expense):{_UNCATEGORISED_SLUG}(?:-[0-9a-f]+)?:.+")
 
 
-@dataclass(frozen=True, slots=True)
-class KnownEntry:
+class KnownEntry(msgspec.Struct, frozen=True):
     """An entry as it stands: the number and the content of its newest event, and whether it was reversed."""
 
     seq: int
@@ -36,17 +36,16 @@ class KnownEntry:
     reversed: bool = False
 
 
-@dataclass(slots=True)
-class Book:
+class Book(msgspec.Struct):
     """What exists of that which a command (or a batch of them) may touch.
 
     `fingerprints` are the rows of bank files that are known already.
     """
 
-    accounts: dict[str, Account] = field(default_factory=dict)
-    entries: dict[str, KnownEntry] = field(default_factory=dict)
-    fingerprints: set[str] = field(default_factory=set)
-    _named: dict[str, set[str]] = field(default_factory=dict)
+    accounts: dict[str, Account] = {}
+    entries: dict[str, KnownEntry] = {}
+    fingerprints: set[str] = set()
+    _named: dict[str, set[str]] = {}
 
     @classmethod
     def of(cls, accounts: Iterable[Account]) -> "Book":

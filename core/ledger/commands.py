@@ -7,7 +7,6 @@ refused is remembered under its key. All faults of a body are told at once.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from typing import Final, assert_never
 
 import msgspec
@@ -54,8 +53,7 @@ class NoBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The body of a command that says everything in its path: nothing, or an empty object."""
 
 
-@dataclass(frozen=True, slots=True)
-class OpenAccount:
+class OpenAccount(msgspec.Struct, frozen=True):
     """The wish to open an account."""
 
     id: str
@@ -65,15 +63,13 @@ class OpenAccount:
     no_overdraft: bool
 
 
-@dataclass(frozen=True, slots=True)
-class CloseAccount:
+class CloseAccount(msgspec.Struct, frozen=True):
     """The wish that an account takes no more postings. Its balance stays where it is."""
 
     id: str
 
 
-@dataclass(frozen=True, slots=True)
-class Posting:
+class Posting(msgspec.Struct, frozen=True):
     """One line of a transaction, in minor units, debit positive."""
 
     account: str
@@ -81,8 +77,7 @@ class Posting:
     currency: str
 
 
-@dataclass(frozen=True, slots=True)
-class PostTransaction:
+class PostTransaction(msgspec.Struct, frozen=True):
     """The wish to book a transaction. Its postings are balanced in every currency."""
 
     id: str
@@ -190,7 +185,7 @@ def _wish(command: Command) -> object:
 
 
 def _meant(details: EntryDetails) -> EntryDetails:
-    return replace(details, amount=shortest(details.amount))
+    return msgspec.structs.replace(details, amount=shortest(details.amount))
 
 
 def _head_faults(body: TransactionBody) -> Iterator[Fault]:

@@ -8,8 +8,9 @@ a refused one leaves nothing behind.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Final, assert_never
+
+import msgspec
 
 from core.ledger.accounts import Account, is_overdrawn
 from core.ledger.book import Book, KnownEntry
@@ -68,11 +69,11 @@ def evolve(accounts: Accounts, event: Event) -> dict[str, Account]:
             account = Account(event.id, event.name, event.type, event.currency, event.no_overdraft)
             return {event.id: account}
         case AccountClosed():
-            return {event.id: replace(accounts[event.id], closed=True)}
+            return {event.id: msgspec.structs.replace(accounts[event.id], closed=True)}
         case TransactionPosted() | EntryPosted() | TransactionReversed():
             after: dict[str, Account] = {}
             for name, change in _changes(event).items():
-                after[name] = replace(accounts[name], posted=accounts[name].posted + change)
+                after[name] = msgspec.structs.replace(accounts[name], posted=accounts[name].posted + change)
             return after
         case _:
             assert_never(event)
@@ -124,7 +125,9 @@ def _replace(command: ReplaceEntry, book: Book) -> tuple[Event, ...] | Rejection
         return known
     details = command.details
     if command.keeps_the_rest:
-        details = replace(details, payment_method=known.event.payment_method, tags=known.event.tags)
+        details = msgspec.structs.replace(
+            details, payment_method=known.event.payment_method, tags=known.event.tags
+        )
     meant = resolve(details, book)
     if isinstance(meant, Rejection):
         return meant

@@ -13,7 +13,6 @@ Everything here is made from plain values, so that an import builds its commands
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Annotated, Final
 
 import msgspec
@@ -68,8 +67,7 @@ class Origin(msgspec.Struct, frozen=True, rename={"import_id": "import"}):
     fingerprint: str
 
 
-@dataclass(frozen=True, slots=True)
-class EntryDetails:
+class EntryDetails(msgspec.Struct, frozen=True):
     """A well-formed entry. Names are trimmed; `amount` becomes minor units once its currency is known."""
 
     date: str
@@ -82,8 +80,7 @@ class EntryDetails:
     tags: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class RecordEntry:
+class RecordEntry(msgspec.Struct, frozen=True):
     """The wish to write an entry down. `id` names the entry and the transaction that it becomes.
 
     The book refuses an `origin` whose fingerprint it has seen before, unless `duplicates_wanted`.
@@ -95,8 +92,7 @@ class RecordEntry:
     duplicates_wanted: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class ReplaceEntry:
+class ReplaceEntry(msgspec.Struct, frozen=True):
     """The wish that an entry says something else: what stands is reversed, `details` are booked instead.
 
     `expected_seq`: only if what stands is still this; None: whatever stands. `keeps_the_rest`: payment method and
@@ -111,8 +107,7 @@ class ReplaceEntry:
     keeps_the_rest: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class ReverseEntry:
+class ReverseEntry(msgspec.Struct, frozen=True):
     """The wish that an entry stands no longer: it is reversed by the transaction `reversal`.
 
     `expected_seq`: only if what stands is still this; None: whatever stands.

@@ -6,8 +6,9 @@ was spent against an expense account, so one category may have one of each. Aski
 was not chosen: the first entry of an evening would then be three forms long.
 """
 
-from dataclasses import dataclass
 from typing import Final
+
+import msgspec
 
 from core.ledger.accounts import Account, AccountType
 from core.ledger.book import UNCATEGORISED_NAME, Book, ids_for
@@ -21,8 +22,7 @@ MONEY_TYPES: Final = (AccountType.ASSET, AccountType.LIABILITY)
 CATEGORY_TYPES: Final = (AccountType.EXPENSE, AccountType.INCOME)
 
 
-@dataclass(frozen=True, slots=True)
-class Resolved:
+class Resolved(msgspec.Struct, frozen=True):
     """An entry whose names have found their accounts: what is opened for it, and what it posts.
 
     `category` and `payment_method` are the names as the accounts have them.

@@ -6,7 +6,6 @@ only numbers that are no amounts, rounded for the eye and never used to compute 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import msgspec
 
@@ -92,8 +91,7 @@ class Summary(msgspec.Struct, frozen=True):
     accounts: tuple[AccountView, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class StandingLine:
+class StandingLine(msgspec.Struct, frozen=True):
     """A standing posting as it was read: where it stands, its event, its account, and the balance after it."""
 
     seq: int

@@ -6,7 +6,6 @@ Times are RFC 3339 in UTC with all nine digits, so that anybody can hash an even
 """
 
 import datetime as dt
-from dataclasses import dataclass
 
 import msgspec
 
@@ -23,8 +22,7 @@ from core.ledger.events import (
 from core.ledger.money import format_amount
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(msgspec.Struct, frozen=True):
     """Where an event stands in the chain. `booked_ns` is wall time since 1970; `hash` is 32 raw bytes."""
 
     seq: int
@@ -127,8 +125,7 @@ class EntryReversal(msgspec.Struct, frozen=True):
     reverses: str
 
 
-@dataclass(frozen=True, slots=True)
-class CommittedEvent:
+class CommittedEvent(msgspec.Struct, frozen=True):
     """What is told of an event to whoever listens: enough to know whether to read anew, and not its content.
 
     `id` is that of the transaction or the account; `date` is None where nothing was booked; `accounts` are the

@@ -11,9 +11,10 @@ import json
 import socket
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, Final, cast
 from urllib.parse import quote
+
+import msgspec
 
 from core.trying.docket import Request
 
@@ -37,8 +38,7 @@ _DROPPED: Final = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
+class Reply(msgspec.Struct, frozen=True):
     """What a core answered; `answer` is its JSON, None where it is none or too much."""
 
     status: int

@@ -6,10 +6,10 @@ bring about what it was not asked to look into. What only the superuser may fill
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import msgspec
 from sqlalchemy.exc import DBAPIError
 
 from core.journal import ballast, queries
@@ -30,8 +30,7 @@ BUSY_MS: Final = 2_000
 SPARED_BYTES: Final = ballast.ROOM_BYTES  # stay free beside a copy and what trials add to it
 
 
-@dataclass(frozen=True, slots=True)
-class Copy:
+class Copy(msgspec.Struct, frozen=True):
     """A copy as it is: its last event with its hash, and how many bytes it has."""
 
     seq: int
@@ -39,8 +38,7 @@ class Copy:
     size_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class TooLarge:
+class TooLarge(msgspec.Struct, frozen=True):
     """The ledger has more bytes than may be copied."""
 
     size_bytes: int

@@ -10,7 +10,6 @@ came before it is in the ledger for a real core too.
 import time
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, assert_never
@@ -33,16 +32,14 @@ TRIES: Final = 2  # of one case: the second in a core of its own
 _FOUND, _NOT_FOUND, _NOT_NOW = 200, 404, 503
 
 
-@dataclass(frozen=True, slots=True)
-class _Attempt:
+class _Attempt(msgspec.Struct, frozen=True):
     """One try: its verdict, and whether it counts only if it comes out again."""
 
     verdict: Verdict
     again: bool = False
 
 
-@dataclass(slots=True)
-class Court:
+class Court(msgspec.Struct):
     """One court in its folder, in which the process stands. `tell` is given each line that is to be said."""
 
     docket: Docket
@@ -55,8 +52,8 @@ class Court:
     tell: Callable[[dict[str, Any] | Verdict], None]
     _ward: Ward | None = None
     _born: int = 0
-    _rows: str = field(default_factory=lambda: f"/{uuid.uuid4().hex}")
-    _run: set[str] = field(default_factory=set)  # keys that are in the copy because of us
+    _rows: str = msgspec.field(default_factory=lambda: f"/{uuid.uuid4().hex}")
+    _run: set[str] = set()  # keys that are in the copy because of us
 
     def sit(self) -> None:
         """Try every case and say what became of it."""
@@ -244,8 +241,7 @@ class Court:
             self.end()
 
 
-@dataclass(frozen=True, slots=True)
-class _Stopped:
+class _Stopped(msgspec.Struct, frozen=True):
     """A rebuilding that was not brought to its end. `reached`: the last event of which it was told."""
 
     ending: Ending

@@ -17,9 +17,10 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NoReturn
+
+import msgspec
 
 from core.departure import ExitCode
 from core.guarded.last_words import story
@@ -33,8 +34,7 @@ _RESERVED_BYTES: Final = 2 << 30
 WRITTEN_BYTES_MAX: Final = 256 << 20  # of a single file, above what the copy has
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(msgspec.Struct, frozen=True):
     """How much of everything a throw-away core may take before the kernel itself stops it."""
 
     memory_bytes: int
@@ -42,8 +42,7 @@ class Bounds:
     file_bytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class Forked:
+class Forked(msgspec.Struct, frozen=True):
     """A child: its number, a descriptor that tells its death, and the socket on which it says words."""
 
     pid: int

@@ -9,12 +9,12 @@ of it. Not chosen: a service of the trial's own beside the real one; what it did
 import asyncio
 import os
 import socket
-from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NoReturn
 
+import msgspec
 import uvloop
 from starlette.routing import Route
 
@@ -37,8 +37,7 @@ from core.trying.rows import booking
 from core.web.app import lay_out, make_app
 
 
-@dataclass(frozen=True, slots=True)
-class Birth:
+class Birth(msgspec.Struct, frozen=True):
     """What a throw-away core is told. `data`: the real data folder, of which it reads files of imports and no more.
 
     `socket`: in the folder, in which it stands, so that its path is short. `rows`: a path that nobody can guess, on which

@@ -11,10 +11,10 @@ import re
 import socket
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import msgspec
 from sqlalchemy import Connection, select
 
 from core.journal import queries, schema
@@ -30,16 +30,14 @@ READ_MS_MAX: Final = 60_000  # of a copy that nobody writes to
 _ID: Final = re.compile(rb'"id":"([^"\\]{1,256})"')
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(msgspec.Struct, frozen=True):
     """The events behind `after` up to `until`."""
 
     after: int
     until: int
 
 
-@dataclass(frozen=True, slots=True)
-class Named:
+class Named(msgspec.Struct, frozen=True):
     """What is known of an event from what its commit wrote beside it, without making anything of it."""
 
     kind: str = ""

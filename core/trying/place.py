@@ -11,15 +11,15 @@ import os
 import shutil
 import uuid
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+import msgspec
 
 TRIALS: Final = "trials"
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(msgspec.Struct, frozen=True):
     """A folder of one's own; `lock` is a descriptor that every fork of its owner shares."""
 
     path: Path

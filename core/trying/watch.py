@@ -13,10 +13,11 @@ import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any, Final, TypeVar
+
+import msgspec
 
 from core.trying.asking import Exchange, Lost, Reply
 from core.trying.forking import Forked
@@ -48,8 +49,7 @@ class How(Enum):
     SLOW = "it could not have answered, in its time or within its memory"
 
 
-@dataclass(frozen=True, slots=True)
-class Ending:
+class Ending(msgspec.Struct, frozen=True):
     """How a core ended. `code` or `signal`: of a death that was not ours. `why`: what slowed it."""
 
     how: How
@@ -59,8 +59,7 @@ class Ending:
     why: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Work:
+class Work(msgspec.Struct, frozen=True):
     """What the kernel knows of a process's threads: how long they ran and waited for a processor; their states."""
 
     ran_ns: int
@@ -183,7 +182,7 @@ class Ward:
                 break
             before = size_bytes
         self._reap()
-        return replace(ending, frame=frame_of(self._written(), hangs=True))
+        return msgspec.structs.replace(ending, frame=frame_of(self._written(), hangs=True))
 
     def _death(self) -> Ending:
         status = self._reap()

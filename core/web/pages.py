@@ -5,11 +5,11 @@ the ledger says that something changed. A program in the browser that draws from
 must be readable at once, without scripts, and on the slowest phone in the house.
 """
 
-import dataclasses
 import functools
 from types import MappingProxyType
 from typing import Final
 
+import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -55,7 +55,7 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
     )
     seen = await read(request, "page.overview", question)
     if all(one.id != form.account for one in seen.money_accounts):
-        form = dataclasses.replace(form, values={**form.values, "account": seen.first_account})
+        form = msgspec.structs.replace(form, values={**form.values, "account": seen.first_account})
     return show(
         request,
         "overview.html.j2",
@@ -160,7 +160,7 @@ async def draw_entry(
         "/register",
         status=status,
         key=key,
-        form=dataclasses.replace(form, values={**form.values, "expected_seq": now}),
+        form=msgspec.structs.replace(form, values={**form.values, "expected_seq": now}),
         changed=changed,
         plain=PLAIN,
         id=seen.entry.id,

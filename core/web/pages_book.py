@@ -9,10 +9,10 @@ import calendar
 import urllib.parse
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
+import msgspec
 from sqlalchemy import Connection
 
 from core.journal import queries
@@ -39,8 +39,7 @@ _GROUPS: Final = (*MONEY_TYPES, *CATEGORY_TYPES, AccountType.EQUITY)
 _CREDITS: Final = frozenset({AccountType.INCOME, AccountType.EQUITY})
 
 
-@dataclass(frozen=True, slots=True)
-class ShownAccount:
+class ShownAccount(msgspec.Struct, frozen=True):
     """An account as pages show it: `balance` has the sign that people expect of this kind of account."""
 
     id: str
@@ -51,8 +50,7 @@ class ShownAccount:
     balance: str
 
 
-@dataclass(frozen=True, slots=True)
-class OverviewPicture:
+class OverviewPicture(msgspec.Struct, frozen=True):
     """The overview. `accounts` is empty in a book that has none at all.
 
     `first_account` is the id of the one of `money_accounts` that was made first, empty where there is none.
@@ -68,8 +66,7 @@ class OverviewPicture:
     recent: Sequence[EntryView]
 
 
-@dataclass(frozen=True, slots=True)
-class RegisterPicture:
+class RegisterPicture(msgspec.Struct, frozen=True):
     """One page of the register, of one account or of all."""
 
     account: ShownAccount | None
@@ -78,8 +75,7 @@ class RegisterPicture:
     next_cursor: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class EntryPicture:
+class EntryPicture(msgspec.Struct, frozen=True):
     """An entry and what its form can choose from."""
 
     entry: EntryView

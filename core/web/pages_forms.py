@@ -8,7 +8,6 @@ from there on nothing differs from the API. Forms have a handful of short fields
 
 import urllib.parse
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 import msgspec
@@ -29,8 +28,7 @@ FIELDS_MAX: Final = 40
 KEY_FIELD: Final = "_idempotency_key"
 
 
-@dataclass(frozen=True, slots=True)
-class Form:
+class Form(msgspec.Struct, frozen=True):
     """A form as it was sent: its key, its fields (the last of equal names wins), and its bytes."""
 
     key: str | None
@@ -42,12 +40,11 @@ class Form:
         return self.fields.get(name, "")
 
 
-@dataclass(frozen=True, slots=True)
-class Drawn:
+class Drawn(msgspec.Struct, frozen=True):
     """A form as a template shows it: its values by name, a sentence for each field at fault, and one for all."""
 
     values: Mapping[str, str]
-    faults: Mapping[str, str] = field(default_factory=dict)
+    faults: Mapping[str, str] = {}
     said: str = ""
     wrong: bool = False
 

@@ -6,9 +6,9 @@ that was typed still there.
 """
 
 from collections.abc import Awaitable, Callable
-from dataclasses import replace
 from typing import Final
 
+import msgspec
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
@@ -195,7 +195,11 @@ def _of_a_part(problem: Problem, done: int) -> Problem:
 
     Where the same form may be sent again its key sees to the rest, and nothing else need be said.
     """
-    return replace(problem, slug="partly-done") if done and problem.slug in _SET_ASIDE else problem
+    return (
+        msgspec.structs.replace(problem, slug="partly-done")
+        if done and problem.slug in _SET_ASIDE
+        else problem
+    )
 
 
 async def _granted(
@@ -233,7 +237,7 @@ def _at_its_field(problem: Problem) -> Problem:
         for fault in problem.faults
         if fault.pointer != "/expected_seq"
     )
-    return replace(problem, faults=faults)
+    return msgspec.structs.replace(problem, faults=faults)
 
 
 def _seq_seen(form: Form) -> int | None:

@@ -6,7 +6,6 @@ Inside this package a problem is raised, because it ends a request from any dept
 as an exception.
 """
 
-from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Final
 
@@ -31,8 +30,7 @@ class Outcome(StrEnum):
     UNKNOWN = "unknown"
 
 
-@dataclass(frozen=True, slots=True)
-class ProblemKind:
+class ProblemKind(msgspec.Struct, frozen=True):
     """A row of the closed list.
 
     `again`: the same request may well succeed in a moment; `resting`: in some time, and not before somebody or
@@ -92,8 +90,7 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
+class Problem(msgspec.Struct, frozen=True):
     """One problem: its slug, the fields at fault, the values its sentence names.
 
     `outcome` and `status` override the table's where the place of the fault decides it (our own bug, before or after
@@ -103,10 +100,10 @@ class Problem:
 
     slug: str
     faults: tuple[Fault, ...] = ()
-    values: dict[str, Any] = field(default_factory=dict)
+    values: dict[str, Any] = {}
     outcome: Outcome | None = None
-    headers: dict[str, str] = field(default_factory=dict)
-    extra: dict[str, Any] = field(default_factory=dict)
+    headers: dict[str, str] = {}
+    extra: dict[str, Any] = {}
     status: int | None = None
 
     @property

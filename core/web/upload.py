@@ -7,10 +7,10 @@ reader was not chosen: it bounds fields but no file, and spools where other prog
 
 import asyncio
 import hashlib
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, Final
 
+import msgspec
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import Request
@@ -26,8 +26,7 @@ DIGITS_MAX: Final = 18
 FILE: Final = "file"
 
 
-@dataclass(frozen=True, slots=True)
-class Upload:
+class Upload(msgspec.Struct, frozen=True):
     """What came: the client's name of the file, its digest in hex, and the fields beside it."""
 
     name: str
@@ -107,20 +106,19 @@ def _malformed() -> ProblemError:
     return ProblemError(Problem("malformed-upload"))
 
 
-@dataclass(slots=True)
-class _Form:
+class _Form(msgspec.Struct):
     """What the parser has said so far. `waiting` are bytes of the file that are not written yet."""
 
     file_bytes_max: int
     name: str | None = None
     ended: bool = False
     too_large: bool = False
-    fields: dict[str, bytearray] = field(default_factory=dict)
-    waiting: bytearray = field(default_factory=bytearray)
-    digest: "hashlib._Hash" = field(default_factory=hashlib.sha256)
+    fields: dict[str, bytearray] = {}
+    waiting: bytearray = msgspec.field(default_factory=bytearray)
+    digest: "hashlib._Hash" = msgspec.field(default_factory=hashlib.sha256)
     _size: int = 0
-    _header: bytearray = field(default_factory=bytearray)
-    _value: bytearray = field(default_factory=bytearray)
+    _header: bytearray = msgspec.field(default_factory=bytearray)
+    _value: bytearray = msgspec.field(default_factory=bytearray)
     _disposition: bytes = b""
     _part: str = ""
 

@@ -13,9 +13,10 @@ import signal
 import struct
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from hardcore.crisis.agent_table import Body
 
@@ -28,8 +29,7 @@ _GATEWAY_WHO = struct.Struct("<2Q")
 _GATEWAY_WHO_AT = 32
 
 
-@dataclass(frozen=True, slots=True)
-class Orders:
+class Orders(msgspec.Struct, frozen=True):
     """What the sentinel has left word of (docs/wires.md section 17). Times in nanoseconds."""
 
     pid: int
@@ -47,7 +47,7 @@ class Orders:
     stale_ns: int
     starts_max: int
     window_ns: int
-    environment: Mapping[str, str] = field(default_factory=dict)
+    environment: Mapping[str, str] = {}
 
 
 def read_orders(path: Path) -> Orders | None:

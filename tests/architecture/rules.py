@@ -293,9 +293,12 @@ def _switched(keywords: list[ast.keyword]) -> set[str | None]:
     return {k.arg for k in keywords if isinstance(k.value, ast.Constant) and k.value.value is True}
 
 
+_SETTINGS: Final = frozenset({"setting", "_setting"})  # a field with bounds and a text
+
+
 def _says_more(value: ast.expr | None) -> bool:
     """Whether a field says more than a default: its bounds, or that it is neither given nor shown."""
     if not isinstance(value, ast.Call):
         return False
     name = dotted(value.func).rpartition(".")[2]
-    return name == "setting" or (name == "field" and bool(_BEYOND_STRUCTS & {k.arg for k in value.keywords}))
+    return name in _SETTINGS or (name == "field" and bool(_BEYOND_STRUCTS & {k.arg for k in value.keywords}))

@@ -30,8 +30,6 @@ PURE_ROOMS: Final = (
     "postmortem/incident.py",
 )
 
-# Word for word the same in the core, which makes its values as dataclasses (docs/decisions/0050-structs.md).
-TWINS: Final = ("hardcore/crisis/agent_table.py", "hardcore/crisis/sentinel_seen.py")
 
 LAUNCHER: Final = "hardcore/launcher.py"
 STARTER: Final = "hardcore/starter.py"
@@ -180,10 +178,9 @@ def test_the_words_everybody_uses_are_frozen() -> None:
     assert _faults(rules.thawed_words, read("hardcore/model")) == []
 
 
-@pytest.mark.parametrize("island", ["hardcore", "postmortem", "frontend"])
+@pytest.mark.parametrize("island", ["hardcore", "core", "postmortem", "frontend"])
 def test_a_class_is_a_struct_where_a_struct_can_say_its_fields(island: str) -> None:
-    rooms = [room for room in read(island) if not room.path.endswith(TWINS)]
-    assert _faults(rules.needless_dataclasses, rooms) == []
+    assert _faults(rules.needless_dataclasses, read(island)) == []
 
 
 def test_no_test_sleeps() -> None:

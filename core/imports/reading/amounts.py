@@ -9,8 +9,9 @@ currency without cents are taken for the noise of a spreadsheet, while `1.000` m
 import re
 import unicodedata
 from collections import Counter
-from dataclasses import dataclass
 from typing import Final
+
+import msgspec
 
 from core.imports.reading.candidates import Refusal
 from core.imports.reading.mapping import Decimal
@@ -33,8 +34,7 @@ _NOISE_DIGITS_MAX: Final = 2
 _ANY_DIGIT: Final = str.maketrans("123456789", "000000000")
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
+class Number(msgspec.Struct, frozen=True):
     """A number as it was written. `signed` tells whether a sign stood there at all."""
 
     negative: bool

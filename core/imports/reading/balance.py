@@ -5,8 +5,9 @@ back is found by trying both. A refused row leaves a gap that no pair is taken a
 chain of its own.
 """
 
-from dataclasses import dataclass, field
 from enum import StrEnum
+
+import msgspec
 
 from core.imports.reading.candidates import Candidate, RefusedRow, Result
 
@@ -19,14 +20,13 @@ class BalanceVerdict(StrEnum):
     ABSENT = "absent"
 
 
-@dataclass(slots=True)
-class BalanceCheck:
+class BalanceCheck(msgspec.Struct):
     """Takes the results of a file one by one, in its order, and keeps only the last row of each currency."""
 
     pairs: int = 0
     forwards: int = 0
     backwards: int = 0
-    last: dict[str, Candidate] = field(default_factory=dict)
+    last: dict[str, Candidate] = {}
 
     def see(self, result: Result) -> None:
         """Take the next row."""

@@ -4,8 +4,9 @@ Three kinds and no fourth: every row of a file is one of them, so that the numbe
 refused, skipped) always add up to the rows of the file.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from core.ledger.money import format_amount
 
@@ -45,8 +46,7 @@ class Skip(StrEnum):
     NO_MOVEMENT = "no-movement"
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(msgspec.Struct, frozen=True):
     """A row that can be booked.
 
     `amount_minor` and `balance_minor` are minor units of `currency`; minus means spent. `identity` and
@@ -78,8 +78,7 @@ class Candidate:
         return None if self.balance_minor is None else format_amount(self.balance_minor, self.currency)
 
 
-@dataclass(frozen=True, slots=True)
-class RefusedRow:
+class RefusedRow(msgspec.Struct, frozen=True):
     """A row that can't be booked, and the column at which that was seen, when it was one."""
 
     line: int
@@ -88,8 +87,7 @@ class RefusedRow:
     column: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class SkippedRow:
+class SkippedRow(msgspec.Struct, frozen=True):
     """A row that is none to be booked: a total, a repeated header, a purchase still pending."""
 
     line: int

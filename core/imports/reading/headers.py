@@ -8,8 +8,9 @@ The same score chooses among delimiters, sheets and HTML tables: the right one i
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+import msgspec
 
 from core.imports.reading.dates import looks_like_date
 from core.imports.reading.formats import SCAN_ROWS_MAX, Format
@@ -21,8 +22,7 @@ _CELLS_MIN: Final = 2
 _HAS_DIGIT: Final = re.compile(r"[0-9]")
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(msgspec.Struct, frozen=True):
     """A header that was found. `index` is its place among the rows, -1 when there is none.
 
     `required` counts the names a format asked for and found, `roles` the words that usually head a column,

@@ -6,7 +6,6 @@ are read from beginning to end and never looked up.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -19,8 +18,7 @@ _ROW: Final = msgspec.json.Decoder(Row)
 _JSON: Final = msgspec.json.Encoder()
 
 
-@dataclass(frozen=True, slots=True)
-class ReadTable:
+class ReadTable(msgspec.Struct, frozen=True):
     """A table that was read: what is known of it, and the file its rows are in."""
 
     head: TableHead

@@ -8,9 +8,10 @@ encoding, and then nothing else is tried.
 
 import codecs
 import re
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
+
+import msgspec
 
 from core.imports.reading.table import Unreadable, Why
 
@@ -36,8 +37,7 @@ _CONTROL_SHARE_MAX: Final = 0.01
 _END_OF_FILE: Final = "\x1a"  # some old programs still write it behind the last line
 
 
-@dataclass(frozen=True, slots=True)
-class Decoded:
+class Decoded(msgspec.Struct, frozen=True):
     """A text, the encoding it was in, and whether that was only guessed."""
 
     text: str

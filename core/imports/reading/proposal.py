@@ -7,7 +7,6 @@ and is named as a problem, for the person to choose.
 
 import collections.abc as abstract
 import re
-from dataclasses import dataclass
 from typing import Final
 
 import msgspec
@@ -35,8 +34,7 @@ _NUMBERS: Final = ("amount", "in", "out", "balance")
 _HAS_DIGIT: Final = re.compile(r"[0-9]")
 
 
-@dataclass(frozen=True, slots=True)
-class Proposal:
+class Proposal(msgspec.Struct, frozen=True):
     """A way to read a table.
 
     `format` is the id that was taken, None for none; `fitting` are all ids whose header this is, the one

@@ -7,8 +7,9 @@ the letter they had.
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+import msgspec
 
 from core.imports.reading.delimited import read_delimited
 from core.imports.reading.formats import Format
@@ -37,8 +38,7 @@ _EXPONENT: Final = re.compile(r"[0-9](?:\.[0-9]+)?[eE]\+[0-9]+")
 _CELLS_MIN: Final = 2
 
 
-@dataclass(frozen=True, slots=True)
-class Readout:
+class Readout(msgspec.Struct, frozen=True):
     """A table that was read, whole in memory."""
 
     head: TableHead
@@ -54,8 +54,7 @@ class Readout:
         return iter(self.lines)
 
 
-@dataclass(frozen=True, slots=True)
-class _Opened:
+class _Opened(msgspec.Struct, frozen=True):
     """What was in the file."""
 
     container: Container

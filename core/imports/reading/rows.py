@@ -9,8 +9,9 @@ bound on categories, because each of them opens accounts.
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Final
+
+import msgspec
 
 from core.imports.reading.amounts import Number, parse_number, to_minor
 from core.imports.reading.candidates import Candidate, Refusal, RefusedRow, Result, Skip, SkippedRow
@@ -42,8 +43,7 @@ _FOOTER: Final = re.compile(
 _CONFLICT: Final = Refusal.SIGN_CONFLICT
 
 
-@dataclass(frozen=True, slots=True)
-class _Words:
+class _Words(msgspec.Struct, frozen=True):
     """The words that the direction and the status column may hold, canonical."""
 
     inflow: frozenset[str]
@@ -53,24 +53,21 @@ class _Words:
     reverted: frozenset[str]
 
 
-@dataclass(frozen=True, slots=True)
-class _Money:
+class _Money(msgspec.Struct, frozen=True):
     """An amount that was understood."""
 
     minor: int
     currency: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Fault:
+class _Fault(msgspec.Struct, frozen=True):
     """A refusal, and the wire's name of the role whose cell caused it."""
 
     reason: Refusal
     role: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Reader:
+class _Reader(msgspec.Struct, frozen=True):
     """Everything that stays the same from row to row, the count of identical rows, and the categories met."""
 
     mapping: Mapping
@@ -79,8 +76,8 @@ class _Reader:
     identity: tuple[tuple[str, int], ...]
     words: _Words
     account_currency: str | None
-    seen: Counter[tuple[str, ...]] = field(default_factory=Counter)
-    categories: set[str] = field(default_factory=set)
+    seen: Counter[tuple[str, ...]] = msgspec.field(default_factory=Counter)
+    categories: set[str] = set()
 
 
 def parse_rows(

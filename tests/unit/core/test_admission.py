@@ -1,10 +1,11 @@
 """Whether a command is tried at all: by its name, its bytes, its wish, and how many of its kind there were."""
 
 import json
-from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from core.admission import WINDOW_NS, Admission, Wish
 from core.guarded.quarantine import Quarantine
@@ -42,19 +43,19 @@ def limit(**named: Any) -> dict[str, Any]:
 
 
 def test_without_rules_everybody_comes_in() -> None:
-    assert Admission(Quarantine()).refusal(replace(WISH, name=NAME), 0) is None
+    assert Admission(Quarantine()).refusal(msgspec.structs.replace(WISH, name=NAME), 0) is None
 
 
 def test_a_letter_is_refused_however_it_comes(tmp_path: Path) -> None:
     door = Admission(ruled(tmp_path, LETTER))
     for wish in (
-        replace(WISH, name=NAME),
-        replace(WISH, digest=DIGEST),
-        replace(WISH, fingerprint=FINGERPRINT, kind="import.row"),
+        msgspec.structs.replace(WISH, name=NAME),
+        msgspec.structs.replace(WISH, digest=DIGEST),
+        msgspec.structs.replace(WISH, fingerprint=FINGERPRINT, kind="import.row"),
     ):
         assert door.refusal(wish, 0) == SetAside("L1")
     assert door.refusal(WISH, 0) is None
-    assert door.refusal(replace(WISH, name="", digest=b"", fingerprint=b""), 0) is None
+    assert door.refusal(msgspec.structs.replace(WISH, name="", digest=b"", fingerprint=b""), 0) is None
 
 
 def test_a_kind_is_limited_in_any_minute_and_not_from_one_full_minute_to_the_next(tmp_path: Path) -> None:
@@ -62,7 +63,7 @@ def test_a_kind_is_limited_in_any_minute_and_not_from_one_full_minute_to_the_nex
     half = WINDOW_NS // 2
     assert [door.refusal(WISH, at) for at in (half, half + 1)] == [None, None]
     assert door.refusal(WISH, WINDOW_NS) == Limited("R", 30)
-    assert door.refusal(replace(WISH, kind="account.open"), WINDOW_NS) is None
+    assert door.refusal(msgspec.structs.replace(WISH, kind="account.open"), WINDOW_NS) is None
     assert door.refusal(WISH, WINDOW_NS + half) is None
     assert door.refusal(WISH, WINDOW_NS + half) == Limited("R", 1)
 
@@ -82,7 +83,7 @@ def test_a_limit_of_none_takes_none(tmp_path: Path) -> None:
 def test_what_is_larger_than_a_rule_takes_is_never_taken(tmp_path: Path) -> None:
     door = Admission(ruled(tmp_path, limit(body_bytes_max=10)))
     assert door.refusal(WISH, 0) is None
-    assert door.refusal(replace(WISH, body_bytes=11), 0) == Limited("R", None)
+    assert door.refusal(msgspec.structs.replace(WISH, body_bytes=11), 0) == Limited("R", None)
 
 
 def test_what_was_counted_goes_on_counting_when_other_rules_change(tmp_path: Path) -> None:

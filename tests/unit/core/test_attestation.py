@@ -1,9 +1,9 @@
 """Attestations and the proofs that go by them: on real stores, with a few events between two."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from sqlalchemy import Connection
 from sqlalchemy.exc import IntegrityError
@@ -288,7 +288,7 @@ def test_a_spare_proves_ahead_and_has_the_few_events_since_left(tmp_path: Path) 
         rows = list(tail.rows)
         assert [row.seq for row in rows] == [27, 28]
         assert tail.walk.checked > 2
-        found = prove(replace(tail, rows=rows), ())
+        found = prove(msgspec.structs.replace(tail, rows=rows), ())
         assert isinstance(found, Proven)
         assert found.tail == tail.walk.checked
 

@@ -1,6 +1,7 @@
-from dataclasses import replace
 from hashlib import sha256
 from typing import Any
+
+import msgspec
 
 from core.journal.attestation import NOTHING
 from core.journal.chain import GENESIS, EventRow, check_link, hash_of
@@ -16,7 +17,7 @@ from core.journal.proof import (
 
 def row(seq: int, before: bytes, epoch: int = 1, key: str | None = None) -> EventRow:
     made = EventRow(seq, epoch, 1_795_000_000, "account.closed", f"c{seq}", key, b'{"id":"a"}')
-    return replace(made, hash=hash_of(before, made))
+    return msgspec.structs.replace(made, hash=hash_of(before, made))
 
 
 def chain(count: int, *, keyed: bool = False) -> list[EventRow]:
@@ -41,7 +42,7 @@ def tail(chained: list[EventRow], first: int = 1, **changes: Any) -> Tail:
         moved={},
         balances=[],
     )
-    return replace(made, **changes)
+    return msgspec.structs.replace(made, **changes)
 
 
 def seen(event: EventRow) -> Witness:
@@ -64,9 +65,9 @@ def test_the_hash_is_what_the_description_says() -> None:
 def test_no_part_of_an_event_can_move_into_its_neighbour() -> None:
     first = EventRow(1, 1, 1, "ab", "c", "k", b"x")
     others = (
-        replace(first, kind="a", command_id="bc"),
-        replace(first, key=None, body=b"kx"),
-        replace(first, key=""),
+        msgspec.structs.replace(first, kind="a", command_id="bc"),
+        msgspec.structs.replace(first, key=None, body=b"kx"),
+        msgspec.structs.replace(first, key=""),
     )
     assert all(hash_of(GENESIS, first) != hash_of(GENESIS, other) for other in others)
 
@@ -110,19 +111,19 @@ def test_a_head_behind_the_witness_is_a_lost_event() -> None:
 
 def test_another_hash_under_the_witnessed_number_is_found() -> None:
     rows = chain(5)
-    witness = replace(seen(rows[2]), hash=bytes(32))
+    witness = msgspec.structs.replace(seen(rows[2]), hash=bytes(32))
     assert place(prove(tail(rows, 3), [witness]))[0] == 3
 
 
 def test_a_witness_told_by_a_later_core_that_committed_nothing_names_the_same_event() -> None:
     rows = chain(5)
-    witness = replace(seen(rows[4]), epoch=rows[4].epoch + 1)
+    witness = msgspec.structs.replace(seen(rows[4]), epoch=rows[4].epoch + 1)
     assert isinstance(prove(tail(rows, 5), [witness]), Proven)
 
 
 def test_a_flipped_bit_is_found_where_it_is() -> None:
     rows = chain(5)
-    rows[3] = replace(rows[3], body=b'{"id":"b"}')
+    rows[3] = msgspec.structs.replace(rows[3], body=b'{"id":"b"}')
     assert place(prove(tail(rows, 2), ()))[0] == 4
 
 
@@ -138,7 +139,7 @@ def test_an_event_missing_just_before_the_tail_is_found() -> None:
 
 def test_an_event_that_changed_after_a_walk_has_met_it_is_found() -> None:
     rows = chain(5)
-    changed = [*rows[:2], replace(rows[2], hash=bytes(32)), *rows[3:]]
+    changed = [*rows[:2], msgspec.structs.replace(rows[2], hash=bytes(32)), *rows[3:]]
     assert place(prove(tail(rows, 4, stored=changed), ()))[0] == 3
 
 
@@ -182,7 +183,7 @@ def test_balances_that_what_was_posted_does_not_lead_to_are_found() -> None:
 
 def test_every_witness_is_asked_and_the_one_that_objects_is_named() -> None:
     rows = chain(5)
-    good, other = seen(rows[4]), replace(seen(rows[1]), epoch=7, hash=bytes(32))
+    good, other = seen(rows[4]), msgspec.structs.replace(seen(rows[1]), epoch=7, hash=bytes(32))
     assert isinstance(prove(tail(rows, 3), [good, seen(rows[0])]), Proven)
     seq, sentence = place(prove(tail(rows, 3), [good, other]))
     assert seq == 2

@@ -1,5 +1,4 @@
-from dataclasses import replace
-
+import msgspec
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -91,7 +90,7 @@ def test_lines_of_one_account_are_judged_together() -> None:
 
 
 def test_a_balance_never_leaves_64_bits() -> None:
-    book = BOOK | {"food": replace(BOOK["food"], posted=INT64_MAX)}
+    book = BOOK | {"food": msgspec.structs.replace(BOOK["food"], posted=INT64_MAX)}
     found = decide(moving(1, "food", "cash"), Book.of(book.values()))
     assert isinstance(found, Rejection)
     assert found.slug is Slug.BALANCE_OUT_OF_RANGE

@@ -5,6 +5,7 @@ import sys
 import threading
 from pathlib import Path
 
+import msgspec
 from sqlalchemy import Connection
 
 from core.guarded.recorder import NoRecorder, Stage
@@ -52,7 +53,7 @@ def test_deciding_names_the_one_that_is_judged_and_nothing_else_of_its_batch(tmp
         slots = [made.recorder.begin("c", None, "test", "", (), b"", 0) for _ in range(6)]
         looked_up, touched, failed, taken, drilled, waits = [slot for slot in slots if slot is not None]
         broken = order(moving(1, "a", "b"), slot=failed)
-        object.__setattr__(broken.command, "postings", None)
+        msgspec.structs.force_setattr(broken.command, "postings", None)
         seen: list[dict[int, Stage]] = []
 
         def run() -> None:

@@ -1,6 +1,7 @@
 import sqlite3
 from pathlib import Path
 
+import msgspec
 import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import IntegrityError
@@ -308,7 +309,7 @@ def test_a_bug_in_deciding_one_command_leaves_the_others_alone(tmp_path: Path) -
     with pen(tmp_path) as made:
         made.carry_out(opening("a"), opening("b"))
         broken = order(moving(1, "a", "b"))
-        object.__setattr__(broken.command, "postings", None)
+        msgspec.structs.force_setattr(broken.command, "postings", None)
         failed, done = made.write(broken, order(moving(2, "a", "b")))
         assert isinstance(failed, DecisionFailed)
         assert isinstance(done, Done)

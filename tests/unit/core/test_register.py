@@ -1,9 +1,10 @@
 """The household's side of the book as it is read: order, balances, search, months."""
 
 import tempfile
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -21,7 +22,8 @@ from tests.unit.core.test_verify import verdict
 
 
 def lines(made: Pen, **wanted: object) -> list[RegisterLine]:
-    return register.list_register(made.connection, replace(HouseholdFilter(limit=500), **wanted), ())  # type: ignore[arg-type]
+    which = msgspec.structs.replace(HouseholdFilter(limit=500), **wanted)  # type: ignore[arg-type]
+    return register.list_register(made.connection, which, ())
 
 
 def shown(made: Pen, **wanted: object) -> list[tuple[str, str, str]]:

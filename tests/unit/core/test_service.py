@@ -4,11 +4,11 @@ import asyncio
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 from sqlalchemy import Connection
 from starlette.requests import Request
@@ -84,7 +84,7 @@ def test_what_a_new_answer_claims_is_told_and_a_replay_claims_nothing_of_this_li
             first, again = [await service.carry_out(command, "key", b"d" * 32, "c", 0) for _ in range(2)]
             assert isinstance(first, Done)
             assert first.commit is not None
-            assert again == replace(first, replayed=True, commit=None)
+            assert again == msgspec.structs.replace(first, replayed=True, commit=None)
             assert told == [service.head_seq]
 
     asyncio.run(scenario())

@@ -4,6 +4,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+import msgspec
+
 from core.guarded.recorder import Stage
 from core.journal import queries
 from core.journal.answers import Answer, Done, Leaving, OutcomeUnknown, ReadOnly
@@ -155,7 +157,7 @@ def test_a_writer_that_meets_a_bug_says_so_instead_of_going_quiet(tmp_path: Path
         async with writing(made, heard) as writer:
             broken = order(opening("a"), slot=0)
             made.recorder.begin("c", None, "test", "", (), b"", 0)
-            object.__setattr__(broken, "account_ids", None)
+            msgspec.structs.force_setattr(broken, "account_ids", None)
             unanswered = writer.submit(broken)
             await writer.stop()
             assert len(heard.bugs) == 1
