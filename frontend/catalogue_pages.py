@@ -81,6 +81,14 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     },
     "start_own_do": {"ko": "계좌 만들기", "en": "Add an account"},
     # The overview
+    "course_title": {"ko": "지난 열두 달", "en": "The last twelve months"},
+    "course_said": {
+        "ko": "순자산: {first} 말 {then}, {last} 현재 {now}. 달마다의 금액은 아래 표에 있습니다.",
+        "en": "Net worth: {then} at the end of {first}, {now} in {last}. Each month's amounts are in the table below.",
+    },
+    "course_worth": {"ko": "월말 순자산", "en": "Net worth at the end"},
+    "course_month": {"ko": "달", "en": "Month"},
+    "as_table": {"ko": "표로 보기", "en": "As a table"},
     "net_worth": {"ko": "순자산", "en": "Net worth"},
     "month_in": {"ko": "들어온 돈", "en": "In"},
     "month_out": {"ko": "나간 돈", "en": "Out"},

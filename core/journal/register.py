@@ -17,6 +17,8 @@ from sqlalchemy import ColumnElement, Connection, and_, func, or_, select, tuple
 from core.journal import schema
 from core.journal.drawing import booking_of
 from core.journal.shelf import account_of
+from core.ledger.accounts import AccountType
+from core.ledger.course import Course, Moved, courses
 from core.ledger.events import Booking, EntryPosted
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import amount_fault, parse_amount
@@ -117,14 +119,31 @@ def summary_of(connection: Connection, month: str, first_day: str, last_day: str
     categories = select(schema.account, sums.c.high, sums.c.low).join(sums, sums.c.account_id == account.id)
     moved = [(account_of(row), _whole(row)) for row in connection.execute(categories)]
     of_money = account.type.in_([kind.value for kind in MONEY_TYPES])
-    worth = select(account.currency, *_halves_of(account.posted)).where(of_money).group_by(account.currency)
     money = select(schema.account).where(of_money, account.closed == 0).order_by(account.id)
     return summarise(
         month,
-        {row.currency: _whole(row) for row in connection.execute(worth)},
+        _worth(connection),
         [account_of(row) for row in connection.execute(money.limit(ACCOUNTS_MAX))],
         [(category, amount) for category, amount in moved if amount],
     )
+
+
+def courses_of(connection: Connection, months: Sequence[str]) -> tuple[Course, ...]:
+    """Return the course of these months (YYYY-MM, in their order), by currency."""
+    posting, account = schema.posting.c, schema.account.c
+    month = func.substr(posting.date, 1, len("YYYY-MM")).label("month")
+    told = [kind.value for kind in (*MONEY_TYPES, *CATEGORY_TYPES)]
+    sums = (
+        select(month, account.type, account.currency, *_HALVES)
+        .select_from(schema.posting)
+        .join(schema.account, account.id == posting.account_id)
+        .where(_STANDS, posting.date >= f"{months[0]}-01", account.type.in_(told))
+        .group_by(month, account.type, account.currency)
+    )
+    moved = [
+        Moved(row.month, AccountType(row.type), row.currency, _whole(row)) for row in connection.execute(sums)
+    ]
+    return courses(months, _worth(connection), moved)
 
 
 def list_categories(connection: Connection, after: str | None, limit: int) -> list[CategoryView]:
@@ -146,6 +165,14 @@ def list_categories(connection: Connection, after: str | None, limit: int) -> li
     if after is not None:
         query = query.where(schema.account.c.id > after)
     return [view_category(account_of(row), row.last_used) for row in connection.execute(query)]
+
+
+def _worth(connection: Connection) -> dict[str, int]:
+    """Return what is owned now less what is owed, by currency."""
+    account = schema.account.c
+    of_money = account.type.in_([kind.value for kind in MONEY_TYPES])
+    worth = select(account.currency, *_halves_of(account.posted)).where(of_money).group_by(account.currency)
+    return {row.currency: _whole(row) for row in connection.execute(worth)}
 
 
 def _balances(connection: Connection, rows: Sequence[Any], *, has_gaps: bool) -> list[int]:

@@ -24,6 +24,7 @@ from core.web.pages_book import EntryPicture
 from core.web.pages_forms import Drawn
 from core.web.problems import Problem, ProblemError
 from frontend.amounts import group_digits
+from frontend.charts import chart
 from frontend.render import Language
 
 RECENT_MAX: Final = 8
@@ -49,9 +50,13 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
     """Return the overview with this state of its form."""
     reader = reader_of(request)
     seq = service_of(request).head_seq
-    month = _month(request) or reader.today.strftime("%Y-%m")
+    now = f"{reader.today:%Y-%m}"
     question = functools.partial(
-        pages_book.overview, month=month, recent_max=RECENT_MAX, parked=left_out(request)
+        pages_book.overview,
+        month=_month(request) or now,
+        last_month=now,
+        recent_max=RECENT_MAX,
+        parked=left_out(request),
     )
     seen = await read(request, "page.overview", question)
     if all(one.id != form.account for one in seen.money_accounts):
@@ -72,6 +77,7 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
         spent=seen.spent,
         repeated=pages_book.repeated(line.name for line in seen.spent),
         recent=seen.recent,
+        charts=[(course, chart(course.months)) for course in seen.courses],
         currencies=CURRENCIES,
         currency_here=HOME_CURRENCY[reader.lang],
     )

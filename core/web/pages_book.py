@@ -19,12 +19,14 @@ from core.journal import queries
 from core.journal.register import (
     HouseholdFilter,
     Position,
+    courses_of,
     get_entry,
     list_entries,
     list_register,
     summary_of,
 )
 from core.ledger.accounts import Account, AccountType
+from core.ledger.course import Course, months_until
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import format_amount
 from core.ledger.overview import CategoryTotal, Flow, RegisterLine, Summary, category_name
@@ -32,6 +34,7 @@ from core.ledger.views import EntryView
 from core.web.intake import make_position, read_position
 
 BARS_MAX: Final = 12
+COURSES_MAX: Final = 3
 # Among these a household's first account is looked for; later ones stand in the order of the list.
 FIRST_RECORDS: Final = 200
 _GROUPS: Final = (*MONEY_TYPES, *CATEGORY_TYPES, AccountType.EQUITY)
@@ -64,6 +67,7 @@ class OverviewPicture(msgspec.Struct, frozen=True):
     flows: Sequence[Flow]
     spent: Sequence[CategoryTotal]
     recent: Sequence[EntryView]
+    courses: Sequence[Course]
 
 
 class RegisterPicture(msgspec.Struct, frozen=True):
@@ -83,8 +87,10 @@ class EntryPicture(msgspec.Struct, frozen=True):
     categories: Sequence[str]
 
 
-def overview(connection: Connection, month: str, recent_max: int, parked: Container[int]) -> OverviewPicture:
-    """Return what the overview shows of a month (YYYY-MM)."""
+def overview(
+    connection: Connection, month: str, last_month: str, recent_max: int, parked: Container[int]
+) -> OverviewPicture:
+    """Return what the overview shows of a month (YYYY-MM), and of the year that ends with `last_month`."""
     accounts = _accounts(connection)
     choices = _money_accounts(accounts)
     year, number = (int(part) for part in month.split("-"))
@@ -100,6 +106,7 @@ def overview(connection: Connection, month: str, recent_max: int, parked: Contai
         flows=[flow for flow in summary.currencies if _moved(flow)] or summary.currencies[:1],
         spent=spent[:BARS_MAX],
         recent=list_entries(connection, HouseholdFilter(limit=recent_max), parked),
+        courses=courses_of(connection, months_until(last_month))[:COURSES_MAX],
     )
 
 

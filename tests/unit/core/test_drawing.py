@@ -90,7 +90,7 @@ def test_only_what_is_left_out_is_drawn(book: Pen) -> None:
 def test_a_page_reads_nothing_that_is_left_out(book: Pen) -> None:
     events = every(book)
     spoil(book, *events)
-    seen = pages_book.overview(book.connection, MONTH, 8, events)
+    seen = pages_book.overview(book.connection, MONTH, MONTH, 8, events)
     assert {one.id for one in seen.money_accounts} == {"bank", "cash"}
     asked = dict.fromkeys(("account", "q", "from", "to", "cursor"), "")
     page = pages_book.register(book.connection, asked, 50, events)

@@ -189,7 +189,7 @@ def test_no_account_is_left_out_of_a_sum_or_a_page_however_many_there_are(
         found = register.summary_of(made.connection, "2026-11", "2026-11-01", "2026-11-30")
         assert [one.amount for one in found.net_worth] == ["-1055"]
         assert [(flow.income, flow.expense) for flow in found.currencies] == [("0", "1055")]
-        page = pages_book.overview(made.connection, "2026-11", 1, ())
+        page = pages_book.overview(made.connection, "2026-11", "2026-11", 1, ())
         assert [one.id for one in page.money_accounts] == ["wallet", "z-card"]
 
 
