@@ -5,7 +5,6 @@ program can't, and every rule is checked in one place. What is wrong comes back 
 that was typed still there.
 """
 
-from collections.abc import Awaitable, Callable
 from typing import Final
 
 import msgspec
@@ -22,26 +21,23 @@ from core.web import pages
 from core.web.asking import accepted, service_of
 from core.web.entries import entry_in_path
 from core.web.intake import SEQ_DIGITS_MAX
-from core.web.pages_answers import ACCOUNT_COOKIE, LANGUAGE_COOKIE, reader_of, show_problem
+from core.web.pages_answers import ACCOUNT_COOKIE, LANGUAGE_COOKIE, reader_of
 from core.web.pages_forms import (
     Drawn,
     Form,
     carry_out,
-    from_script,
     go_on,
     read_form,
-    refuse_script,
-    sentences,
 )
-from core.web.problems import RULE_HEADER, Problem, ProblemError
+from core.web.pages_granting import granted
+from core.web.problems import Problem, ProblemError
 from frontend.amounts import read_amount
 from frontend.paper import LANGUAGES, page_text
-from frontend.render import Language, problem_text
+from frontend.render import Language
 
 YEAR_S: Final = 365 * 24 * 3_600
 # What no amount can be: whatever was typed goes on to the ledger's own check, together with the other fields.
 NO_AMOUNT: Final = "?"
-_GONE: Final = frozenset({Slug.ENTRY_NOT_FOUND, Slug.ENTRY_REVERSED})  # there is no form to show again
 
 _SET_ASIDE: Final = frozenset({"set-aside", "account-set-aside"})
 
@@ -60,8 +56,6 @@ EXAMPLES: Final[tuple[tuple[str, AccountType], ...]] = (
     ("example_leisure", AccountType.EXPENSE),
 )
 
-Redraw = Callable[[Request, Drawn, int, str | None], Awaitable[Response]]
-
 
 async def write_entry(request: Request) -> Response:
     """POST /entries."""
@@ -76,7 +70,7 @@ async def write_entry(request: Request) -> Response:
         )
         return response
 
-    return await _granted(request, form, wish, pages.draw_new_entry)
+    return await granted(request, form, wish, pages.draw_new_entry, pages.EMPTY_FORM)
 
 
 async def change_entry(request: Request) -> Response:
@@ -102,7 +96,7 @@ async def change_entry(request: Request) -> Response:
     async def redraw(request: Request, drawn: Drawn, status: int, key: str | None) -> Response:
         return await pages.draw_entry(request, await pages.entry_of(request), drawn, status, key)
 
-    return await _granted(request, form, wish, redraw)
+    return await granted(request, form, wish, redraw, pages.EMPTY_FORM)
 
 
 async def delete_entry(request: Request) -> Response:
@@ -115,7 +109,7 @@ async def delete_entry(request: Request) -> Response:
         await carry_out(request, form, "entry.reverse", command)
         return go_on(request, "/register", "deleted", id=entry_id)
 
-    return await _granted(request, form, wish, None)
+    return await granted(request, form, wish)
 
 
 async def add_account(request: Request) -> Response:
@@ -127,7 +121,7 @@ async def add_account(request: Request) -> Response:
         made = await carry_out(request, form, "account.open", command)
         return go_on(request, "/accounts", "account_added", id=made["id"])
 
-    return await _granted(request, form, wish, pages.draw_accounts)
+    return await granted(request, form, wish, pages.draw_accounts, pages.EMPTY_FORM)
 
 
 async def shut_account(request: Request) -> Response:
@@ -141,7 +135,7 @@ async def shut_account(request: Request) -> Response:
         await carry_out(request, form, "account.close", close_account(account_id))
         return go_on(request, "/accounts", "account_closed", id=account_id)
 
-    return await _granted(request, form, wish, None)
+    return await granted(request, form, wish)
 
 
 async def start(request: Request) -> Response:
@@ -160,7 +154,7 @@ async def start(request: Request) -> Response:
                 raise ProblemError(_of_a_part(error.problem, number)) from None
         return go_on(request, "/", "account_added")
 
-    return await _granted(request, form, wish, None)
+    return await granted(request, form, wish)
 
 
 async def choose_language(request: Request) -> Response:
@@ -200,44 +194,6 @@ def _of_a_part(problem: Problem, done: int) -> Problem:
         if done and problem.slug in _SET_ASIDE
         else problem
     )
-
-
-async def _granted(
-    request: Request, form: Form, wish: Callable[[], Awaitable[Response]], redraw: Redraw | None
-) -> Response:
-    """Return what the wish gives, or its no: to a script as JSON, else as the form with its faults."""
-    try:
-        return await wish()
-    except ProblemError as error:
-        problem = _at_its_field(error.problem)
-        if from_script(request):
-            return refuse_script(request, problem)
-        response = show_problem(request, problem)
-        if redraw is None or problem.slug in _GONE:
-            return response
-        lang = reader_of(request).lang
-        _title, detail = problem_text(problem.slug, lang, **problem.values)
-        if problem.slug == "safe-mode":
-            detail = f"{detail} {page_text('safe_kept', lang)}"
-        faults = sentences(request, problem.faults)
-        at_a_field = any(name in pages.EMPTY_FORM for name in faults)
-        drawn = Drawn({**pages.EMPTY_FORM, **form.fields}, faults, "" if at_a_field else detail, wrong=True)
-        unanswered = response.status_code >= 500
-        drawn_page = await redraw(request, drawn, response.status_code, form.key if unanswered else None)
-        for name in ("retry-after", "x-core-draining", RULE_HEADER):
-            if name in response.headers:
-                drawn_page.headers[name] = response.headers[name]
-        return drawn_page
-
-
-def _at_its_field(problem: Problem) -> Problem:
-    # People give names; the id is ours, made of the name. What a form has seen is no field of anybody.
-    faults = tuple(
-        Fault("/name", fault.reason) if fault.pointer == "/id" else fault
-        for fault in problem.faults
-        if fault.pointer != "/expected_seq"
-    )
-    return msgspec.structs.replace(problem, faults=faults)
 
 
 def _seq_seen(form: Form) -> int | None:
