@@ -31,6 +31,7 @@ NEEDS_A_PERSON = 4
 #: Words with a room of their own, and the name there.
 ELSEWHERE: Final = {
     "alerts": ("hardcore.alert_words", "alerts"),
+    "backup": ("hardcore.keeping_words", "backup"),
     "dlq": ("hardcore.letter_words", "dlq"),
     "down": ("hardcore.stopping", "down"),
     "doctor": ("hardcore.examination", "doctor"),
@@ -40,6 +41,7 @@ ELSEWHERE: Final = {
     "policy": ("hardcore.policy_words", "policy"),
     "replay": ("hardcore.looking_back", "replay"),
     "restart": ("hardcore.restarting", "restart"),
+    "restore": ("hardcore.keeping_words", "restore"),
     "safe-mode": ("hardcore.reading_only", "safe_mode"),
     "service": ("hardcore.service_words", "service"),
     "snapshot": ("hardcore.snapshot_words", "snapshot"),
@@ -79,6 +81,7 @@ def main(context: click.Context, /, **given: object) -> None:
     hardcore drill crash         break it on purpose and watch it come back
     hardcore safe-mode on        serve reads only until you say otherwise
     hardcore alerts test         tell everybody who would be told, now
+    hardcore backup              a proven copy of the ledger, now; one is made each day
     hardcore doctor              what this machine lets the guard see and do
     hardcore restart             a new core with the code on the disk, without losing a request
     hardcore down                stop it and keep it stopped

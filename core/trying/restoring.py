@@ -1,7 +1,7 @@
 """`python -m core rehearse-restore`: whether a backup could be gone back to, found out on a day when nobody needs it.
 
-A copy of the ledger as it stands, and the newest of those that were kept before a change of schema, are each put into a folder
-of their own and opened as a restore would open them: brought up to the present schema, fenced, proven before serving, then
+A copy of the ledger as it stands, and the newest backup (without one: the newest copy that was kept before a change of
+schema), are each put into a folder of their own and opened as a restore would open them: brought up to the present schema, fenced, proven before serving, then
 proven whole from the first event. The event that the copy ended with must be there under its hash. Whatever is found, the
 ledger and the backups themselves are only read. Not chosen: to trust a check of the file; a database can be whole and the
 book in it not.
@@ -10,6 +10,7 @@ book in it not.
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -19,9 +20,10 @@ import msgspec
 from core.departure import Departure, ExitCode
 from core.guarded.quarantine import Quarantine
 from core.guarded.recorder import NoRecorder
-from core.journal.backup import newest_backup
+from core.journal.backup import BACKUPS, newest_backup
 from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_reading
 from core.journal.verify import SLICE_EVENTS, GivenUp, Verdict, verify
+from core.keeping.shelf import newest
 from core.rulings import RULES, Rulings
 from core.saying import say
 from core.settings import Settings
@@ -48,6 +50,14 @@ class Report(msgspec.Struct, frozen=True):
     fault: str | None
 
 
+def _newest_kept(data: Path) -> Path | None:
+    """Return the newest proven copy in the folder of backups; None without one."""
+    with suppress(OSError):
+        name = newest(path.name for path in (data / BACKUPS).iterdir())
+        return None if name is None else data / BACKUPS / name
+    return None
+
+
 class _Failed(msgspec.Struct, frozen=True):
     code: ExitCode
     sentence: str
@@ -57,7 +67,7 @@ def rehearse(data: Path, settings: Settings, *, as_json: bool) -> int:
     """Restore and prove, tell what came of it, and return the exit code."""
     be_quiet()
     begun_ns = time.monotonic_ns()
-    kept = newest_backup(data)
+    kept = _newest_kept(data) or newest_backup(data)
     found: Verdict | _Failed = _restored(data, data, settings, "the ledger as it stands")
     whole = found
     if isinstance(found, Verdict) and kept is not None:

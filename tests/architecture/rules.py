@@ -42,6 +42,7 @@ CORE_FILE_ROOMS: Final = {
     "core/journal/checkpoints.py": "the folder of checkpoints, which holds nothing else",
     "core/journal/disk.py": "a small file of its own, and ledger.lock, to see whether the disk takes writes",
     "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
+    "core/keeping/": "copies that are made, proven and gone back to; none of them is the ledger that is at work",
     "core/trying/asking.py": "none: it has the bytes of an answer read as if they came from one",
     "core/trying/forking.py": "what the kernel says of this process, and the file for a throw-away core's stacks",
     "core/trying/place.py": "the folder of a trial",
