@@ -36,9 +36,9 @@ class Header(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DateRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The order of year, month and day."""
+    """The order of year, month and day; absent where it depends on the account: then the whole file is asked, or a person."""
 
-    order: DateOrder
+    order: DateOrder | None = None
 
 
 class AmountRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -89,7 +89,12 @@ class Sample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Format(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One layout of one bank. `identity` are the roles whose cells no later export changes."""
+    """One layout of one bank. `identity` are the roles whose cells no later export changes.
+
+    `bank_id` names the column of the bank's own id of a row: where it is filled, a row is known by it, its date and
+    its amount, and by nothing that a later export might spell otherwise. `notes` are how the
+    text of a row begins that has a date and no amount because it is no movement.
+    """
 
     schema: int
     id: str
@@ -105,6 +110,8 @@ class Format(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     amount: AmountRule = AmountRule()
     direction: DirectionRule | None = None
     status: StatusRule | None = None
+    bank_id: Words = ()
+    notes: Words = ()
 
     def fits(self, names: frozenset[str]) -> bool:
         """Whether a header with these canonical names is one of this layout."""

@@ -32,6 +32,11 @@ ENCODINGS: Final = MappingProxyType(
 _MARKS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 _TRIED: Final = ("utf-8", "cp949")
 _GUESS: Final = "windows-1252"
+_WESTERN: Final = frozenset({"windows-1252", "iso-8859-1"})
+# Every letter beyond ASCII is a whole syllable of Korean or its punctuation: no western text is written so.
+_KOREAN: Final = re.compile(
+    rb"[\x00-\x7f]*(?:(?:[\xa1-\xac][\xa1-\xfe])*[\xb0-\xc8][\xa1-\xfe](?:[\x00-\x7f]|[\xa1-\xac\xb0-\xc8][\xa1-\xfe])*)"
+)
 _CONTROL_BYTES: Final = re.compile(rb"[\x01-\x08\x0e-\x19\x1b-\x1f\x7f]")
 _CONTROL_SHARE_MAX: Final = 0.01
 _END_OF_FILE: Final = "\x1a"  # some old programs still write it behind the last line
@@ -45,17 +50,25 @@ class Decoded(msgspec.Struct, frozen=True):
     guessed: bool = False
 
 
-def decode(data: bytes, encoding: str | None) -> Decoded | Unreadable:
-    """The text in `data`. `encoding` is a key of ENCODINGS that a person chose, or None to find it."""
+def decode(data: bytes, encoding: str | None, said: str | None = None) -> Decoded | Unreadable:
+    """The text in `data`. `encoding` is a key of ENCODINGS that a person chose, or None to find it.
+
+    `said`: the one that the file itself names. It is asked after UTF-8 alone, which no other text passes for, because
+    some banks name one and write UTF-8; and a western one is not believed of a text in Korean.
+    """
     if encoding is not None and encoding not in ENCODINGS:
         return Unreadable(Why.UNKNOWN_ENCODING)
     chosen = encoding or next((name for mark, name in _MARKS if data.startswith(mark)), None)
     if chosen is None and _is_binary(data):
         return Unreadable(Why.BINARY)
-    for name in (chosen,) if chosen else (*_TRIED, _GUESS):
+    if said in _WESTERN and _KOREAN.fullmatch(data):
+        said = None
+    tried = (_TRIED[0], said, *_TRIED[1:], _GUESS) if said else (*_TRIED, _GUESS)
+    for name in (chosen,) if chosen else tried:
         text = _strictly(data, name)
         if text is not None:
-            return _checked(Decoded(text, name, guessed=chosen is None and name == _GUESS))
+            guessed = chosen is None and name == _GUESS and name != said
+            return _checked(Decoded(text, name, guessed=guessed))
     return Unreadable(Why.WRONG_ENCODING)
 
 

@@ -4,6 +4,9 @@ import re
 from enum import Enum, auto
 from typing import Final
 
+from core.imports.reading.ofx import is_ofx
+from core.imports.reading.qif import is_qif
+
 _ZIP: Final = (b"PK\x03\x04", b"PK\x05\x06")
 _OLE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 # Pictures, papers and archives that people pick by mistake; each deserves a clearer word than "binary".
@@ -25,7 +28,7 @@ _MARKUP: Final = re.compile(
     re.IGNORECASE | re.DOTALL,
 )
 _TABLE: Final = re.compile(r"<table\b", re.IGNORECASE)
-_XML: Final = re.compile(r"\s*<\?xml\b|\s*<(workbook|ofx)\b", re.IGNORECASE)
+_XML: Final = re.compile(r"\s*<\?xml\b|\s*<workbook\b", re.IGNORECASE)
 _MARKUP_SEEN_CHARACTERS: Final = 4_096
 
 
@@ -43,6 +46,8 @@ class Writing(Enum):
 
     HTML = auto()
     XML = auto()
+    OFX = auto()
+    QIF = auto()
     DELIMITED = auto()
 
 
@@ -58,6 +63,10 @@ def packing_of(data: bytes) -> Packing:
 def writing_of(text: str) -> Writing:
     """What kind of text this is, by how it begins."""
     top = text[:_MARKUP_SEEN_CHARACTERS]
+    if is_ofx(top):
+        return Writing.OFX
+    if is_qif(top):
+        return Writing.QIF
     if _MARKUP.match(top) and _TABLE.search(text):
         return Writing.HTML
     return Writing.XML if _XML.match(top) else Writing.DELIMITED

@@ -53,6 +53,9 @@ def propose(table: Table, formats: abstract.Mapping[str, Format], wanted: str | 
     best = fitting[0].id if fitting else None
     chosen = best if wanted is None else (wanted or None)
     mapping = _by_words(table) if chosen is None else mapping_of(formats[chosen], table.columns)
+    if chosen is not None and mapping.date_format is None and mapping.date is not None:
+        order = guess_order(_cells(table, {"date": table.columns.index(mapping.date)})["date"])
+        mapping = msgspec.structs.replace(mapping, date_format=order)
     return Proposal(chosen, tuple(form.id for form in fitting), mapping, faults_of(mapping, table.columns))
 
 

@@ -19,7 +19,9 @@ from core.imports.reading.lettering import decode
 from core.imports.reading.limits import ReadingLimits
 from core.imports.reading.locked import open_ole
 from core.imports.reading.names import unique_names
+from core.imports.reading.ofx import encoding_said, read_ofx
 from core.imports.reading.packing import Packing, Writing, packing_of, writing_of
+from core.imports.reading.qif import read_qif
 from core.imports.reading.raw import RawTable
 from core.imports.reading.table import (
     CELL_CHARACTERS_MAX,
@@ -116,24 +118,30 @@ def _open_workbook(data: bytes, limits: ReadingLimits) -> _Opened | Unreadable:
 
 
 def _open_text(data: bytes, formats: tuple[Format, ...], encoding: str | None) -> _Opened | Unreadable:
-    decoded = decode(data, encoding)
+    decoded = decode(data, encoding, encoding_said(data))
     if isinstance(decoded, Unreadable):
         return decoded
     notes = (Note.ENCODING_GUESSED,) if decoded.guessed else ()
     writing = writing_of(decoded.text)
     if writing is Writing.XML:
         return Unreadable(Why.UNSUPPORTED)
-    if writing is Writing.HTML:
-        tables = read_hypertext(decoded.text)
-        return (
-            tables
-            if isinstance(tables, Unreadable)
-            else _Opened(Container.HTML, tables, decoded.encoding, notes)
-        )
-    table = read_delimited(decoded.text, formats)
-    return (
-        table if isinstance(table, Unreadable) else _Opened(Container.CSV, [table], decoded.encoding, notes)
-    )
+    container, tables = _tables_of(writing, decoded.text, formats)
+    return tables if isinstance(tables, Unreadable) else _Opened(container, tables, decoded.encoding, notes)
+
+
+def _tables_of(
+    writing: Writing, text: str, formats: tuple[Format, ...]
+) -> tuple[Container, Sequence[RawTable] | Unreadable]:
+    match writing:
+        case Writing.HTML:
+            return Container.HTML, read_hypertext(text)
+        case Writing.OFX:
+            container, table = Container.OFX, read_ofx(text)
+        case Writing.QIF:
+            container, table = Container.QIF, read_qif(text)
+        case _:
+            container, table = Container.CSV, read_delimited(text, formats)
+    return container, table if isinstance(table, Unreadable) else [table]
 
 
 def _finish(opened: _Opened, header: Header, table: RawTable) -> Readout | Unreadable:

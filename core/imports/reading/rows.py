@@ -40,6 +40,7 @@ CATEGORIES_MAX: Final = 200
 _FOOTER: Final = re.compile(
     r"(합계|총합계|소계|총계|누계|총[0-9,]+건|[0-9,]+건$|합산|grandtotal|total|subtotal|合計|小計|summe|gesamt).*"
 )
+_BESIDE_ID: Final = frozenset({"date", "amount", "in", "out", "fee", "currency"})
 _CONFLICT: Final = Refusal.SIGN_CONFLICT
 
 
@@ -74,7 +75,9 @@ class _Reader(msgspec.Struct, frozen=True):
     places: dict[str, int]
     header: tuple[str, ...]
     identity: tuple[tuple[str, int], ...]
+    bank_id: tuple[tuple[str, int], ...]
     words: _Words
+    notes: tuple[str, ...]
     account_currency: str | None
     seen: Counter[tuple[str, ...]] = msgspec.field(default_factory=Counter)
     categories: set[str] = set()
@@ -99,7 +102,9 @@ def parse_rows(
         places=_places(table.columns, mapping),
         header=tuple(header_text(column) for column in table.columns),
         identity=_identity(table.columns, header_format),
+        bank_id=_bank_id(table.columns, header_format),
         words=_words(format_),
+        notes=tuple(map(canonical, format_.notes)) if format_ else (),
         account_currency=account_currency,
     )
     return (_judge(reader, row) for row in table.rows())
@@ -124,6 +129,15 @@ def _identity(columns: tuple[str, ...], format_: Format | None) -> tuple[tuple[s
         accepted = [canonical(name) for name in format_.columns[role]]
         found += [(role, names.index(name)) for name in accepted if name in names][:1]
     return tuple(found)
+
+
+def _bank_id(columns: tuple[str, ...], format_: Format | None) -> tuple[tuple[str, int], ...]:
+    """The place of the bank's own id, first, and of what still tells rows apart where a bank gives one id twice."""
+    if format_ is None or not format_.bank_id:
+        return ()
+    names = [canonical(column) for column in columns]
+    own = [("bank_id", names.index(name)) for name in map(canonical, format_.bank_id) if name in names][:1]
+    return (*own, *(pair for pair in _identity(columns, format_) if pair[0] in _BESIDE_ID)) if own else ()
 
 
 def _words(format_: Format | None) -> _Words:
@@ -152,13 +166,24 @@ def _judge(reader: _Reader, row: Row) -> Result:
         return SkippedRow(row.line, row.cells, status)
     money = status or _money(reader, row)
     if isinstance(money, _Fault):
-        return _refused(reader, row, money)
+        return _refused(reader, row, money) if not _is_note(reader, row, money) else _noted(row)
     if money.minor == 0:
         return SkippedRow(row.line, row.cells, Skip.NO_MOVEMENT)
     candidate = _candidate(reader, row, date, money)
     if not _admitted(reader, candidate.category):
         return _refused(reader, row, _Fault(Refusal.TOO_MANY_CATEGORIES, "category"))
     return candidate
+
+
+def _is_note(reader: _Reader, row: Row, fault: _Fault) -> bool:
+    """Whether a row without an amount is one that its format names as no movement."""
+    if fault.reason is not Refusal.NO_AMOUNT or not reader.notes:
+        return False
+    return canonical(_cell(reader, row, "description")).startswith(reader.notes)
+
+
+def _noted(row: Row) -> SkippedRow:
+    return SkippedRow(row.line, row.cells, Skip.NOTE)
 
 
 def _refused(reader: _Reader, row: Row, fault: _Fault) -> RefusedRow:
@@ -324,6 +349,6 @@ def _admitted(reader: _Reader, category: str | None) -> bool:
 
 
 def _identity_of(reader: _Reader, row: Row) -> tuple[str, ...]:
-    return tuple(
-        f"{label}={settled(row.cells[at])}" for label, at in reader.identity if row.cells[at].strip()
-    )
+    by_id = bool(reader.bank_id) and bool(row.cells[reader.bank_id[0][1]].strip())
+    places = reader.bank_id if by_id else reader.identity
+    return tuple(f"{label}={settled(row.cells[at])}" for label, at in places if row.cells[at].strip())

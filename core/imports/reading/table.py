@@ -23,6 +23,8 @@ class Container(StrEnum):
     HTML = "html"
     XLSX = "xlsx"
     XLS = "xls"
+    OFX = "ofx"
+    QIF = "qif"
 
 
 class Why(StrEnum):

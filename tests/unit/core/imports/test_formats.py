@@ -65,6 +65,23 @@ def test_the_banks_that_were_promised_are_there() -> None:
         "us.chase.card",
         "us.chase.checking",
         "eu.revolut.account",
+        "de.dkb.account",
+        "de.ing.account",
+        "de.sparkasse.camt",
+        "de.sparkasse.mt940",
+        "eu.n26.account",
+        "eu.wise.statement",
+        "gb.monzo.account",
+        "jp.mufg.account",
+        "jp.rakuten.account",
+        "jp.smbc.account",
+        "kr.woori.account",
+        "nl.ing.account",
+        "ofx.statement",
+        "us.amex.card",
+        "us.bofa.card",
+        "us.bofa.checking",
+        "us.capitalone.card",
     }
 
 
