@@ -1,6 +1,6 @@
 """Going back to a copy: into a folder that holds no ledger, proven before it gets the ledger's name.
 
-The copy itself is only read. What is laid down is proven from its first event, and the name `ledger.db` is the last thing it is
+The copy itself is only read. What is laid down is proven from its first event, and the ledger's name is the last thing it is
 given; whoever dies on the way leaves a folder without a ledger, and the same words again bring it about. A copy of an older
 schema is first brought up as a start would do it. The epoch stays that of the copy: the core that begins to write raises it,
 as ever. Nothing is ever written over: going back beside a ledger that lives would make two histories of one household.
