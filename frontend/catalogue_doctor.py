@@ -52,6 +52,14 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
         "The data folder lies on a network ({kind}), where locks can't be trusted. Move it to a disk of this machine.",
     ),
     "file_system": ("파일 시스템: {kind}", "File system: {kind}"),
+    "formats": (
+        "직접 추가한 은행 형식 파일을 읽을 수 있어요 ({count}).",
+        "The bank formats you have added can be read ({count}).",
+    ),
+    "format_faulty": (
+        "은행 형식 {file} 파일에 고칠 곳이 있어요: {why}. 나머지 형식은 그대로 쓸 수 있어요.",
+        "The bank format {file} needs mending: {why}. All other formats work.",
+    ),
     "policy": ("정책 파일이 올바라요.", "The policy file is fine."),
     "policy_default": ("정책 파일이 없어서 기본값을 써요.", "There is no policy file: the defaults hold."),
     "policy_faulty": (

@@ -89,6 +89,10 @@ NOTES: Final[dict[str, dict[str, str]]] = {
         "ko": "긴 숫자가 6.1E+25처럼 줄어든 칸이 있어요. 원래 숫자는 이 파일에 남아 있지 않아요.",
         "en": "Some long numbers were shortened, as in 6.1E+25. This file no longer holds their digits.",
     },
+    "format-broken": {
+        "ko": "직접 추가한 형식 파일 {file} 하나는 쓰지 못했어요 ({why}). 고친 뒤 다시 올려 주세요. 다른 형식은 그대로 쓸 수 있어요.",
+        "en": "Your own format file {file} could not be used ({why}). Put it right and give the file again. All other formats work.",
+    },
     "cell-cut": {
         "ko": "너무 긴 칸은 4,000자까지만 읽었어요.",
         "en": "Very long cells were read up to 4,000 characters.",

@@ -10,6 +10,7 @@ import os
 import resource
 import sys
 import time
+import tomllib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -34,6 +35,11 @@ MB = 1 << 20
 DUMP_MS = 1000
 #: None of the guard's own small files is larger.
 OWN_FILE_BYTES_MAX = 4 << 20
+#: The household's own bank formats, beside its ledger; as the ledger bounds them.
+FORMATS = "formats"
+FORMATS_MAX = 200
+FORMAT_BYTES_MAX = 64 << 10
+FORMAT_NEEDS = ("schema", "name", "kind", "sure", "header", "columns", "date", "identity", "test")
 #: File systems that live in memory: what lies there is gone when the machine is switched off.
 _IN_MEMORY = frozenset({"tmpfs", "ramfs"})
 #: File systems on which SQLite's locks can't be trusted.
@@ -94,6 +100,7 @@ def examine(folders: Folders) -> list[Finding]:
         _alerts,
         _checkpoints,
         _own_files,
+        _formats,
         _evidence,
         _limits,
     )
@@ -251,6 +258,29 @@ def _own_files(folders: Folders) -> Iterable[Finding]:
         )
     else:
         yield _found("own files", Colour.GREEN, "own_files")
+
+
+def _formats(folders: Folders) -> Iterable[Finding]:
+    """Find the household's own bank formats that can't be meant; what is in a good one, the ledger itself looks at."""
+    found = sorted((folders.data / FORMATS).glob("*.toml"))[:FORMATS_MAX]
+    faults = [(path.name, why) for path in found if (why := _fault_of_format(path)) is not None]
+    for name, why in faults:
+        yield _found("formats", Colour.YELLOW, "format_faulty", file=name, why=why)
+    if found and not faults:
+        yield _found("formats", Colour.GREEN, "formats", count=len(found))
+
+
+def _fault_of_format(path: Path) -> str | None:
+    try:
+        if not path.is_file() or path.stat().st_size > FORMAT_BYTES_MAX:
+            return "it is no plain file, or too large"
+        told = tomllib.loads(path.read_text("utf-8-sig"))
+    except (OSError, ValueError) as error:
+        return str(error) or "it can't be read"
+    if told.get("id") != path.stem:
+        return "id is not the name of its file"
+    missing = [name for name in FORMAT_NEEDS if name not in told]
+    return f"{', '.join(missing)} missing" if missing else None
 
 
 def _evidence(folders: Folders) -> Iterable[Finding]:

@@ -63,7 +63,7 @@ class Desk:
         self._service = service
         self._recorder = recorder
         self._imports = Imports(data)
-        self._looker = Looker(service)
+        self._looker = Looker(service, data)
         self._importer = Importer(service, recorder, suspected)
         self._uploads: set[str] = set()
         self._changing = asyncio.Lock()  # a wish is looked at and replaced in one go

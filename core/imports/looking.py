@@ -9,6 +9,7 @@ import asyncio
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Final, TypeVar
 
 import msgspec
@@ -17,11 +18,12 @@ from sqlalchemy import Connection
 from core.imports.folder import ImportFolder
 from core.imports.reading.candidates import Result
 from core.imports.reading.child import read_in_child
-from core.imports.reading.formats import builtin_formats
+from core.imports.reading.formats import Format
 from core.imports.reading.kept import ReadTable
 from core.imports.reading.limits import ReadingLimits
 from core.imports.reading.mapping import FaultKind, Mapping, MappingFault, faults_of
-from core.imports.reading.proposal import fitting_formats, guessed_anew, propose
+from core.imports.reading.own_formats import FOLDER, Known, known_formats, with_own
+from core.imports.reading.proposal import Proposal, fitting_formats, guessed_anew, propose
 from core.imports.reading.rows import parse_rows
 from core.imports.reading.table import Row, Table, Unreadable, Why
 from core.imports.records import Manifest, Survey
@@ -83,8 +85,10 @@ class Timed(msgspec.Struct, frozen=True):
 class Looker:
     """Looks at files. All methods on the loop's thread."""
 
-    def __init__(self, service: Service) -> None:
+    def __init__(self, service: Service, data: Path | None = None) -> None:
+        """Take the data folder, in which the household's own layouts are looked for; None: it has none."""
         self._service = service
+        self._formats = None if data is None else data / FOLDER
         self._room = asyncio.Semaphore(LOOKS_AT_A_TIME)
 
     def deadline_ns(self) -> int:
@@ -102,7 +106,12 @@ class Looker:
                 file_bytes_max=self._service.settings.import_file_bytes_max, wall_ms_max=left_ms
             )
             read = await read_in_child(
-                folder.file, encoding=encoding, password=password, out=fresh, limits=limits
+                folder.file,
+                encoding=encoding,
+                password=password,
+                out=fresh,
+                limits=limits,
+                formats=self._formats,
             )
         if isinstance(read, Unreadable):
             await asyncio.to_thread(fresh.unlink, missing_ok=True)
@@ -125,7 +134,8 @@ class Looker:
         account = await self.account(account_id) if account_id is not None else None
         if isinstance(account, Trouble):
             return account
-        formats = builtin_formats()
+        known = await asyncio.to_thread(known_formats, self._formats)
+        formats = known.formats
         wanted = choices.format if anew or choices.format is not None else manifest.format or ""
         if wanted and wanted not in formats:
             return Trouble("import-format-unknown", {"format": wanted[:NAMED_MAX]})
@@ -146,11 +156,15 @@ class Looker:
             chosen=chosen,
             account=account_id,
             currency=account.currency if account else None,
+            own_formats=_own(known, proposal),
         )
         if blocking(faults_of(filled.mapping, table.columns)):
-            return Looked(filled, Survey(table.table.head.row_count, fitting=proposal.fitting))
+            bare = Survey(table.table.head.row_count, fitting=proposal.fitting, broken_formats=known.broken)
+            return Looked(filled, bare)
         found = await self._survey(filled, table, proposal.fitting)
-        return found if isinstance(found, Trouble) else Looked(filled, found)
+        if isinstance(found, Trouble):
+            return found
+        return Looked(filled, msgspec.structs.replace(found, broken_formats=known.broken))
 
     async def account(self, account_id: str) -> Account | Trouble:
         """Return the account that rows are to be booked on."""
@@ -192,10 +206,16 @@ class Looker:
 
 def results(manifest: Manifest, table: Table) -> Iterator[Result]:
     """Return what each row of the table is under this wish, in order, always the same."""
-    formats = builtin_formats()
+    formats = with_own(manifest.own_formats)
     form = formats.get(manifest.format) if manifest.format is not None else None
     of_header = next(iter(fitting_formats(table.columns, formats)), None)
     return parse_rows(table, manifest.mapping, form, manifest.currency, of_header)
+
+
+def _own(known: Known, proposal: Proposal) -> tuple[Format, ...]:
+    """The household's own layouts that this file goes by: kept with it, so that its rows never become others."""
+    names = dict.fromkeys((proposal.format, *proposal.fitting))
+    return tuple(known.own[name] for name in names if name is not None and name in known.own)
 
 
 def _set_by_hand(before: Mapping, now: Mapping) -> Iterator[str]:

@@ -10,7 +10,9 @@ from typing import Final
 import msgspec
 
 from core.imports.reading.balance import BalanceVerdict
+from core.imports.reading.formats import Format
 from core.imports.reading.mapping import Mapping
+from core.imports.reading.own_formats import Broken
 from core.imports.states import State
 
 SAMPLE_MAX: Final = 20
@@ -36,6 +38,7 @@ class Manifest(msgspec.Struct, frozen=True):
     chosen: tuple[str, ...] = ()  # fields of the mapping that a person set and no guess may change
     skip_duplicates: bool = True
     fault: str | None = None  # why it failed
+    own_formats: tuple[Format, ...] = ()  # of the household, as they were when the file was looked at
 
 
 class Problem(msgspec.Struct, frozen=True):
@@ -80,6 +83,7 @@ class Survey(msgspec.Struct, frozen=True):
     problems: tuple[Problem, ...] = ()
     balance_check: BalanceVerdict = BalanceVerdict.ABSENT
     fitting: tuple[str, ...] = ()  # ids of the formats whose header the file has, the best first
+    broken_formats: tuple[Broken, ...] = ()  # files beside the household's own layouts that are none
 
 
 class Progress(msgspec.Struct, frozen=True):

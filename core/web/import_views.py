@@ -9,8 +9,9 @@ from typing import Final
 import msgspec
 
 from core.imports.desk import Kept
-from core.imports.reading.formats import builtin_formats
+from core.imports.reading.formats import Format
 from core.imports.reading.mapping import Mapping, MappingFault, faults_of
+from core.imports.reading.own_formats import with_own
 from core.imports.records import EntryShown, Problem, SampleRow
 from core.imports.states import State
 from core.ledger.views import timestamp
@@ -18,6 +19,7 @@ from frontend.catalogue_imports import BOOKING, REASONS, WAITING
 from frontend.catalogue_problems import PROBLEMS
 from frontend.render import Language, problem_text
 
+FORMAT_BROKEN: Final = "format-broken"
 _PAIRS: Final = {**REASONS, **BOOKING, **WAITING}
 
 
@@ -141,7 +143,7 @@ def summary_of(kept: Kept, lang: Language) -> ImportSummary:
         bytes=wish.file_bytes,
         made_at=timestamp(wish.made_ns),
         format=wish.format,
-        format_name=_format_name(wish.format, lang),
+        format_name=_format_name(wish.format, wish.own_formats, lang),
         account=wish.account,
         rows=_counts(kept),
         done=kept.progress.done,
@@ -163,13 +165,15 @@ def view_of(kept: Kept, lang: Language) -> ImportView:
         container=head.container.value if head is not None else None,
         encoding=head.encoding if head is not None else None,
         format=wish.format,
-        format_name=_format_name(wish.format, lang),
-        formats=tuple(FormatChoice(one, _format_name(one, lang) or one) for one in kept.survey.fitting),
+        format_name=_format_name(wish.format, wish.own_formats, lang),
+        formats=tuple(
+            FormatChoice(one, _format_name(one, wish.own_formats, lang) or one) for one in kept.survey.fitting
+        ),
         header_line=head.header_line if head is not None else None,
         columns=head.columns if head is not None else (),
         mapping=wish.mapping,
         faults=faults_shown(faults, lang),
-        notes=tuple(reason_shown(note.value, lang) for note in (head.notes if head is not None else ())),
+        notes=_notes(kept, lang),
         account=wish.account,
         currency=wish.currency,
         rows=_counts(kept),
@@ -226,6 +230,17 @@ def _total(kept: Kept) -> int:
     return kept.table.head.row_count if kept.table is not None else kept.survey.total
 
 
-def _format_name(format_id: str | None, lang: Language) -> str | None:
-    form = builtin_formats().get(format_id) if format_id is not None else None
+def _notes(kept: Kept, lang: Language) -> tuple[ReasonView, ...]:
+    notes = kept.table.head.notes if kept.table is not None else ()
+    return (
+        *(reason_shown(note.value, lang) for note in notes),
+        *(
+            ReasonView(FORMAT_BROKEN, sentence(FORMAT_BROKEN, lang, file=one.file, why=one.why))
+            for one in kept.survey.broken_formats
+        ),
+    )
+
+
+def _format_name(format_id: str | None, own: tuple[Format, ...], lang: Language) -> str | None:
+    form = with_own(own).get(format_id) if format_id is not None else None
     return form.name[lang] if form is not None else format_id

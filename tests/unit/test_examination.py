@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hardcore.examination import Finding, _watched, examine
+from hardcore.examination import FORMATS, Finding, _formats, _watched, examine
 from hardcore.host import muting
 from hardcore.host.folders import Folders
 from hardcore.model.verdicts import Colour
@@ -79,6 +79,14 @@ def test_a_file_of_the_guards_own_that_can_not_be_read_is_named(tmp_path: Path) 
     folders.counters.write_text("{")
     folders.history.write_text('{"version": 1, "changes": []}')
     assert dict(_findings(tmp_path)["own files"].values)["files"] == "counters.json"
+
+
+def test_a_bank_format_that_can_not_be_meant_is_named(tmp_path: Path) -> None:
+    formats = tmp_path / FORMATS
+    formats.mkdir(parents=True)
+    (formats / "bad.toml").write_text("schema = ")
+    [finding] = _formats(Folders(tmp_path, tmp_path / "run"))
+    assert (finding.colour, dict(finding.values)["file"]) == (Colour.YELLOW, "bad.toml")
 
 
 def test_who_would_miss_the_sentinel_is_known_before_it_is_lost(tmp_path: Path) -> None:

@@ -17,9 +17,9 @@ from typing import Final
 
 import msgspec
 
-from core.imports.reading.formats import builtin_formats
 from core.imports.reading.kept import write_table
 from core.imports.reading.limits import ReadingLimits
+from core.imports.reading.own_formats import known_formats
 from core.imports.reading.request import Answer, Request
 from core.imports.reading.table import Unreadable, Why
 
@@ -66,7 +66,8 @@ def _limit(limits: ReadingLimits) -> None:
 def _answer(request: Request) -> Answer:
     try:
         return _read(request)
-    except MemoryError:
+    # A library that finds no room to be mapped into is told as one that can't be imported.
+    except (MemoryError, ImportError):
         return Unreadable(Why.OUT_OF_MEMORY)
     # Also what isn't an Exception: a panic of the workbook reader comes as a BaseException of its own.
     except BaseException:  # noqa: BLE001 - the reason stands above
@@ -80,7 +81,7 @@ def _read(request: Request) -> Answer:
     limits = request.limits
     with Path(request.path).open("rb") as file:
         data = file.read(limits.file_bytes_max + 1)
-    formats = builtin_formats().values()
+    formats = known_formats(Path(request.formats) if request.formats else None).formats.values()
     made = read(data, formats, limits, encoding=request.encoding, password=request.password)
     if isinstance(made, Unreadable):
         return made

@@ -46,11 +46,12 @@ async def read_in_child(
     password: str | None,
     out: Path,
     limits: ReadingLimits,
+    formats: Path | None = None,
 ) -> ReadTable | Unreadable:
     """The table in the file at `path`, its rows written to `out`; or why there is none.
 
     `encoding` is a key of `lettering.ENCODINGS` or None; `password` opens a locked workbook and is kept
-    nowhere. Must be awaited on the main thread's loop: the child dies with the thread that started it.
+    nowhere; `formats` is a folder of layouts of the household's own. Must be awaited on the main thread's loop: the child dies with the thread that started it.
     Cancelled, it kills the child first. OSError if `path` can't be looked at or no process can be started.
     """
     size_bytes = path.stat().st_size
@@ -62,7 +63,15 @@ async def read_in_child(
         return Unreadable(Why.UNKNOWN_ENCODING)
     if password is not None and len(password) > PASSWORD_CHARACTERS_MAX:
         return Unreadable(Why.WRONG_PASSWORD)
-    request = Request(str(path.absolute()), str(out.absolute()), encoding, password, limits, os.getpid())
+    request = Request(
+        str(path.absolute()),
+        str(out.absolute()),
+        encoding,
+        password,
+        limits,
+        os.getpid(),
+        None if formats is None else str(formats.absolute()),
+    )
     try:
         answer = await _ask(msgspec.json.encode(request), limits.wall_ms_max)
     finally:

@@ -15,6 +15,7 @@ class Request(msgspec.Struct, frozen=True):
     password: str | None
     limits: ReadingLimits
     parent: int
+    formats: str | None = None  # the folder of layouts that the household has added
 
 
 Answer = Unreadable | None
