@@ -75,6 +75,21 @@ def locked(text: str) -> Departure:
     return Departure(ExitCode.DB_LOCKED, sentence)
 
 
+def away(text: str) -> Departure:
+    """The server that the ledger lies in can't be reached: like a lock that somebody holds, it passes."""
+    sentence = (
+        f"The ledger's database can't be reached ({text}): see that its server runs and lets this user in."
+    )
+    return Departure(ExitCode.DB_LOCKED, sentence)
+
+
+def unfit(text: str) -> Departure:
+    """The server that the ledger lies in is there, and no ledger can be kept in it as it is set up."""
+    return Departure(
+        ExitCode.CONFIG_INVALID, f"The ledger's database can't be used: {text}. See docs/postgresql.md."
+    )
+
+
 def no_room(text: str) -> Departure:
     """The disk takes no write: it is full."""
     sentence = f"The ledger's disk takes no write ({text}): make room, then start again."

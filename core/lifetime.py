@@ -42,7 +42,7 @@ from core.journal import ballast
 from core.journal.checkpoints import Checkpoints
 from core.journal.ground import Ground
 from core.journal.proof import Witness
-from core.journal.store import LEDGER_FILE, StoreError, open_reading
+from core.journal.store import Server, StoreError, open_reading
 from core.journal.writer import Writer
 from core.listening import PAGE_SOCKET, LedgerServer, bind_loopback, bind_unix
 from core.notifier import NOTIFIER, Notifier
@@ -248,7 +248,8 @@ class Life:
             works.append(self._load_the_rest())
         if isinstance(book, OpenBook):
             rests = self._settings.verify_after_ms, self._settings.ballast_ms
-            works.append(ballast.keep_laid(self._data, *rests))
+            if not isinstance(self._settings.ledger(self._data), Server):
+                works.append(ballast.keep_laid(self._data, *rests))
             works += self._checkpointing(service)
         self._behind = [loop.create_task(work) for work in works]
         for task in self._behind:
@@ -333,7 +334,7 @@ class Life:
             return self._spare.readers
         # One more connection than reading threads: the proof of the whole book has its own.
         return open_reading(
-            self._data / LEDGER_FILE, self._settings.readers + 1, self._settings.write_busy_ms
+            self._settings.ledger(self._data), self._settings.readers + 1, self._settings.write_busy_ms
         )
 
     def _read_book(self, book: ReadableBook) -> Service:

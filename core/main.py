@@ -25,7 +25,7 @@ from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import take_instruments
 from core.guarded.recorder import RecorderUnusable
 from core.journal.rebuilding import Rebuilding
-from core.journal.store import LEDGER_FILE, StoreError, open_reading
+from core.journal.store import StoreError, open_reading
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.keeping.commands import backup, restore
@@ -34,7 +34,7 @@ from core.lock_holder import SECONDS_MAX, hold_lock
 from core.quick_verdict import verify_quickly
 from core.rulings import RULES, Rulings
 from core.saying import Log
-from core.settings import Settings
+from core.settings import STORE, Settings
 from core.trying.commands import rehearse_restore, try_cases
 
 PORT_DEFAULT: Final = 3001
@@ -56,10 +56,20 @@ def cli() -> None:
 @cli.command()
 @click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
 @click.option("--port", type=click.IntRange(0, 65_535), default=PORT_DEFAULT, show_default=True)
-def serve(data: Path, port: int) -> None:
+@click.option("--store", help="A PostgreSQL database instead of a file, as postgresql://USER@HOST/DATABASE.")
+def serve(data: Path, port: int, store: str | None) -> None:
     """Serve the ledger of a data folder."""
     environment = GuardedEnvironment.read(os.environ, os.getpid())
-    settings = Settings.read(os.environ)
+    settings = Settings.read(os.environ if store is None else {**os.environ, STORE: store})
+    if (
+        store is not None
+        and isinstance(settings, Settings)
+        and settings.store
+        and settings.store.has_password
+    ):
+        settings = [
+            f"A command line is read by everybody on this machine: give a password in {STORE} or ~/.pgpass."
+        ]
     faults = [*_faults(environment), *_faults(settings)]
     if isinstance(environment, list) or isinstance(settings, list):
         sys.exit(said(departure.config_invalid(" ".join(faults))))
@@ -96,11 +106,12 @@ def verify(data: Path, *, as_json: bool, quick: bool) -> None:
     settings = Settings.read(os.environ)
     if isinstance(settings, list):
         sys.exit(said(departure.config_invalid(" ".join(settings))))
-    if not (data / LEDGER_FILE).is_file():
+    where = settings.ledger(data)
+    if isinstance(where, Path) and not where.is_file():
         sys.exit(
             said(departure.config_invalid(f"There is no ledger in {data}: name its folder with --data."))
         )
-    readers = open_reading(data / LEDGER_FILE, 1, settings.fence_busy_ms)
+    readers = open_reading(where, 1, settings.fence_busy_ms)
     # What kills whoever rebuilds from it would kill this process too; no drill does.
     rulings = Rulings.beside((data / RULES).absolute())
     rulings.quarantine.read()

@@ -23,7 +23,7 @@ from core.journal.ahead import Ahead
 from core.journal.append import Journal
 from core.journal.backup import BACKUPS, back_up
 from core.journal.chain import Broken, EventRow
-from core.journal.fence import BringUp, Fenced, NotKept, NotOurs, Raised, StoreWentBack, fence
+from core.journal.fence import BringUp, Fenced, FenceOutcome, NotKept, NotOurs, Raised, StoreWentBack, fence
 from core.journal.ground import Ground
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
 from core.journal.proof import Proven, Witness, prove
@@ -33,15 +33,23 @@ from core.journal.store import (
     LEDGER_FILE,
     StoreError,
     StoreFault,
-    WritingEngine,
+    Writing,
+    begin_reading,
     close_writing,
+    end_holders,
+    is_in_server,
     size_bytes,
     store_error,
+    take_seat,
+    wait_at_most,
     watch,
+    writing,
 )
 from core.rulings import Rulings
 from core.settings import Settings
 
+#: What is about a lock or a server, whatever the data folder's disk says.
+_NOT_THE_DISKS: Final = frozenset({StoreFault.BUSY, StoreFault.AWAY, StoreFault.UNFIT})
 ASK_EVERY_S: Final = 1.0
 MORE_TIME_USEC: Final = 5_000_000  # several times that, so one lost asking does not end a start
 
@@ -82,7 +90,7 @@ def open_book(
     settings: Settings,
     telling: Telling,
     ahead: Ahead | None = None,
-    engine: WritingEngine | None = None,
+    engine: Writing | None = None,
     rulings: Rulings | None = None,
     ground: Ground | None = None,
 ) -> OpenBook | Departure:
@@ -96,7 +104,7 @@ def open_book(
     guard = take_start_guard(data, shared=terms.shared)
     if isinstance(guard, DoorClosed):
         return _not_let_in(guard)
-    engine = engine or WritingEngine(data / LEDGER_FILE)
+    engine = engine or writing(settings.ledger(data))
     taken = _take_over(engine, data, terms, settings, telling)
     if isinstance(taken, StoreError) and taken.fault is StoreFault.NO_ROOM and ballast.drop(data):
         taken = _take_over(engine, data, terms, settings, telling)
@@ -112,8 +120,8 @@ def open_book(
         return _unproven(proof, data)
     if isinstance(proof, Departure):
         return proof
-    connection.exec_driver_sql(f"PRAGMA busy_timeout = {settings.write_busy_ms}").close()
-    room = Room(data, time.monotonic_ns)
+    wait_at_most(connection, settings.write_busy_ms)
+    room = Room(None if is_in_server(connection) else data, time.monotonic_ns)
     journal = Journal(
         connection,
         taken.epoch,
@@ -139,13 +147,18 @@ class _Taken(msgspec.Struct, frozen=True):
 
 
 def _take_over(
-    engine: WritingEngine, data: Path, terms: Terms, settings: Settings, telling: Telling
+    engine: Writing, data: Path, terms: Terms, settings: Settings, telling: Telling
 ) -> _Taken | StoreError | Departure:
     busy_ms = settings.fence_busy_ms if terms.busy_ms is None else terms.busy_ms
     connection = engine.connect(busy_ms)
     if isinstance(connection, StoreError):
         return _as_the_disk_says(connection, data)
-    outcome = fence(connection, terms.expected_epoch, _bringing_up(data, telling))
+    outcome: FenceOutcome | None = take_seat(connection, shared=terms.shared)
+    if outcome is None:
+        outcome = fence(connection, terms.expected_epoch, _bringing_up(data, telling))
+        if _is_busy(outcome) and terms.shared and end_holders(connection):
+            # The guard has ended whoever served before; a session may outlive it, and a frozen one never lets go.
+            outcome = fence(connection, terms.expected_epoch, _bringing_up(data, telling))
     if isinstance(outcome, Raised):
         telling.recorder.set_epoch(outcome.epoch)
         telling.beacon.epoch_raised(outcome.epoch)
@@ -156,6 +169,10 @@ def _take_over(
             close_writing(connection)  # nothing of it went through, and the room may be found
         return found
     return _turned_away(outcome, terms.expected_epoch)
+
+
+def _is_busy(outcome: FenceOutcome) -> bool:
+    return isinstance(outcome, StoreError) and outcome.fault is StoreFault.BUSY
 
 
 def _bringing_up(data: Path, telling: Telling) -> BringUp:
@@ -217,7 +234,7 @@ def _prove(
     # A witness of nothing (a predecessor that committed nothing) is nobody's word about any event.
     witnesses = [witness for witness in terms.witnesses if witness.seq > 0]
     try:
-        connection.exec_driver_sql("BEGIN").close()
+        begin_reading(connection)
         tail = ahead.tail(connection, witnesses)
         if isinstance(tail, Broken):
             return departure.corrupt(tail.sentence)
@@ -253,7 +270,7 @@ class AskingForTime:
 
 def _as_the_disk_says(error: StoreError, data: Path) -> StoreError:
     # What it says of a disk that takes no writes depends on where it met that: the disk itself is asked first.
-    return error if error.fault is StoreFault.BUSY else disk.refusal(data) or error
+    return error if error.fault in _NOT_THE_DISKS else disk.refusal(data) or error
 
 
 def _untaken(error: StoreError, telling: Telling) -> Departure:
@@ -263,6 +280,8 @@ def _untaken(error: StoreError, telling: Telling) -> Departure:
 
 
 def _unproven(error: StoreError, data: Path) -> Departure:
+    if error.fault in _NOT_THE_DISKS:
+        return _of_store(error)
     refused = disk.refusal(data)
     return departure.corrupt(f"it can't be read ({error.text})") if refused is None else _of_store(refused)
 
@@ -277,5 +296,9 @@ def _of_store(error: StoreError) -> Departure:
             return departure.read_only(error.text)
         case StoreFault.DAMAGED:
             return departure.corrupt(f"it can't be opened ({error.text})")
+        case StoreFault.AWAY:
+            return departure.away(error.text)
+        case StoreFault.UNFIT:
+            return departure.unfit(error.text)
         case StoreFault.TAKEN | StoreFault.OTHER:
             return departure.commit_failed(error.text)

@@ -21,7 +21,17 @@ from core.departure import Departure
 from core.guarded.environment import GuardedEnvironment
 from core.journal import disk, queries, schema
 from core.journal.lock import DoorClosed, StartGuard, take_start_guard
-from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_reading, snapshot, store_error
+from core.journal.store import (
+    LEDGER_FILE,
+    Server,
+    StoreError,
+    StoreFault,
+    Whereabouts,
+    open_reading,
+    snapshot,
+    store_error,
+    tables_of,
+)
 from core.settings import Settings
 
 #: What a disk says that can't hold the log's index. Not BUSY: somebody is at work on the file then.
@@ -58,12 +68,12 @@ def open_to_read(data: Path, environment: GuardedEnvironment, settings: Settings
     guard = take_start_guard(data, shared=environment.guarded, reading=True)
     if isinstance(guard, DoorClosed):
         return departure.config_invalid(guard.sentence)
-    path = data / LEDGER_FILE
-    if not path.is_file():
+    where = settings.ledger(data)
+    if isinstance(where, Path) and not where.is_file():
         return departure.config_invalid(f"There is no ledger in {data}: name its folder with --data.")
-    opened = _open(path, settings, alone=False)
-    if isinstance(opened, StoreError) and opened.fault in _WITHOUT_INDEX and _is_whole(path):
-        opened = _open(path, settings, alone=True)
+    opened = _open(where, settings, alone=False)
+    if isinstance(opened, StoreError) and opened.fault in _WITHOUT_INDEX and _is_whole(where):
+        opened = _open(where, settings, alone=True)
     match opened:
         case StoreError():
             return _unread(opened, data)
@@ -77,9 +87,11 @@ def open_to_read(data: Path, environment: GuardedEnvironment, settings: Settings
             return ReadableBook(readers, head.epoch, head.seq, head.hash, guard)
 
 
-def _open(path: Path, settings: Settings, *, alone: bool) -> tuple[Engine, _Head] | _NotOurs | StoreError:
+def _open(
+    where: Whereabouts, settings: Settings, *, alone: bool
+) -> tuple[Engine, _Head] | _NotOurs | StoreError:
     # One more connection than reading threads: the proof of the whole book has its own.
-    readers = open_reading(path, settings.readers + 1, settings.write_busy_ms, alone=alone)
+    readers = open_reading(where, settings.readers + 1, settings.write_busy_ms, alone=alone)
     found: _Head | _NotOurs | StoreError
     try:
         with snapshot(readers, settings.read_ms_max) as connection:
@@ -93,8 +105,7 @@ def _open(path: Path, settings: Settings, *, alone: bool) -> tuple[Engine, _Head
 
 
 def _head(connection: Connection) -> _Head | _NotOurs:
-    names = set(connection.exec_driver_sql("SELECT name FROM sqlite_master WHERE type = 'table'").scalars())
-    if "meta" not in names:
+    if "meta" not in tables_of(connection):
         return _NotOurs()
     row = queries.head(connection)
     if not schema.SCHEMA_VERSION_READABLE <= row.schema_version <= schema.SCHEMA_VERSION:
@@ -120,8 +131,10 @@ def _unreadable(version: int | None, safe: str | None) -> Departure:
     )
 
 
-def _is_whole(path: Path) -> bool:
+def _is_whole(path: Whereabouts) -> bool:
     """Whether all of the book is in its file: nothing is left in the log. Looked at from outside."""
+    if isinstance(path, Server):
+        return False
     log = path.with_name(f"{path.name}-wal")
     return not log.exists() or log.stat().st_size == 0
 
@@ -133,6 +146,10 @@ def _unread(error: StoreError, data: Path) -> Departure:
             return departure.corrupt(f"not even its head can be read ({error.text})")
         case StoreFault.BUSY:
             return departure.locked(error.text)
+        case StoreFault.AWAY:
+            return departure.away(error.text)
+        case StoreFault.UNFIT:
+            return departure.unfit(error.text)
         case StoreFault.READ_ONLY:
             return departure.read_only(f"and its log can't be read without a write: {error.text}")
         case StoreFault.NO_ROOM | StoreFault.TAKEN | StoreFault.OTHER:

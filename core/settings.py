@@ -8,10 +8,15 @@ policy is the file that people edit, and a core run by hand is a moment's affair
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 import msgspec
 
+from core.journal.store import LEDGER_FILE, Server, Whereabouts, server_at
+
+#: Where the ledger lies, if it is no file: an address that may hold a password, and is shown to nobody.
+STORE: Final = "CORE_STORE"
 _PREFIX: Final = "CORE_"
 _DIGITS_MAX: Final = 12
 
@@ -87,15 +92,21 @@ class Settings:
     census_ms: int = _setting(60_000, 10, 3_600_000, "rest between two counts of the largest types in memory")
     retry_after_s: int = _setting(1, 1, 3_600, "what Retry-After says")
 
+    store: Server | None = None  # of a server; absent: a file in the data folder
+
+    def ledger(self, data: Path) -> Whereabouts:
+        """Return where the ledger of a data folder lies."""
+        return self.store or data / LEDGER_FILE
+
     @classmethod
     def read(cls, environ: Mapping[str, str]) -> "Settings | list[str]":
         """Return the settings that `environ` makes, or one sentence for each that is wrong."""
-        values: dict[str, int] = {}
+        values: dict[str, Any] = {}
         faults: list[str] = []
         for declared in fields(cls):
             name = _PREFIX + declared.name.upper()
             text = environ.get(name)
-            if text is None:
+            if text is None or "bounds" not in declared.metadata:
                 continue
             bounds: _Bounds = declared.metadata["bounds"]
             if (
@@ -109,4 +120,11 @@ class Settings:
                 faults.append(
                     f"{name} must be a whole number from {bounds.least} to {bounds.most}, not {text!r}."
                 )
+        address = environ.get(STORE)
+        if address:
+            server = server_at(address)
+            if isinstance(server, str):
+                faults.append(server)
+            else:
+                values["store"] = server
         return faults or cls(**values)

@@ -35,10 +35,11 @@ from core.journal.rehearsal import rehearse_writing
 from core.journal.store import (
     LEDGER_FILE,
     StoreError,
-    WritingEngine,
+    Writing,
     open_reading,
     snapshot,
     store_error,
+    writing,
 )
 from core.loading import be_nice
 from core.rulings import Rulings
@@ -95,9 +96,11 @@ class Spare:
         self._at_work_on = "looking at the store"
         self.ahead = Ahead(settings.tail_events, (rulings or Rulings()).rebuilding, ground)
         self.app: Starlette = lay_out()
-        self.engine = WritingEngine(data / LEDGER_FILE)
+        self.engine: Writing = writing(settings.ledger(data))
         # One more connection than reading threads: the proof of the whole book has its own.
-        self.readers: Engine = open_reading(data / LEDGER_FILE, settings.readers + 1, settings.write_busy_ms)
+        self.readers: Engine = open_reading(
+            settings.ledger(data), settings.readers + 1, settings.write_busy_ms
+        )
 
     @property
     def seq(self) -> int:

@@ -45,7 +45,14 @@ from core.journal.batch import Batch
 from core.journal.proof import check_balances
 from core.journal.room import Room
 from core.journal.shelf import fetch_book, fetch_keys, parked_entries
-from core.journal.store import StoreError, StoreFault, is_open, store_error
+from core.journal.store import (
+    StoreError,
+    StoreFault,
+    begin_writing,
+    commit,
+    is_open,
+    store_error,
+)
 from core.ledger.accounts import Account
 from core.ledger.book import KnownEntry
 from core.ledger.entries import ReplaceEntry, ReverseEntry
@@ -127,6 +134,7 @@ class Journal:
         self._quarantine = quarantine or Quarantine()
         self._armoury = armoury or Armoury()
         self._broken = False
+        self._committing = False
 
     def write(self, works: Sequence[Work]) -> BatchOutcome:
         """Carry out a batch in one transaction and return its answers, to be given only after this returns."""
@@ -135,13 +143,13 @@ class Journal:
         transaction_id, account_id = _named(works)  # noqa: RUF059  for stack dumps
         self._recorder.in_store(on=True)
         try:
-            self._connection.exec_driver_sql("BEGIN IMMEDIATE").close()
+            begin_writing(self._connection)
         except DBAPIError as error:
             return self._at_begin(works, store_error(error))
         try:
             outcome = self._inside(works)
         except DBAPIError as error:
-            return self._failed(works, store_error(error))
+            return self._ended_inside(works, store_error(error))
         if not isinstance(outcome, FencedBy):
             self._recorder.in_store(on=False)
         return outcome
@@ -167,10 +175,19 @@ class Journal:
                 return FencedBy(epoch)
             self._recorder.in_store(on=False)
             return NotTaken(tuple([_recall(keys, work, error) for work in works]), error)
-        if error.fault is not StoreFault.BUSY:
+        if error.fault not in {StoreFault.BUSY, StoreFault.AWAY}:
             return self._failed(works, error)
+        return self._not_begun(works, error)
+
+    def _ended_inside(self, works: Sequence[Work], error: StoreError) -> NotBegun | Failed:
+        # What a server has lost the way to before COMMIT was sent, it undoes; of a file nothing is lost.
+        if error.fault is StoreFault.AWAY and not self._committing:
+            return self._not_begun(works, error)
+        return self._failed(works, error)
+
+    def _not_begun(self, works: Sequence[Work], error: StoreError) -> NotBegun:
         self._recorder.in_store(on=False)
-        self._recorder.event("STORE_BUSY", error.text)
+        self._recorder.event(f"STORE_{error.fault.name}", error.text)
         return NotBegun((StoreBusy(),) * len(works))
 
     def _failed(self, works: Sequence[Work], error: StoreError) -> Failed:
@@ -195,7 +212,9 @@ class Journal:
         elif (error := self._lay_down(batch, works)) is not None:
             return NotTaken(tuple([_recall(keys, work, error) for work in works]), error)
         else:
-            self._connection.exec_driver_sql("COMMIT").close()
+            self._committing = True
+            commit(self._connection)
+            self._committing = False
             self._strike(At.LATER, batch, works)
         for work in works:
             self._recorder.stage(work.slot, Stage.COMMITTED)

@@ -15,7 +15,7 @@ from sqlalchemy.exc import DBAPIError
 
 from core.journal import schema
 from core.journal.chain import GENESIS
-from core.journal.store import StoreError, store_error
+from core.journal.store import StoreError, begin_fence, commit, store_error, tables_of
 
 
 class Raised(msgspec.Struct, frozen=True):
@@ -65,19 +65,22 @@ def fence(connection: Connection, expected: int | None, bring_up: BringUp) -> Fe
     serve from this store before another fence has succeeded.
     """
     try:
-        connection.exec_driver_sql("BEGIN IMMEDIATE").close()
+        begin_fence(connection)
     except DBAPIError as error:
         return store_error(error)
     try:
         outcome = _compare_and_set(connection, expected, bring_up)
-        connection.exec_driver_sql("COMMIT" if isinstance(outcome, Raised) else "ROLLBACK").close()
+        if isinstance(outcome, Raised):
+            commit(connection)
+        else:
+            connection.exec_driver_sql("ROLLBACK").close()
     except DBAPIError as error:
         return store_error(error)
     return outcome
 
 
 def _compare_and_set(connection: Connection, expected: int | None, bring_up: BringUp) -> FenceOutcome:
-    names = set(connection.exec_driver_sql("SELECT name FROM sqlite_master WHERE type = 'table'").scalars())
+    names = tables_of(connection)
     if "meta" not in names:
         if names:
             return NotOurs(None)
@@ -85,7 +88,7 @@ def _compare_and_set(connection: Connection, expected: int | None, bring_up: Bri
             return StoreWentBack(0, expected)
         _found(connection)
     row = connection.execute(select(schema.meta.c.schema_version, schema.meta.c.epoch)).one_or_none()
-    if row is None or not schema.SCHEMA_VERSION_OLDEST <= row.schema_version <= schema.SCHEMA_VERSION:
+    if row is None or not schema.oldest_of(connection) <= row.schema_version <= schema.SCHEMA_VERSION:
         return NotOurs(row.schema_version if row else None)
     if expected is not None and row.epoch != expected:
         return Fenced(row.epoch) if row.epoch > expected else StoreWentBack(row.epoch, expected)

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import msgspec
 from msgspec import Raw
-from sqlalchemy import Connection, func, select, text
+from sqlalchemy import Connection, Integer, func, literal, select, text
 
 from core.journal import schema
 from core.journal.attestation import Attestation, Balance
@@ -18,6 +18,7 @@ from core.journal.chain import EventRow
 from core.journal.drawing import booking_of
 from core.journal.proof import Tail, Walk
 from core.journal.shelf import VARIABLES_MAX, account_of
+from core.journal.store import is_in_server
 from core.ledger.accounts import Account, AccountType
 from core.ledger.events import AccountOpened, decode
 from core.ledger.views import (
@@ -193,13 +194,17 @@ def moved_between(connection: Connection, first_seq: int, last_seq: int | None =
     """Return what is listed as posted by these events (both ends in the range), by account, in minor units."""
     posting = schema.posting.c
     # In two halves of 32 bits, because a sum in SQL would overflow at 64.
-    halves = func.sum(posting.amount.op(">>")(32)), func.sum(posting.amount.op("&")(0xFFFF_FFFF))
+    halves = (
+        func.sum(posting.amount.op(">>")(literal(32, Integer))),
+        func.sum(posting.amount.op("&")(0xFFFF_FFFF)),
+    )
     query = select(posting.account_id, *halves).where(posting.seq >= first_seq)
     if last_seq is not None:
         query = query.where(posting.seq <= last_seq)
     # The plus keeps SQLite from walking a whole index because it is in the order of the accounts.
-    rows = connection.execute(query.group_by(text("+account_id")))
-    return {name: (high << 32) + low for name, high, low in rows}
+    by = posting.account_id if is_in_server(connection) else text("+account_id")
+    rows = connection.execute(query.group_by(by))
+    return {name: (int(high) << 32) + int(low) for name, high, low in rows}
 
 
 def balances(connection: Connection) -> list[Balance]:

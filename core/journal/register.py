@@ -12,7 +12,7 @@ from collections.abc import Container, Sequence
 from typing import Any, Final
 
 import msgspec
-from sqlalchemy import ColumnElement, Connection, and_, func, or_, select, tuple_, union_all
+from sqlalchemy import ColumnElement, Connection, Integer, and_, func, literal, or_, select, tuple_, union_all
 
 from core.journal import schema
 from core.journal.drawing import booking_of
@@ -208,11 +208,11 @@ def _place() -> Any:
 
 
 def _whole(row: Any) -> int:
-    return ((row.high or 0) << _LOW_BITS) + (row.low or 0)
+    return (int(row.high or 0) << _LOW_BITS) + int(row.low or 0)  # a server adds up in decimals
 
 
 def _halves_of(amount: Any) -> tuple[Any, Any]:
-    high, low = amount.op(">>")(_LOW_BITS), amount.op("&")(_LOW_MASK)
+    high, low = amount.op(">>")(literal(_LOW_BITS, Integer)), amount.op("&")(_LOW_MASK)
     return func.sum(high).label("high"), func.sum(low).label("low")
 
 

@@ -12,7 +12,7 @@ What *stands* is a posting whose transaction was neither reversed nor is a rever
 register and the sums of a month; the two halves of a reversal are on the same day and add up to nothing.
 """
 
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy import (
     BigInteger,
@@ -30,11 +30,17 @@ from sqlalchemy import (
     select,
     update,
 )
+from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.schema import CreateColumn
 
+from core.journal.store import is_in_server
+from core.journal.stores.triggers import in_plpgsql
 from core.ledger.fields import folded
 
 SCHEMA_VERSION: Final = 4
 SCHEMA_VERSION_OLDEST: Final = 2  # the oldest one that is taken along
+#: In a server there is none older: a step that comes after this one is written for both stores.
+SCHEMA_VERSION_OLDEST_IN_SERVER: Final = SCHEMA_VERSION
 SCHEMA_VERSION_READABLE: Final = 3  # the oldest one that is read as it stands
 SCHEMA_VERSION_ATTESTED: Final = 4  # the first one with attestations
 
@@ -222,11 +228,47 @@ _TRIGGERS_OF_VERSION_4: Final = (
 )
 
 
+def _count_alike() -> None:
+    """Give whole numbers the type that has 64 bits in either store: INTEGER in a file, BIGINT in a server."""
+    whole = BigInteger().with_variant(Integer(), "sqlite")
+    for table in metadata.sorted_tables:
+        for column in table.columns:
+            if isinstance(column.type, Integer):
+                column.type = whole
+                column.autoincrement = False
+
+
+@compiles(CreateColumn, "postgresql")
+def _order_alike(made: CreateColumn, compiler: Any, **named: Any) -> str:
+    """Order texts by their bytes, as a file does: a cursor that goes by names would go astray in another order.
+
+    It stands in the table and not in the type, which would say it of every value that is compared with it too.
+    """
+    column: str = compiler.visit_create_column(made, **named)
+    if not isinstance(made.element.type, Text):
+        return column
+    return column.replace(" TEXT", ' TEXT COLLATE "C"', 1)
+
+
+_count_alike()
+
+
+def oldest_of(connection: Connection) -> int:
+    """Return the oldest version that is taken along from this store."""
+    return SCHEMA_VERSION_OLDEST_IN_SERVER if is_in_server(connection) else SCHEMA_VERSION_OLDEST
+
+
 def lay_out(connection: Connection) -> None:
     """Create tables and triggers in the transaction that is open on `connection`."""
     metadata.create_all(connection, checkfirst=False)
-    for trigger in (*_TRIGGERS, *_TRIGGERS_OF_VERSION_3, *_TRIGGERS_OF_VERSION_4):
-        connection.exec_driver_sql(trigger).close()
+    lay_triggers(connection)
+
+
+def lay_triggers(connection: Connection) -> None:
+    """Create the triggers of all tables, which are there."""
+    rules = (*_TRIGGERS, *_TRIGGERS_OF_VERSION_3, *_TRIGGERS_OF_VERSION_4)
+    for statement in in_plpgsql(rules) if is_in_server(connection) else rules:
+        connection.exec_driver_sql(statement).close()
 
 
 def bring_up(connection: Connection, version: int) -> None:

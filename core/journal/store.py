@@ -1,361 +1,212 @@
-"""Opening the store: one connection that writes, a few that can't, and SQLite's errors as values.
+"""The store of a book, whichever it is: a file of SQLite's, or a database of a PostgreSQL server.
 
-SQLite's stdlib driver is the only SQLite in this process. Transactions are begun and ended by the words they
-have in SQL: `BEGIN IMMEDIATE` is where waiting for the lock happens and must be told apart from what happens
-inside, so neither the driver nor SQLAlchemy may begin one on its own. Commits go to the disk (`FULL`): it
-costs 17 % under load and saves the last second of a power cut. The write-ahead log keeps its room after a
-checkpoint, because a log that has wrapped once needs no new space when the disk is full at the next fence.
+Whoever has a connection asks here, and is answered by the room of the store that it leads to (`stores`). What only
+one of them has (a log to be emptied, a copy of a file) stands in that room alone.
 """
 
-import sqlite3
-import time
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
-from enum import Enum
-from pathlib import Path
-from typing import Final
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from types import ModuleType
+from typing import Protocol
 
-import msgspec
-from sqlalchemy import Connection, Engine, create_engine
-from sqlalchemy.exc import DBAPIError, OperationalError
-from sqlalchemy.exc import TimeoutError as NoneFreeError
-from sqlalchemy.pool import NullPool, QueuePool, StaticPool
+from sqlalchemy import Connection, Engine
+from sqlalchemy.exc import DBAPIError
 
-LEDGER_FILE: Final = "ledger.db"
-CHECKPOINT_PAGES: Final = 1_000  # of 4 KiB, SQLite's default
-LOG_KEPT_BYTES: Final = 8 * 1024 * 1024  # more than a checkpoint's worth, so a wrapped log keeps its room
-_PROGRESS_STEPS: Final = 10_000  # virtual machine steps between two looks at the clock, well under 1 ms
-#: Beyond those it is told of, for a moment: what is asked seldom and beside the requests.
-_READERS_BEYOND: Final = 2
-FREE_WITHIN_S: Final = 0.9  # a read waits so long for a connection, and is refused then
-_CONNECT: Final = "connect"  # among an engine's options: how it opens a connection
-_COPIED_PAGES: Final = 1_024  # between two signs of life while a ledger is copied
-_COPIED_ANEW_MAX: Final = 2  # as often as somebody's writing may have a copy begin again
-_IOERR_SHMSIZE: Final = 4874  # the shared index could not grow: what a full disk looks like at the first open
+from core.journal.stores import postgresql, sqlite
+from core.journal.stores.faults import EveryReaderTakenError, StoreError, StoreFault
+from core.journal.stores.postgresql import PostgresWriting
+from core.journal.stores.sqlite import (
+    CHECKPOINT_PAGES,
+    FREE_WITHIN_S,
+    LEDGER_FILE,
+    LOG_KEPT_BYTES,
+    WritingEngine,
+    close_writing,
+    copy_beside_work,
+    copy_whole,
+    is_copy,
+    open_writing,
+    settle,
+)
+from core.journal.stores.whereabouts import Server, Whereabouts, server_at
 
-
-class StoreFault(Enum):
-    """What kind of no the store gave."""
-
-    BUSY = "busy"
-    NO_ROOM = "no room"
-    READ_ONLY = "read only"
-    DAMAGED = "damaged"
-    TAKEN = "taken"  # by our own reads, every connection
-    OTHER = "other"
-
-
-class StoreError(msgspec.Struct, frozen=True):
-    """An error of the store: its kind and its own words."""
-
-    fault: StoreFault
-    text: str
-
-
-class _EveryReaderTakenError(Exception):
-    """No connection that reads became free in time."""
-
-
-def store_error(error: DBAPIError) -> StoreError:
-    """Return what the driver raised as a value."""
-    if isinstance(error.orig, _EveryReaderTakenError):
-        return StoreError(StoreFault.TAKEN, "every connection that reads is taken")
-    return _driver_error(error.orig)
-
-
-def _driver_error(raised: BaseException | None) -> StoreError:
-    code = getattr(raised, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
-    name = getattr(raised, "sqlite_errorname", type(raised).__name__)
-    match code & 0xFF:
-        case sqlite3.SQLITE_BUSY | sqlite3.SQLITE_LOCKED:
-            fault = StoreFault.BUSY
-        case sqlite3.SQLITE_FULL:
-            fault = StoreFault.NO_ROOM
-        case sqlite3.SQLITE_READONLY:
-            fault = StoreFault.READ_ONLY
-        case sqlite3.SQLITE_CORRUPT | sqlite3.SQLITE_NOTADB:
-            fault = StoreFault.DAMAGED
-        case _:
-            fault = StoreFault.NO_ROOM if code == _IOERR_SHMSIZE else StoreFault.OTHER
-    return StoreError(fault, f"{name}: {raised}")
+__all__ = [
+    "CHECKPOINT_PAGES",
+    "FREE_WITHIN_S",
+    "LEDGER_FILE",
+    "LOG_KEPT_BYTES",
+    "Server",
+    "StoreError",
+    "StoreFault",
+    "Whereabouts",
+    "Writing",
+    "WritingEngine",
+    "begin_fence",
+    "begin_reading",
+    "begin_writing",
+    "beside",
+    "close_writing",
+    "commit",
+    "copy_beside_work",
+    "copy_whole",
+    "end_holders",
+    "is_copy",
+    "is_in_server",
+    "is_interrupted",
+    "is_open",
+    "open_reading",
+    "open_writing",
+    "settle",
+    "server_at",
+    "size_bytes",
+    "snapshot",
+    "store_error",
+    "tables_of",
+    "take_seat",
+    "wait_at_most",
+    "watch",
+    "writing",
+]
 
 
-class WritingEngine:
-    """The engine of the one connection that writes. What it is tried on before the store is a book in memory.
-
-    Statements it has put into words there are ready when it opens the store.
-    """
-
-    def __init__(self, path: Path, *, lasting: bool = True) -> None:
-        """Prepare for the store at `path`; nothing is opened yet. Not `lasting`: a copy that no power cut can hurt."""
-        self._path = path
-        self._synchronous = "FULL" if lasting else "OFF"
-        self._opens: Path | str = path
-        self._busy_timeout_ms = 0
-        self._engine = create_engine(
-            "sqlite://", creator=self._connect, poolclass=StaticPool, isolation_level="AUTOCOMMIT"
-        )
-
-    @contextmanager
-    def tried(self) -> Iterator[Connection]:
-        """Give a connection to an empty book in memory, which is gone afterwards."""
-        self._opens = ":memory:"
-        try:
-            with self._engine.connect() as connection:
-                yield connection
-        finally:
-            self._engine.dispose()
-            self._opens = self._path
+class Writing(Protocol):
+    """The engine of the one connection that writes, of either store."""
 
     def connect(self, busy_timeout_ms: int) -> Connection | StoreError:
-        """Open the connection that writes, making the file if there is none.
+        """Open that connection. `busy_timeout_ms`: how long the beginning of a transaction waits for a lock."""
 
-        `busy_timeout_ms`: how long BEGIN IMMEDIATE waits for somebody else's lock.
-        """
-        self._busy_timeout_ms = busy_timeout_ms
-        try:
-            connection = self._engine.connect()
-            for pragma in (
-                "journal_mode = WAL",
-                f"synchronous = {self._synchronous}",
-                "foreign_keys = ON",
-                "trusted_schema = OFF",
-                f"wal_autocheckpoint = {CHECKPOINT_PAGES}",
-                f"journal_size_limit = {LOG_KEPT_BYTES}",
-            ):
-                connection.exec_driver_sql(f"PRAGMA {pragma}").close()
-        except DBAPIError as error:
-            return store_error(error)
-        return connection
-
-    def _connect(self) -> sqlite3.Connection:
-        return sqlite3.connect(
-            self._opens,
-            timeout=self._busy_timeout_ms / 1000,
-            isolation_level=None,
-            check_same_thread=False,
-        )
+    def tried(self) -> AbstractContextManager[Connection | None]:
+        """Give a connection to an empty book that is gone afterwards; None: there is none to be had."""
 
 
-def open_writing(path: Path, busy_timeout_ms: int) -> Connection | StoreError:
-    """Open the one connection that writes, making the file if there is none; see `WritingEngine.connect`."""
-    return WritingEngine(path).connect(busy_timeout_ms)
+def writing(where: Whereabouts) -> Writing:
+    """Return what opens a book to be written; nothing is opened yet."""
+    return PostgresWriting(where) if isinstance(where, Server) else WritingEngine(where)
 
 
-def close_writing(connection: Connection) -> None:
-    """Close what `open_writing` opened. It is the last to close that makes a ledger at rest one file."""
-    connection.close()
-    connection.engine.dispose()
+def open_reading(
+    where: Whereabouts, connections_max: int, busy_timeout_ms: int, *, alone: bool = False
+) -> Engine:
+    """Return an engine whose connections can't write; nothing is opened yet. `alone`: see the file's own."""
+    if isinstance(where, Server):
+        return postgresql.open_reading(where, connections_max, busy_timeout_ms)
+    return sqlite.open_reading(where, connections_max, busy_timeout_ms, alone=alone)
 
 
-def size_bytes(connection: Connection) -> int:
-    """Return how large the ledger is, in its file and its log together, as this connection sees it."""
-    pages, page_bytes = (
-        connection.exec_driver_sql(f"PRAGMA {name}").scalar_one() for name in ("page_count", "page_size")
-    )
-    return int(pages) * int(page_bytes)
+def is_in_server(of: Connection | Engine) -> bool:
+    """Whether this leads to a database of a server."""
+    return of.dialect.name == postgresql.DIALECT
 
 
-def open_reading(path: Path, connections_max: int, busy_timeout_ms: int, *, alone: bool = False) -> Engine:
-    """Return an engine whose connections can't write and never checkpoint; nothing is opened yet.
-
-    `alone`: nobody writes to the file while this engine lives, and all of it is in the file. It is then read
-    without the log's shared index, which a disk that takes no write can't hold.
-    """
-    uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}"
-
-    def connect() -> sqlite3.Connection:
-        connection = sqlite3.connect(
-            uri, uri=True, timeout=busy_timeout_ms / 1000, isolation_level=None, check_same_thread=False
-        )
-        connection.execute("PRAGMA query_only = ON").close()
-        connection.execute("PRAGMA wal_autocheckpoint = 0").close()
-        return connection
-
-    return create_engine(
-        "sqlite://",
-        creator=connect,
-        poolclass=QueuePool,
-        pool_size=connections_max,
-        max_overflow=_READERS_BEYOND,
-        pool_timeout=FREE_WITHIN_S,
-        isolation_level="AUTOCOMMIT",
-        execution_options={_CONNECT: connect},
-    )
+def _room(of: Connection | Engine) -> ModuleType:
+    return postgresql if is_in_server(of) else sqlite
 
 
 def beside(readers: Engine) -> Engine:
-    """Return an engine that reads the same file by a connection of its own each time, which is closed at the end.
+    """Return an engine that reads the same book by a connection of its own each time, which is closed at the end.
 
     For components: what hangs there and is left behind keeps its connection, and none that a request waits for.
     """
-    connect = readers.get_execution_options()[_CONNECT]
-    return create_engine("sqlite://", creator=connect, poolclass=NullPool, isolation_level="AUTOCOMMIT")
+    made: Engine = _room(readers).beside(readers)
+    return made
 
 
-def copy_whole(ledger: Path, into: Path, tick: Callable[[], object]) -> StoreError | None:
-    """Copy a ledger as it is committed now into a file of its own, read the copy again, and return what failed.
+def snapshot(engine: Engine, read_ms_max: int) -> AbstractContextManager[Connection]:
+    """Give a connection that sees the book at one moment and is interrupted after `read_ms_max`.
 
-    By SQLite's own backup, so whoever holds the ledger's lock may be the one who asks, and nothing of the log is
-    missing. The copy needs no log and no index beside it. `tick` is called again and again while it takes long.
+    What takes too long is raised as a DBAPIError (`is_interrupted`). Where no connection becomes free in time, that is
+    one too: `StoreFault.TAKEN`.
     """
+    made: AbstractContextManager[Connection] = _room(engine).snapshot(engine, read_ms_max)
+    return made
+
+
+def begin_reading(connection: Connection) -> None:
+    """Begin a transaction that sees the book at one moment."""
+    _room(connection).begin_reading(connection)
+
+
+def begin_writing(connection: Connection) -> None:
+    """Begin a transaction that nobody else writes beside. Raises where the lock can't be had in time."""
+    _room(connection).begin_writing(connection)
+
+
+def begin_fence(connection: Connection) -> None:
+    """Begin the transaction of a fence, also in a store in which there is nothing yet."""
+    if is_in_server(connection):
+        postgresql.begin_fence(connection)
+    else:
+        sqlite.begin_writing(connection)
+
+
+def commit(connection: Connection) -> None:
+    """Commit what is open. Where this raises, nobody knows what became of it."""
+    if is_in_server(connection):
+        postgresql.commit(connection)
+    else:
+        connection.exec_driver_sql("COMMIT").close()
+
+
+def take_seat(connection: Connection, *, shared: bool) -> StoreError | None:
+    """Keep others from the same book by accident; a file has a lock of its own beside it (`lock`)."""
+    if not is_in_server(connection):
+        return None
     try:
-        with (
-            closing(_only_read(ledger)) as source,
-            closing(sqlite3.connect(into, isolation_level=None)) as copy,
-        ):
-            source.backup(copy, pages=_COPIED_PAGES, progress=lambda *_: tick())
-            copy.execute("PRAGMA journal_mode = DELETE").close()
-            return _misses(copy, source, tick)
-    except sqlite3.Error as error:
-        return _driver_error(error)
-
-
-class _WrittenMeanwhileError(Exception):
-    """A copy has begun anew too often."""
-
-
-def copy_beside_work(ledger: Path, into: Path, tick: Callable[[], object]) -> StoreError | None:
-    """Copy a ledger that others write to, as it stood at one moment, into a new file; return what failed.
-
-    Nothing is flushed, and the copy is not read again: it is for whoever throws it away. In steps of some milliseconds,
-    so that no read of ours keeps the log from being emptied; SQLite begins anew where somebody has written between two.
-    Where that happens again and again, all of it is copied in one read. `tick` is called between the steps, and may raise.
-    """
-    try:
-        with (
-            closing(_only_read(ledger)) as source,
-            closing(sqlite3.connect(into, isolation_level=None)) as copy,
-        ):
-            copy.execute("PRAGMA synchronous = OFF").close()
-            copy.execute(
-                "PRAGMA journal_mode = MEMORY"
-            ).close()  # what was given up is undone before it is begun anew
-            try:
-                source.backup(copy, pages=_COPIED_PAGES, progress=_Anew(tick))
-            except _WrittenMeanwhileError:
-                source.execute("BEGIN").close()
-                source.execute("SELECT * FROM sqlite_schema").fetchone()  # from here on it is one moment
-                source.backup(copy, pages=_COPIED_PAGES, progress=lambda *_: tick())
-                source.execute("ROLLBACK").close()
-    except sqlite3.Error as error:
-        return _driver_error(error)
+        postgresql.take_seat(connection, shared=shared)
+    except DBAPIError as error:
+        return store_error(error)
     return None
 
 
-def settle(copy: Path) -> StoreError | None:
-    """Make one file of a copy that needs no log and no index beside it; return what failed. Nobody else has it open."""
-    try:
-        with closing(sqlite3.connect(copy, isolation_level=None)) as connection:
-            connection.execute("PRAGMA journal_mode = DELETE").close()
-    except sqlite3.Error as error:
-        return _driver_error(error)
-    return None
+def end_holders(connection: Connection) -> bool:
+    """Have those let go who hold the store's lock and are known to be gone; return whether anybody was made to.
 
-
-class _Anew:
-    """Ends a copy that begins again too often: more is left than was left before."""
-
-    def __init__(self, tick: Callable[[], object]) -> None:
-        self._tick = tick
-        self._left: int | None = None
-        self._begun_anew = 0
-
-    def __call__(self, _status: int, left: int, _total: int) -> None:
-        self._tick()
-        if self._left is not None and left >= self._left:
-            self._begun_anew += 1
-            if self._begun_anew > _COPIED_ANEW_MAX:
-                raise _WrittenMeanwhileError
-        self._left = left
-
-
-def is_copy(copy: Path, ledger: Path, tick: Callable[[], object]) -> bool:
-    """Whether `copy` is whole and holds what is committed in a ledger now; one that can't be read is none.
-
-    `tick` is called again and again while it takes long.
+    The kernel lets go of a file's lock with the process that held it; a server's session may outlive its core.
     """
-    if not copy.is_file():
-        return False
     try:
-        with closing(_only_read(copy)) as kept, closing(_only_read(ledger)) as source:
-            return _misses(kept, source, tick) is None
-    except sqlite3.Error:
+        return is_in_server(connection) and postgresql.end_holders(connection) > 0
+    except DBAPIError:
         return False
 
 
-def _only_read(path: Path) -> sqlite3.Connection:
-    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+def wait_at_most(connection: Connection, busy_timeout_ms: int) -> None:
+    """Have this connection wait so long for somebody else's lock from here on."""
+    _room(connection).wait_at_most(connection, busy_timeout_ms)
 
 
-def _misses(
-    copy: sqlite3.Connection, source: sqlite3.Connection, tick: Callable[[], object]
-) -> StoreError | None:
-    """Read a copy whole and say what it lacks. The refused commands' keys are counted: they move no head."""
-    _watch(copy, tick)
-    found = [row[0] for row in copy.execute("PRAGMA quick_check(1)")]
-    if found != ["ok"]:
-        return StoreError(StoreFault.DAMAGED, f"the copy says: {found[0]}")
-    for asked in ("SELECT * FROM meta", "SELECT count(*) FROM idempotency"):
-        if copy.execute(asked).fetchall() != source.execute(asked).fetchall():
-            return StoreError(StoreFault.DAMAGED, "the copy holds something else")
-    return None
+def tables_of(connection: Connection) -> set[str]:
+    """Return the names of all tables there are."""
+    names: set[str] = _room(connection).tables_of(connection)
+    return names
+
+
+def size_bytes(connection: Connection) -> int:
+    """Return how large the ledger is, as this connection sees it."""
+    found: int = _room(connection).size_bytes(connection)
+    return found
 
 
 def watch(connection: Connection, tick: Callable[[], object] | None) -> None:
-    """Have `tick` called again and again while a statement of this connection takes long; None: no longer."""
-    driver = connection.connection.driver_connection
-    assert isinstance(driver, sqlite3.Connection)
-    _watch(driver, tick)
+    """Have `tick` called while a statement of this connection takes long, where its driver can; None: no longer."""
+    if not is_in_server(connection):
+        sqlite.watch(connection, tick)
 
 
-def _watch(driver: sqlite3.Connection, tick: Callable[[], object] | None) -> None:
-    if tick is None:
-        driver.set_progress_handler(None, 0)
-        return
-
-    def go_on() -> int:
-        tick()
-        return 0
-
-    driver.set_progress_handler(go_on, _PROGRESS_STEPS)
-
-
-@contextmanager
-def snapshot(engine: Engine, read_ms_max: int) -> Iterator[Connection]:
-    """Give a connection that sees the book at one moment and is interrupted after `read_ms_max`.
-
-    An open read transaction keeps the log from being checkpointed (one grew it to 244 MB in 6 s), so a
-    statement that takes too long ends with SQLITE_INTERRUPT, raised as SQLAlchemy's OperationalError. Where no
-    connection becomes free in time, that is one too: `StoreFault.TAKEN`.
-    """
-    with _connected(engine) as connection:
-        driver = connection.connection.driver_connection
-        assert isinstance(driver, sqlite3.Connection)
-        deadline_ns = time.monotonic_ns() + read_ms_max * 1_000_000
-        driver.set_progress_handler(lambda: int(time.monotonic_ns() > deadline_ns), _PROGRESS_STEPS)
-        connection.exec_driver_sql("BEGIN").close()
-        try:
-            yield connection
-        finally:
-            driver.set_progress_handler(None, 0)
-            connection.exec_driver_sql("ROLLBACK").close()
-
-
-def _connected(engine: Engine) -> Connection:
-    try:
-        return engine.connect()
-    except NoneFreeError as error:
-        raise OperationalError(None, None, _EveryReaderTakenError()) from error
+def is_open(connection: Connection) -> bool:
+    """Whether the connection is inside a transaction; a store ends one by itself after some errors."""
+    found: bool = _room(connection).is_open(connection)
+    return found
 
 
 def is_interrupted(error: DBAPIError) -> bool:
     """Whether a read was ended because it took too long."""
-    return getattr(error.orig, "sqlite_errorcode", 0) == sqlite3.SQLITE_INTERRUPT
+    return sqlite.is_interrupted(error) or postgresql.is_interrupted(error.orig)
 
 
-def is_open(connection: Connection) -> bool:
-    """Whether the connection is inside a transaction; SQLite ends one by itself after some errors."""
-    driver = connection.connection.driver_connection
-    assert isinstance(driver, sqlite3.Connection)
-    return driver.in_transaction
+def store_error(error: DBAPIError) -> StoreError:
+    """Return what a driver raised as a value."""
+    if isinstance(error.orig, EveryReaderTakenError):
+        return StoreError(StoreFault.TAKEN, "every connection that reads is taken")
+    if postgresql.is_raised_by_it(error.orig):
+        return postgresql.error_of(error.orig)
+    return sqlite.error_of(error.orig)

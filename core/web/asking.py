@@ -111,7 +111,7 @@ async def read(
     )
     if isinstance(found, ReadTooLong):
         raise ProblemError(Problem("read-too-long"))
-    if isinstance(found, StoreError) and found.fault is StoreFault.TAKEN:
+    if isinstance(found, StoreError) and found.fault in {StoreFault.TAKEN, StoreFault.AWAY}:
         raise ProblemError(Problem("busy"))
     if isinstance(found, StoreError):
         logger.error("The ledger could not be read: %s", found.text)

@@ -30,7 +30,7 @@ _CLOCK_READINGS: Final = re.compile(r"(^|\.)(datetime|date|dt)\.(now|today|utcno
 
 LEDGER_FILE: Final = "ledger.db"
 # The one room that names the ledger's file: it hands the name to SQLite and does nothing else with it.
-LEDGER_FILE_ROOM: Final = "core/journal/store.py"
+LEDGER_FILE_ROOM: Final = "core/journal/stores/sqlite.py"
 LEDGER_FILE_NAME: Final = "LEDGER_FILE"
 # Where the core touches files by itself, and which files these are. None of them sees the ledger's.
 CORE_FILE_ROOMS: Final = {

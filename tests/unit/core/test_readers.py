@@ -9,9 +9,10 @@ import pytest
 from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 
-from core.journal import store
 from core.journal.store import (
+    FREE_WITHIN_S,
     LEDGER_FILE,
+    StoreError,
     StoreFault,
     beside,
     close_writing,
@@ -20,12 +21,13 @@ from core.journal.store import (
     snapshot,
     store_error,
 )
+from core.journal.stores import sqlite
 
 
 @pytest.fixture
 def readers(tmp_path: Path) -> Iterator[Engine]:
     writing = open_writing(tmp_path / LEDGER_FILE, 1_000)
-    assert not isinstance(writing, store.StoreError)
+    assert not isinstance(writing, StoreError)
     engine = open_reading(tmp_path / LEDGER_FILE, 1, 1_000)
     yield engine
     engine.dispose()
@@ -51,7 +53,7 @@ def test_a_component_reads_as_the_requests_do_and_can_not_write(readers: Engine)
 def test_where_no_connection_becomes_free_a_read_is_refused_and_told_why(readers: Engine) -> None:
     found: list[DBAPIError] = []
     with ExitStack() as held:
-        for _ in range(1 + store._READERS_BEYOND):
+        for _ in range(1 + sqlite._READERS_BEYOND):
             held.enter_context(snapshot(readers, 1_000))
 
         def ask() -> None:
@@ -63,4 +65,4 @@ def test_where_no_connection_becomes_free_a_read_is_refused_and_told_why(readers
         asking.start()
         asking.join()
     assert store_error(found[0]).fault is StoreFault.TAKEN
-    assert store.FREE_WITHIN_S < 1
+    assert FREE_WITHIN_S < 1
