@@ -28,6 +28,7 @@ from core.build import own_build
 from core.checkpointing import CHECKPOINT_S, CHECKPOINTER, Checkpointer
 from core.departure import Departure, ExitCode
 from core.draining import Drain
+from core.errands import SOURCES
 from core.exporter import EXPORTER
 from core.guarded import oom
 from core.guarded.control import VERSION as CONTROL_VERSION
@@ -44,6 +45,7 @@ from core.journal.ground import Ground
 from core.journal.proof import Witness
 from core.journal.store import Server, StoreError, open_reading
 from core.journal.writer import Writer
+from core.keeping.daily import DailyBackup
 from core.listening import PAGE_SOCKET, LedgerServer, bind_loopback, bind_unix
 from core.notifier import NOTIFIER, Notifier
 from core.obedience import Obedience
@@ -52,6 +54,7 @@ from core.opening_to_read import ReadableBook, open_to_read
 from core.rulings import Rulings
 from core.safety import Safety
 from core.saying import say
+from core.scheduler import SCHEDULER, Scheduler
 from core.service import Service, Unwritten
 from core.settings import Settings
 from core.warming import Spare
@@ -92,6 +95,7 @@ class Life:
         self._ground = Ground(self._checkpoints, whole=not environment.recovers_state)
         self._safety: Safety | None = None
         self._trying: asyncio.Task[NoReturn] | None = None
+        self._scheduling: Scheduler | None = None
         self._spare: Spare | None = None
         self._service: Service | None = None
         self._writer: Writer | None = None
@@ -231,6 +235,7 @@ class Life:
         self._obedience.parts.add(EXPORTER, service.exporter)
         if isinstance(book, OpenBook):
             self._obedience.parts.add(IMPORTER, desk.importer)
+            self._obedience.parts.add(SCHEDULER, self._scheduler(service))
             self._taking_up = loop.create_task(desk.start())  # never called off: the desk's end waits for it
         self._begin_behind(loop, service, book)
         assert self._ended is not None
@@ -251,9 +256,25 @@ class Life:
             if not isinstance(self._settings.ledger(self._data), Server):
                 works.append(ballast.keep_laid(self._data, *rests))
             works += self._checkpointing(service)
+            assert self._scheduling is not None, "who serves a book to write on has one"
+            works.append(self._scheduling.run())
         self._behind = [loop.create_task(work) for work in works]
         for task in self._behind:
             task.add_done_callback(_say_failure)
+
+    def _scheduler(self, service: Service) -> Scheduler:
+        failed = functools.partial(self._recorder.event, "BACKUP_FAILED")
+        scheduler = self._scheduling = Scheduler(
+            service,
+            service.readers,
+            self._recorder,
+            self._settings,
+            self._rulings,
+            SOURCES,
+            (DailyBackup(self._data, self._settings, failed),),
+            self._beacon.cases,
+        )
+        return scheduler
 
     def _checkpointing(self, service: Service) -> list[Coroutine[Any, Any, object]]:
         checkpointer = Checkpointer(

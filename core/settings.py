@@ -89,6 +89,20 @@ class Settings:
         "rest before a core that serves reads only tries to write again, where no guard tells it to",
     )
     safe_retry_after_s: int = _setting(30, 1, 3_600, "what Retry-After says while only reads are served")
+    schedule_every_ms: int = _setting(
+        30_000,
+        10,
+        3_600_000,
+        "rest between two looks at what falls due (recurring items, expiries, the backup)",
+    )
+    backup_every_h: int = _setting(
+        24, 0, 8_760, "hours between two backups that are made by themselves; 0: none"
+    )
+    backup_after_ms: int = _setting(
+        300_000, 0, 86_400_000, "rest of a started core before it makes a backup that is due"
+    )
+    backup_keep: int = _setting(14, 1, 10_000, "backups kept of those that are made by themselves")
+    backup_ms_max: int = _setting(3_600_000, 1_000, 86_400_000, "longest time a backup may take")
     census_ms: int = _setting(60_000, 10, 3_600_000, "rest between two counts of the largest types in memory")
     retry_after_s: int = _setting(1, 1, 3_600, "what Retry-After says")
 

@@ -52,6 +52,7 @@ GUARD_TEXTS: Final[Mapping[str, Text]] = {
     "part_exporter": _text("내보내기", "export"),
     "part_notifier": _text("알려 주기", "page updates"),
     "part_auditor": _text("장부 확인", "ledger check"),
+    "part_scheduler": _text("때가 된 일", "what falls due"),
     "part_rests": _text("할 일 없음", "nothing to do"),
     "part_works": _text("일하는 중 · {n} ms 전 신호", "at work · sign {n} ms ago"),
     "part_silent": _text("{n} ms째 신호 없음", "no sign for {n} ms"),

@@ -6,22 +6,16 @@ dies. All suspects of a wave are filed together and said in one word, so that on
 unless a letter has it, and then the ledger's own door refuses it. Not chosen: to skip it and come back; rows keep their order.
 """
 
-import datetime as dt
-import json
 import logging
-import os
 from collections.abc import Callable, Sequence
-from hashlib import sha256
-from pathlib import Path
 from typing import Final
 
 import msgspec
 
+from core.cases import Case, file_cases
 from core.imports.states import Waiting
 from core.rulings import Rulings
 
-VERSION: Final = 1
-UNFINISHED: Final = ".new"
 SOURCE: Final = "import:"  # and the id of one: as whom a case, and a source that is stopped, name it
 
 logger = logging.getLogger("core.imports")
@@ -76,11 +70,7 @@ class Suspected:
         if self._rulings.cases is None:
             return True
         try:
-            for row in rows:
-                path = self._rulings.cases / f"{row.name}.json"
-                if not path.exists():
-                    _write(path, json.dumps(_case_of(row)).encode())
-            _flush(self._rulings.cases)
+            file_cases(self._rulings.cases, [_case_of(row) for row in rows])
         except OSError as error:
             logger.warning("The cases of %d rows of an import can't be filed: %s", len(rows), error.strerror)
             return False
@@ -88,31 +78,7 @@ class Suspected:
         return True
 
 
-def _case_of(row: HeldRow) -> dict[str, object]:
-    return {
-        "version": VERSION,
-        "name": row.name,
-        "at": dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
-        "source": SOURCE + row.import_id,
-        "key": row.key,
-        "digest": sha256(row.key.encode()).hexdigest(),
-        "case": {"name": row.name, "row": {"import": row.import_id, "ordinal": row.ordinal}},
-    }
-
-
-def _write(path: Path, content: bytes) -> None:
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    fresh = path.with_name(path.name + UNFINISHED)
-    with fresh.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    fresh.rename(path)
-
-
-def _flush(folder: Path) -> None:
-    fd = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
+def _case_of(row: HeldRow) -> Case:
+    return Case(
+        row.name, row.key, SOURCE + row.import_id, {"row": {"import": row.import_id, "ordinal": row.ordinal}}
+    )

@@ -10,6 +10,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,6 +24,7 @@ from core.saying import say
 from core.settings import Settings
 
 TOLD_EVERY_S: Final = 0.2
+POLITE: Final = 19
 _DOING: Final = {"copying": "Copying the ledger", "proving": "Proving the copy"}
 
 
@@ -30,9 +32,13 @@ _DOING: Final = {"copying": "Copying the ledger", "proving": "Proving the copy"}
 @click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
 @click.option("--to", "folder", type=click.Path(path_type=Path), help="Folder of the backups; DATA/backups.")
 @click.option("--keep", type=click.IntRange(1, 10_000), default=14, show_default=True)
+@click.option("--politely", is_flag=True, help="Give way to everybody else on this machine.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def backup(data: Path, folder: Path | None, keep: int, *, as_json: bool) -> None:
+def backup(data: Path, folder: Path | None, keep: int, *, politely: bool, as_json: bool) -> None:
     """Make a proven copy of the ledger, while it is at work or at rest, and remove the oldest beyond --keep."""
+    if politely:
+        with suppress(OSError):
+            os.nice(POLITE)
     data = data.absolute()
     if not (data / LEDGER_FILE).is_file():
         say(f"There is no ledger in {data}: name its folder with --data.")

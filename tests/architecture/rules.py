@@ -35,6 +35,7 @@ LEDGER_FILE_NAME: Final = "LEDGER_FILE"
 # Where the core touches files by itself, and which files these are. None of them sees the ledger's.
 CORE_FILE_ROOMS: Final = {
     "core/build.py": "the code itself, as it lies on the disk",
+    "core/cases.py": "the cases of what the core itself wished for, beside the guard's rules",
     "core/guarded/": "the recorder's page, the control socket, the file for stacks; the guard's rules and drills",
     "core/imports/": "the files of an import: what was given, its rows, the formats of banks; the case of a row",
     "core/journal/backup.py": "the copy that SQLite made of an older ledger, once it is closed",
@@ -42,6 +43,7 @@ CORE_FILE_ROOMS: Final = {
     "core/journal/checkpoints.py": "the folder of checkpoints, which holds nothing else",
     "core/journal/disk.py": "a small file of its own, and ledger.lock, to see whether the disk takes writes",
     "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
+    "core/keeping/daily.py": "none: it lists the folder of backups",
     "core/keeping/making.py": "copies in the folder of backups, once SQLite is done with them",
     "core/keeping/restoring.py": "a copy in a folder that has no ledger yet",
     "core/trying/asking.py": "none: it has the bytes of an answer read as if they came from one",

@@ -15,7 +15,7 @@ from tests.integration.wired_core import Guard, Wired, guarding
 from tests.waiting import WAIT_S, until
 
 ROWS = 300
-COMPONENTS = ("importer", "exporter", "notifier", "auditor")
+COMPONENTS = ("importer", "exporter", "notifier", "auditor", "scheduler")
 
 
 @pytest.fixture(scope="module")
