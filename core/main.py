@@ -24,8 +24,9 @@ from core.departure import ExitCode
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import take_instruments
 from core.guarded.recorder import RecorderUnusable
+from core.journal.as_it_stands import open_as_it_stands
 from core.journal.rebuilding import Rebuilding
-from core.journal.store import StoreError, open_reading
+from core.journal.store import StoreError
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.keeping.commands import backup, restore
@@ -111,7 +112,7 @@ def verify(data: Path, *, as_json: bool, quick: bool) -> None:
         sys.exit(
             said(departure.config_invalid(f"There is no ledger in {data}: name its folder with --data."))
         )
-    readers = open_reading(where, 1, settings.fence_busy_ms)
+    readers = open_as_it_stands(where, 1, settings.fence_busy_ms)
     # What kills whoever rebuilds from it would kill this process too; no drill does.
     rulings = Rulings.beside((data / RULES).absolute())
     rulings.quarantine.read()

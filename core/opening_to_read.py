@@ -58,6 +58,7 @@ class _NotOurs(msgspec.Struct, frozen=True):
 
 
 class _Head(msgspec.Struct, frozen=True):
+    version: int
     epoch: int
     seq: int
     hash: bytes
@@ -98,10 +99,13 @@ def _open(
             found = _head(connection)
     except DBAPIError as error:
         found = store_error(error)
-    if isinstance(found, _Head):
+    if isinstance(found, _Head) and found.version == schema.SCHEMA_VERSION:
         return readers, found
     readers.dispose()
-    return found
+    if not isinstance(found, _Head):
+        return found
+    views = schema.views_over(found.version)
+    return open_reading(where, settings.readers + 1, settings.write_busy_ms, alone=alone, first=views), found
 
 
 def _head(connection: Connection) -> _Head | _NotOurs:
@@ -110,7 +114,7 @@ def _head(connection: Connection) -> _Head | _NotOurs:
     row = queries.head(connection)
     if not schema.SCHEMA_VERSION_READABLE <= row.schema_version <= schema.SCHEMA_VERSION:
         return _NotOurs(row.schema_version)
-    return _Head(row.epoch, row.head_seq, row.head_hash)
+    return _Head(row.schema_version, row.epoch, row.head_seq, row.head_hash)
 
 
 def _unreadable(version: int | None, safe: str | None) -> Departure:

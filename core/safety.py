@@ -19,6 +19,7 @@ from core.journal.answers import (
     Answer,
     DecisionFailed,
     Done,
+    Each,
     KeyTaken,
     KeyUnknown,
     Leaving,
@@ -139,7 +140,7 @@ def _why_not(answer: Answer) -> str | None:
             return "Somebody else holds the store's lock."
         case Leaving() | OutcomeUnknown():
             return "The core is leaving."
-        case Refused() | KeyTaken() | KeyUnknown() | DecisionFailed() | SetAside() | Limited():
+        case Each() | Refused() | KeyTaken() | KeyUnknown() | DecisionFailed() | SetAside() | Limited():
             raise AssertionError("a write without effect is not decided")
         case _:
             assert_never(answer)

@@ -7,6 +7,8 @@ would depend on the value.
 
 from typing import Final
 
+from frontend import catalogue_pending
+
 #: slug -> language -> (title, detail)
 PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
     "malformed-json": {
@@ -124,6 +126,7 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
         "ko": ("이미 가져온 내역이에요", "같은 줄이 장부에 있어서 다시 적지 않았어요."),
         "en": ("This row is in the ledger already", "It was not written down a second time."),
     },
+    **catalogue_pending.PROBLEMS,
     "key-reused": {
         "ko": (
             "이미 다른 요청에 쓴 키예요",

@@ -14,6 +14,7 @@ from core.journal.answers import (
     Answer,
     DecisionFailed,
     Done,
+    Each,
     KeyTaken,
     KeyUnknown,
     Leaving,
@@ -73,8 +74,8 @@ def meaning_of(answer: Answer, candidate: Candidate) -> tuple[int, Outcome | Non
             return BUSY, None
         case OutcomeUnknown() | Leaving() | ReadOnly():
             return BUSY, Stopped()
-        case KeyUnknown():
-            raise AssertionError("only a look-up is told this")
+        case KeyUnknown() | Each():
+            raise AssertionError("only a look-up, or commands sent together, are told this")
         case _:
             assert_never(answer)
 

@@ -5,7 +5,7 @@ the recorder speaks of it too. A refusal is kept as its parts, so that a replay 
 whoever asks again; a success is kept as the very bytes that were sent.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final, assert_never
 
 import msgspec
@@ -30,6 +30,18 @@ class Order(msgspec.Struct, frozen=True):
     transaction_id: str
     account_ids: tuple[str, ...]
     slot: int
+    name: str = ""
+
+
+class Orders(msgspec.Struct, frozen=True):
+    """Commands that were sent together and have nothing else to do with each other: each has its key and its answer.
+
+    One piece of work with one slot. All of them are in one transaction of the store; a no to one is a no to it alone.
+    """
+
+    orders: tuple[Order, ...]
+    slot: int
+    key: None = None
     name: str = ""
 
 
@@ -66,7 +78,24 @@ class Touch(msgspec.Struct, frozen=True):
     key: None = None
 
 
-Work = Order | LookUp | Exercise | Touch
+Work = Order | Orders | LookUp | Exercise | Touch
+
+
+def orders_of(works: Iterable[Work]) -> Iterator[Order]:
+    """Return all commands in these works, in their order."""
+    for work in works:
+        if isinstance(work, Order):
+            yield work
+        elif isinstance(work, Orders):
+            yield from work.orders
+
+
+def keys_of(works: Iterable[Work]) -> Iterator[str]:
+    """Return the keys that these works carry or ask for."""
+    for work in works:
+        for key in [one.key for one in work.orders] if isinstance(work, Orders) else [work.key]:
+            if key is not None:
+                yield key
 
 
 class Commit(msgspec.Struct, frozen=True):
@@ -144,8 +173,15 @@ class Limited(msgspec.Struct, frozen=True):
     again_s: int | None
 
 
+class Each(msgspec.Struct, frozen=True):
+    """The answers to commands that were sent together, in their order."""
+
+    answers: tuple["Answer", ...]
+
+
 Answer = (
     Done
+    | Each
     | Refused
     | KeyTaken
     | KeyUnknown
@@ -175,9 +211,23 @@ class KeyRow(msgspec.Struct, frozen=True):
 def status_of(slug: Slug) -> int:
     """Return the HTTP status of a refusal."""
     match slug:
-        case Slug.ENTRY_NOT_FOUND:
+        case Slug.ENTRY_NOT_FOUND | Slug.TRANSACTION_NOT_FOUND | Slug.PENDING_NOT_FOUND:
             return 404
+        case Slug.ACCOUNT_CHANGED:
+            return 412
         case Slug.ACCOUNT_EXISTS | Slug.ENTRY_REVERSED | Slug.ENTRY_CHANGED | Slug.ALREADY_IMPORTED:
+            return 409
+        case (
+            Slug.TRANSACTION_REVERSED
+            | Slug.TRANSACTION_PENDING
+            | Slug.TRANSACTION_OF_ENTRY
+            | Slug.ALREADY_A_REVERSAL
+            | Slug.PENDING_POSTED
+            | Slug.PENDING_VOIDED
+            | Slug.PENDING_EXPIRED
+            | Slug.NOT_YET_EXPIRED
+            | Slug.ACCOUNT_HAS_PENDING
+        ):
             return 409
         case _:
             return 422

@@ -9,6 +9,7 @@ leaves a batch of which nobody can say what became, and such a journal never wri
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from types import MappingProxyType
 from typing import Any, Final, assert_never
 
@@ -26,10 +27,12 @@ from core.journal.answers import (
     Answer,
     DecisionFailed,
     Done,
+    Each,
     Exercise,
     KeyRow,
     LookUp,
     Order,
+    Orders,
     OutcomeUnknown,
     ReadOnly,
     Refused,
@@ -38,13 +41,15 @@ from core.journal.answers import (
     Touch,
     Work,
     found,
+    orders_of,
     repeated,
 )
 from core.journal.attestation import Balance, attest, attested_before, due_between, standing
 from core.journal.batch import Batch
+from core.journal.laying import lay_down
 from core.journal.proof import check_balances
 from core.journal.room import Room
-from core.journal.shelf import fetch_book, fetch_keys, parked_entries
+from core.journal.shelf import fetch_book, fetch_keys, parked_orders
 from core.journal.store import (
     StoreError,
     StoreFault,
@@ -53,11 +58,7 @@ from core.journal.store import (
     is_open,
     store_error,
 )
-from core.ledger.accounts import Account
-from core.ledger.book import KnownEntry
-from core.ledger.entries import ReplaceEntry, ReverseEntry
-from core.ledger.events import Booking, Event
-from core.ledger.fields import folded
+from core.ledger.events import Event, accounts_in
 
 #: What a store that takes no write is called, by its fault.
 SHUT: Final = MappingProxyType({StoreFault.NO_ROOM: "DISK_FULL", StoreFault.READ_ONLY: "DISK_READ_ONLY"})
@@ -188,13 +189,13 @@ class Journal:
     def _not_begun(self, works: Sequence[Work], error: StoreError) -> NotBegun:
         self._recorder.in_store(on=False)
         self._recorder.event(f"STORE_{error.fault.name}", error.text)
-        return NotBegun((StoreBusy(),) * len(works))
+        return NotBegun(tuple([_told(work, StoreBusy()) for work in works]))
 
     def _failed(self, works: Sequence[Work], error: StoreError) -> Failed:
         # No ROLLBACK: after a failed COMMIT the frames may be in the log already, and whether they come back
         # is for the next core to see. This one touches the store no more.
         self._broken = True
-        return Failed((OutcomeUnknown(),) * len(works), error)
+        return Failed(tuple([_told(work, OutcomeUnknown()) for work in works]), error)
 
     def _inside(self, works: Sequence[Work]) -> Committed | NotTaken | FencedBy:
         meta = self._connection.execute(_META).one()
@@ -202,11 +203,12 @@ class Journal:
             self._connection.exec_driver_sql("ROLLBACK").close()
             return FencedBy(meta.epoch)
         keys = fetch_keys(self._connection, works)
-        aside = self._aside(works)
-        touching = [work for place, work in enumerate(works) if place not in aside] if aside else works
+        orders = list(orders_of(works))
+        aside = self._aside(orders)
+        touching = [order for order in orders if order.command_id not in aside] if aside else orders
         book = fetch_book(self._connection, touching)
         batch = Batch(self._epoch, meta.head_seq, meta.head_hash, book, dict(keys))
-        answers = tuple([self._answer(batch, work, aside.get(place)) for place, work in enumerate(works)])
+        answers = tuple([self._answer(batch, work, aside) for work in works])
         if batch.is_empty and not any(_must_write(work) for work in works):
             self._connection.exec_driver_sql("ROLLBACK").close()
         elif (error := self._lay_down(batch, works)) is not None:
@@ -239,21 +241,16 @@ class Journal:
             self._connection.exec_driver_sql("ROLLBACK").close()
         return error
 
-    def _aside(self, works: Sequence[Work]) -> Mapping[int, SetAside]:
-        """Return, by place, what is answered to those that change an entry whose event is left out of every rebuild.
+    def _aside(self, orders: Sequence[Order]) -> Mapping[str, SetAside]:
+        """Return, by its id, what is answered to each command that must begin with an event that is left out.
 
         Deciding one of them would begin with reading that event.
         """
         rules = self._quarantine.rules
         if not rules.parked:
             return {}
-        entries = parked_entries(self._connection, works, rules.parked)
-        return {
-            place: _parked(rules, entries[work.command.entry])
-            for place, work in enumerate(works)
-            if isinstance(work, Order) and isinstance(work.command, ReplaceEntry | ReverseEntry)
-            if work.command.entry in entries
-        }
+        found = parked_orders(self._connection, orders, rules.parked)
+        return {command_id: _parked(rules, seq) for command_id, seq in found.items()}
 
     def _strike(self, at: At, batch: Batch, works: Sequence[Work]) -> None:
         """Have a drill's command kill this process, where it is in the batch and is carried out, not told again."""
@@ -263,20 +260,19 @@ class Journal:
         self._armoury.strike(
             at,
             {
-                work.name
-                for work in works
-                if isinstance(work, Exercise) or (isinstance(work, Order) and work.command_id in booked)
+                *(work.name for work in works if isinstance(work, Exercise)),
+                *(order.name for order in orders_of(works) if order.command_id in booked),
             },
         )
 
-    def _answer(self, batch: Batch, work: Work, aside: SetAside | None) -> Answer:
+    def _answer(self, batch: Batch, work: Work, aside: Mapping[str, SetAside]) -> Answer:
         self._recorder.stage(work.slot, Stage.DECIDING)
         answer = self._judge(batch, work, aside)
         # It waits again, for the rest of its batch: DECIDING must name one work and no other.
         self._recorder.stage(work.slot, Stage.QUEUED)
         return answer
 
-    def _judge(self, batch: Batch, work: Work, aside: SetAside | None) -> Answer:
+    def _judge(self, batch: Batch, work: Work, aside: Mapping[str, SetAside]) -> Answer:
         match work:
             case LookUp():
                 return batch.look_up(work)
@@ -286,7 +282,9 @@ class Journal:
             case Touch():
                 return Done(OK, b"{}")
             case Order():
-                return self._decide(batch, work, aside)
+                return self._decide(batch, work, aside.get(work.command_id))
+            case Orders(orders=orders):
+                return Each(tuple([self._decide(batch, one, aside.get(one.command_id)) for one in orders]))
             case _:
                 assert_never(work)
 
@@ -298,8 +296,9 @@ class Journal:
             return aside
         if is_new:
             self._armoury.strike(At.DECIDE, (work.name,))
+        wall_ns = self._wall_ns()
         try:
-            decision = batch.decide(work)
+            decision = batch.decide(work, wall_ns)
         # Deciding is ours and pure: whatever it raises is our bug with this one command, it has changed
         # nothing, and the commands beside it are innocent.
         except Exception as error:  # noqa: BLE001
@@ -311,7 +310,7 @@ class Journal:
                 and (name := next((one for one in _touched(decision) if one in marked), None)) is not None
             ):
                 return SetAside(marked[name], name)
-            return batch.take(work, decision, self._wall_ns())
+            return batch.take(work, decision, wall_ns)
         if isinstance(decision, Refused):
             batch.refuse(work, decision)
         return decision
@@ -323,27 +322,10 @@ class Journal:
                 self._recorder.stage(work.slot, Stage.WRITING)
         self._strike(At.WRITE, batch, works)
         transaction_id, account_id = _named(works)  # noqa: RUF059  for stack dumps
-        connection, book = self._connection, batch.book
-        for statement, rows in (
-            (_EVENTS, batch.events),
-            (_KEYS, batch.key_rows),
-            (_OPEN, [_account_row(book.accounts[name]) for name in sorted(batch.opened)]),
-            (_NAME, [_name_row(book.accounts[name]) for name in sorted(batch.opened)]),
-            (_CHANGE, [_change_row(book.accounts[name]) for name in sorted(batch.changed - batch.opened)]),
-            (_BOOKINGS, batch.bookings),
-            (_POSTINGS, batch.postings),
-            (_REVERSALS, batch.reversals),
-            # After the postings: what stands no longer may have been booked in this very batch.
-            (_FALL, [{"reversed_seq": seq} for seq in batch.reversed_seqs]),
-            (_ENTER, [_entry_row(book.entries[name]) for name in sorted(batch.entered)]),
-            (_ALTER, [_altered_row(book.entries[name]) for name in sorted(batch.altered - batch.entered)]),
-            (_ORIGINS, batch.origins),
-        ):
-            if rows:
-                connection.execute(statement, rows)
+        lay_down(self._connection, batch)
         # Of nothing, it is the write without effect that a `Touch` asks for.
         if batch.events or batch.is_empty:
-            moved = connection.execute(
+            moved = self._connection.execute(
                 _HEAD, {"seq": batch.head_seq, "hash": batch.head_hash, "mine": self._epoch}
             )
             assert moved.rowcount == 1, "the epoch changed under an exclusive lock"
@@ -372,6 +354,9 @@ def _attested(batch: Batch, due: Sequence[int], now: Sequence[Balance]) -> list[
         for row in batch.postings:
             if row["seq"] > seq:
                 moved[row["account_id"]] = moved.get(row["account_id"], 0) + row["amount"]
+        for at, name, amount in batch.reserved:
+            if at > seq:
+                moved[name] = moved.get(name, 0) + amount
         made.append(msgspec.structs.asdict(attest(seq, hashes[seq], standing(now, moved))))
     return made
 
@@ -379,10 +364,7 @@ def _attested(batch: Batch, due: Sequence[int], now: Sequence[Balance]) -> list[
 def _touched(events: Sequence[Event]) -> Iterator[str]:
     """Return the accounts that events book on, open or close."""
     for event in events:
-        if isinstance(event, Booking):
-            yield from (line.account for line in event.postings)
-        else:
-            yield event.id
+        yield from accounts_in(event)
 
 
 def _parked(rules: Rules, seq: int) -> SetAside:
@@ -403,6 +385,11 @@ def _must_write(work: Work) -> bool:
     return isinstance(work, Touch) or (isinstance(work, Exercise) and work.run is None)
 
 
+def _told(work: Work, answer: Answer) -> Answer:
+    """Return the same answer for all that is in a work."""
+    return Each((answer,) * len(work.orders)) if isinstance(work, Orders) else answer
+
+
 def _recall(keys: Mapping[str, KeyRow], work: Work, error: StoreError) -> Answer:
     """Return what was known of a work before its batch, which the store did not take."""
     match work:
@@ -410,83 +397,21 @@ def _recall(keys: Mapping[str, KeyRow], work: Work, error: StoreError) -> Answer
             return found(keys.get(key), work.digest)
         case Order(key=str(key)) if key in keys:
             return repeated(keys[key], work.fingerprint)
+        case Orders(orders=orders):
+            return Each(tuple([_recall(keys, one, error) for one in orders]))
         case _:
             return ReadOnly(WHY_NOT[error.fault])
 
 
 def _named(works: Sequence[Work]) -> tuple[str, str]:
     """Return the transactions and the accounts of a batch's orders, as a stack dump shows them."""
-    orders = [work for work in works if isinstance(work, Order)][:NAMED_IN_FRAME_MAX]
+    orders = list(islice(orders_of(works), NAMED_IN_FRAME_MAX))
     accounts = (name for order in orders for name in order.account_ids)
     return ids_shown(order.transaction_id for order in orders), ids_shown(accounts)
 
 
-def _account_row(account: Account) -> dict[str, Any]:
-    return {
-        "id": account.id,
-        "name": account.name,
-        "type": account.type.value,
-        "currency": account.currency,
-        "no_overdraft": int(account.no_overdraft),
-        "posted": account.posted,
-        "closed": int(account.closed),
-    }
-
-
-def _name_row(account: Account) -> dict[str, Any]:
-    return {"folded": folded(account.name), "account_id": account.id}
-
-
-def _entry_row(known: KnownEntry) -> dict[str, Any]:
-    money, category = known.event.postings
-    return {
-        "id": known.event.entry,
-        "seq": known.seq,
-        "date": known.event.date,
-        "account_id": money.account,
-        "category_id": category.account,
-        "reversed": int(known.reversed),
-    }
-
-
-def _altered_row(known: KnownEntry) -> dict[str, Any]:
-    return {f"new_{name}": value for name, value in _entry_row(known).items()}
-
-
-def _change_row(account: Account) -> dict[str, Any]:
-    return {"which": account.id, "new_posted": account.posted, "new_closed": int(account.closed)}
-
-
 _META: Final = select(schema.meta.c.epoch, schema.meta.c.head_seq, schema.meta.c.head_hash)
-_EVENTS: Final = insert(schema.event)
-_KEYS: Final = insert(schema.idempotency)
-_BOOKINGS: Final = insert(schema.booking)
-_POSTINGS: Final = insert(schema.posting)
-_OPEN: Final = insert(schema.account)
-_NAME: Final = insert(schema.account_name)
-_REVERSALS: Final = insert(schema.reversal)
-_FALL: Final = (
-    update(schema.posting).where(schema.posting.c.seq == bindparam("reversed_seq")).values(standing=0)
-)
-_ENTER: Final = insert(schema.entry)
-_ALTER: Final = (
-    update(schema.entry)
-    .where(schema.entry.c.id == bindparam("new_id"))
-    .values(
-        seq=bindparam("new_seq"),
-        date=bindparam("new_date"),
-        account_id=bindparam("new_account_id"),
-        category_id=bindparam("new_category_id"),
-        reversed=bindparam("new_reversed"),
-    )
-)
-_ORIGINS: Final = insert(schema.origin)
 _ATTEST: Final = insert(schema.attestation)
-_CHANGE: Final = (
-    update(schema.account)
-    .where(schema.account.c.id == bindparam("which"))
-    .values(posted=bindparam("new_posted"), closed=bindparam("new_closed"))
-)
 _HEAD: Final = (
     update(schema.meta)
     .where(schema.meta.c.epoch == bindparam("mine"))

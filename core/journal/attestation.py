@@ -15,10 +15,13 @@ store's lock ten times as long; the replay behind each start does so; and: a run
 digest of the accounts' names and rules too, which have events of their own.
 
 Accounts that stand at zero are left out: one that was opened since then stood at nothing, which is the same.
+
+What is pending stands beside the account as two balances of its own, the debit side and (negative) the credit side, so
+every sum that holds for balances holds for both, and a book in which nothing is pending is attested as it always was.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
 from struct import Struct
 from typing import Final
@@ -33,6 +36,10 @@ _LENGTH: Final = Struct("<I")
 
 Balance = tuple[str, str, int]  # id, currency, minor units (debit positive)
 Standing = Mapping[str, tuple[str, int]]  # by id: currency and minor units, never zero
+
+
+_DEBIT: Final = "!pending-debit"  # no account's name has an exclamation mark
+_CREDIT: Final = "!pending-credit"
 
 
 class Attestation(msgspec.Struct, frozen=True):
@@ -60,6 +67,25 @@ def attest(seq: int, event_hash: bytes, standing: Standing) -> Attestation:
     return Attestation(seq, event_hash, _digest(standing), _sums(standing))
 
 
+def balances_of(name: str, currency: str, posted: int, debit: int, credit: int) -> Iterator[Balance]:
+    """Return the balances of an account: what is posted, and what is pending on either side if something is."""
+    yield name, currency, posted
+    if debit:
+        yield name + _DEBIT, currency, debit
+    if credit:
+        yield name + _CREDIT, currency, -credit
+
+
+def pending_move(name: str, amount: int) -> tuple[str, int]:
+    """Return which balance a line moves when it becomes pending, and by how much; by the opposite when it ends."""
+    return name + (_DEBIT if amount > 0 else _CREDIT), amount
+
+
+def is_of_account(name: str) -> bool:
+    """Whether a balance is what is posted to an account, and not what is pending there."""
+    return "!" not in name
+
+
 def standing(balances: Iterable[Balance], moved_since: Mapping[str, int]) -> Standing:
     """Return how all accounts stood before what has `moved_since`, by account in minor units."""
     rest = dict(moved_since)
@@ -67,9 +93,16 @@ def standing(balances: Iterable[Balance], moved_since: Mapping[str, int]) -> Sta
     # What was posted to an account that is not there is left over, and must not be passed over.
     return {
         name: found
-        for name, found in (stood | {name: ("", -by) for name, by in rest.items()}).items()
+        for name, found in (
+            stood | {name: (_currency(name, stood), -by) for name, by in rest.items()}
+        ).items()
         if found[1]
     }
+
+
+def _currency(name: str, stood: Standing) -> str:
+    """Return the currency of what was moved and is not there any more; empty where there is no such account at all."""
+    return stood.get(name.partition("!")[0], ("", 0))[0]
 
 
 def _digest(stood: Standing) -> bytes:

@@ -28,24 +28,46 @@ from core.journal.answers import (
     keep,
     repeated,
 )
+from core.journal.attestation import pending_move
 from core.journal.chain import EventRow, hash_of
-from core.ledger.book import Book, KnownEntry
-from core.ledger.decider import EVENTS_PER_COMMAND_MAX, decide, evolve
+from core.ledger.book import Book, KnownBooking, KnownEntry, KnownPending, PendingState
+from core.ledger.commands import AtomicBatch, ReverseTransaction
+from core.ledger.decider import EVENTS_PER_BATCH_MAX, EVENTS_PER_COMMAND_MAX, decide
 from core.ledger.entries import RecordEntry
 from core.ledger.events import (
     AccountClosed,
     AccountOpened,
+    BalanceAsserted,
     Booking,
     EntryPosted,
     Event,
+    PendingExpired,
+    PendingPosted,
+    PendingVoided,
+    Release,
+    TransactionPending,
     TransactionPosted,
     TransactionReversed,
+    asserted_amounts,
     encode,
+    expiry_of,
     kind_of,
     postings_of,
+    released_by,
 )
+from core.ledger.evolving import evolve
 from core.ledger.reasons import Rejection
-from core.ledger.views import Place, answer_account, answer_reversal, view_entry, view_transaction
+from core.ledger.views import (
+    Place,
+    answer_account,
+    answer_batch,
+    answer_end,
+    answer_reversal,
+    view_assertion,
+    view_entry,
+    view_pending,
+    view_transaction,
+)
 
 Row = dict[str, Any]
 
@@ -53,7 +75,8 @@ Row = dict[str, Any]
 class Batch(msgspec.Struct):
     """Head, book and keys as they stand after the commands taken so far, and the rows to be written.
 
-    `happened` are the events with their numbers; `reversed_seqs` those whose postings stand no longer.
+    `happened` are the events with their numbers; `reversed_seqs` those whose postings stand no longer; `reserved` what
+    each event has moved of what is pending, as `attestation.pending_moves` names it.
     """
 
     epoch: int
@@ -66,9 +89,14 @@ class Batch(msgspec.Struct):
     bookings: list[Row] = []
     postings: list[Row] = []
     reversals: list[Row] = []
+    pendings: list[Row] = []
+    pending_postings: list[Row] = []
+    endings: list[Row] = []
+    assertions: list[Row] = []
     origins: list[Row] = []
     happened: list[tuple[int, Event]] = []
     reversed_seqs: list[int] = []
+    reserved: list[tuple[int, str, int]] = []
     opened: set[str] = set()
     changed: set[str] = set()
     entered: set[str] = set()
@@ -78,8 +106,12 @@ class Batch(msgspec.Struct):
         """Return what became of a key."""
         return found(self.keys.get(work.key), work.digest)
 
-    def decide(self, order: Order) -> tuple[Event, ...] | Done | Refused | KeyTaken:
-        """Return the events that carry the command out, or the answer that needs none. Changes nothing."""
+    def decide(self, order: Order, wall_ns: int) -> tuple[Event, ...] | Done | Refused | KeyTaken:
+        """Return the events that carry the command out, or the answer that needs none. Changes nothing.
+
+        `wall_ns`: the moment at which it is decided, and which its events will bear.
+        """
+        self.book.now_ns = wall_ns
         known = self.keys.get(order.key) if order.key is not None else None
         if known is not None:
             return repeated(known, order.fingerprint)
@@ -96,15 +128,18 @@ class Batch(msgspec.Struct):
 
         The last event is the one that was wished for: it carries the key and makes the answer.
         """
-        assert 0 < len(events) <= EVENTS_PER_COMMAND_MAX, (
+        is_batch = isinstance(order.command, AtomicBatch)
+        assert 0 < len(events) <= (EVENTS_PER_BATCH_MAX if is_batch else EVENTS_PER_COMMAND_MAX), (
             "a command that is carried out happens, and so often"
         )
-        for event in events[:-1]:
-            self._happen(order, event, None, wall_ns)
+        places = [self._happen(order, event, None, wall_ns) for event in events[:-1]]
         place = self._happen(order, events[-1], order.key, wall_ns)
-        answer = msgspec.structs.replace(
-            self._tell(order, events[-1], place), commit=Commit(place.seq, place.hash)
-        )
+        if is_batch:
+            told = answer_batch(zip(events, [*places, place], strict=True))
+            answer = Done(CREATED, msgspec.json.encode(told))
+        else:
+            answer = self._tell(order, events[-1], place)
+        answer = msgspec.structs.replace(answer, commit=Commit(place.seq, place.hash))
         self._keep(order, answer, place.seq)
         return answer
 
@@ -146,7 +181,15 @@ class Batch(msgspec.Struct):
 
     def _tell(self, order: Order, event: Event, place: Place) -> Done:
         match event:
-            case TransactionPosted():
+            case TransactionPosted() | PendingPosted():
+                return Done(CREATED, msgspec.json.encode(view_transaction(event, place)))
+            case TransactionPending():
+                return Done(CREATED, msgspec.json.encode(view_pending(event, place)))
+            case PendingVoided() | PendingExpired():
+                return Done(OK, msgspec.json.encode(answer_end(event, place)))
+            case BalanceAsserted():
+                return Done(CREATED, msgspec.json.encode(view_assertion(event, place)))
+            case TransactionReversed() if isinstance(order.command, ReverseTransaction):
                 return Done(CREATED, msgspec.json.encode(view_transaction(event, place)))
             case EntryPosted():
                 money = self.book.accounts[event.postings[0].account]
@@ -177,6 +220,17 @@ class Batch(msgspec.Struct):
             case TransactionReversed():
                 self._book(event, seq, standing=0)
                 self._take_back(event, seq)
+            case PendingPosted():
+                self._book(event, seq, standing=1)
+                self._end(event, seq, PendingState.POSTED)
+            case PendingVoided():
+                self._end(event, seq, PendingState.VOIDED)
+            case PendingExpired():
+                self._end(event, seq, PendingState.EXPIRED)
+            case TransactionPending():
+                self._reserve(event, seq)
+            case BalanceAsserted():
+                self._assert(event, seq)
             case _:
                 assert_never(event)
 
@@ -184,8 +238,10 @@ class Batch(msgspec.Struct):
         self.bookings.append(
             {"id": event.id, "seq": seq, "date": event.date, "description": event.description}
         )
+        self.book.bookings[event.id] = KnownBooking(seq, event)
         for line, posting in enumerate(postings_of(event)):
             self.changed.add(posting.account)
+            self._date(posting.account, event.date, posting.amount)
             self.postings.append(
                 {
                     "seq": seq,
@@ -205,12 +261,67 @@ class Batch(msgspec.Struct):
             self.origins.append({"seq": seq, "fingerprint": event.origin.fingerprint})
 
     def _take_back(self, event: TransactionReversed, seq: int) -> None:
-        assert event.entry is not None, "only entries are reversed"
-        known = self.book.entries[event.entry]
-        self.book.entries[event.entry] = msgspec.structs.replace(known, reversed=True)
-        self.altered.add(event.entry)
-        self.reversals.append({"seq": seq, "reversed_seq": known.seq})
-        self.reversed_seqs.append(known.seq)
+        if event.entry is not None:
+            entry = self.book.entries[event.entry]
+            reversed_seq = entry.seq
+            self.book.entries[event.entry] = msgspec.structs.replace(entry, reversed=True)
+            self.altered.add(event.entry)
+        else:
+            reversed_seq = self.book.bookings[event.reverses].seq
+        known = self.book.bookings.get(event.reverses)
+        if known is not None:
+            self.book.bookings[event.reverses] = msgspec.structs.replace(known, reversed=True)
+        self.reversals.append({"seq": seq, "reversed_seq": reversed_seq})
+        self.reversed_seqs.append(reversed_seq)
+
+    def _reserve(self, event: TransactionPending, seq: int) -> None:
+        self.book.pendings[event.id] = KnownPending(seq, event)
+        self.pendings.append(
+            {
+                "id": event.id,
+                "seq": seq,
+                "date": event.date,
+                "description": event.description,
+                "state": PendingState.OPEN.value,
+                "expires_ns": expiry_of(event),
+                "closed_seq": None,
+            }
+        )
+        for line, posting in enumerate(postings_of(event)):
+            self.changed.add(posting.account)
+            self.pending_postings.append(
+                {"seq": seq, "line": line, "account_id": posting.account, "amount": posting.amount}
+            )
+            self.reserved.append((seq, *pending_move(posting.account, posting.amount)))
+
+    def _end(self, event: Release, seq: int, state: PendingState) -> None:
+        known = self.book.pendings[event.pending]
+        self.book.pendings[event.pending] = msgspec.structs.replace(known, state=state, closed_seq=seq)
+        self.endings.append({"which": event.pending, "new_state": state.value, "new_closed_seq": seq})
+        for posting in released_by(event):
+            self.changed.add(posting.account)
+            name, amount = pending_move(posting.account, posting.amount)
+            self.reserved.append((seq, name, -amount))
+
+    def _assert(self, event: BalanceAsserted, seq: int) -> None:
+        amount, actual = asserted_amounts(event)
+        self.assertions.append(
+            {
+                "id": event.id,
+                "seq": seq,
+                "account_id": event.account,
+                "date": event.date,
+                "amount": amount,
+                "actual": actual,
+                "holds": int(event.holds),
+            }
+        )
+
+    def _date(self, account: str, date: str, amount: int) -> None:
+        """Take a posting into what is asserted later in this batch."""
+        for asked, until in self.book.dated:
+            if asked == account and date <= until:
+                self.book.dated[asked, until] += amount
 
     def _keep(self, order: Order, answer: Done | Refused, seq: int | None) -> None:
         if order.key is None:

@@ -19,7 +19,7 @@ from typing import Final
 import msgspec
 
 from core.journal.attestation import Attestation
-from core.ledger.views import timestamp
+from core.ledger.moments import timestamp
 
 VERSION: Final = 1
 BYTES_MAX: Final = 1 << 16

@@ -13,7 +13,7 @@ from msgspec import Raw
 from sqlalchemy import Connection, Integer, func, literal, select, text
 
 from core.journal import schema
-from core.journal.attestation import Attestation, Balance
+from core.journal.attestation import Attestation, Balance, balances_of, pending_move
 from core.journal.chain import EventRow
 from core.journal.drawing import booking_of
 from core.journal.proof import Tail, Walk
@@ -21,13 +21,13 @@ from core.journal.shelf import VARIABLES_MAX, account_of
 from core.journal.store import is_in_server
 from core.ledger.accounts import Account, AccountType
 from core.ledger.events import AccountOpened, decode
+from core.ledger.moments import timestamp
 from core.ledger.views import (
     CommittedEvent,
     EventView,
     Place,
     TransactionView,
     tell,
-    timestamp,
     view_transaction,
 )
 
@@ -191,27 +191,57 @@ def keys_between(connection: Connection, first_seq: int, last_seq: int | None = 
 
 
 def moved_between(connection: Connection, first_seq: int, last_seq: int | None = None) -> dict[str, int]:
-    """Return what is listed as posted by these events (both ends in the range), by account, in minor units."""
-    posting = schema.posting.c
+    """Return what is listed as moved by these events (both ends in the range), by balance, in minor units."""
+    posting, held, pending = schema.posting.c, schema.pending_posting.c, schema.pending.c
     # In two halves of 32 bits, because a sum in SQL would overflow at 64.
     halves = (
         func.sum(posting.amount.op(">>")(literal(32, Integer))),
         func.sum(posting.amount.op("&")(0xFFFF_FFFF)),
     )
-    query = select(posting.account_id, *halves).where(posting.seq >= first_seq)
-    if last_seq is not None:
-        query = query.where(posting.seq <= last_seq)
+    query = select(posting.account_id, *halves).where(_is_between(posting.seq, first_seq, last_seq))
     # The plus keeps SQLite from walking a whole index because it is in the order of the accounts.
     by = posting.account_id if is_in_server(connection) else text("+account_id")
     rows = connection.execute(query.group_by(by))
-    return {name: (int(high) << 32) + int(low) for name, high, low in rows}
+    moved = {name: (int(high) << 32) + int(low) for name, high, low in rows}
+    opened = select(held.account_id, held.amount).where(_is_between(held.seq, first_seq, last_seq))
+    ended = (
+        select(held.account_id, held.amount)
+        .join_from(schema.pending, schema.pending_posting, held.seq == pending.seq)
+        .where(_is_between(pending.closed_seq, first_seq, last_seq))
+    )
+    for lines, sign in ((opened, 1), (ended, -1)):
+        for account_id, amount in connection.execute(lines):
+            name, change = pending_move(account_id, amount)
+            moved[name] = moved.get(name, 0) + sign * change
+    return moved
 
 
 def balances(connection: Connection) -> list[Balance]:
-    """Return the balance of every account, without a bound: for proofs."""
+    """Return every balance, without a bound: for proofs."""
     account = schema.account.c
-    rows = connection.execute(select(account.id, account.currency, account.posted))
-    return [(row[0], row[1], row[2]) for row in rows]
+    columns = account.id, account.currency, account.posted, account.pending_debit, account.pending_credit
+    rows = connection.execute(select(*columns))
+    return [balance for row in rows for balance in balances_of(*row)]
+
+
+def due_pendings(connection: Connection, now_ns: int, limit: int) -> list[str]:
+    """Return the ids of pending transactions that have run out by a wall time and are still open, oldest first."""
+    pending = schema.pending.c
+    query = select(pending.id).where(pending.state == "open", pending.expires_ns <= now_ns)
+    return list(connection.execute(query.order_by(pending.expires_ns).limit(limit)).scalars())
+
+
+def next_expiry(connection: Connection) -> int | None:
+    """Return the wall time at which the next open pending transaction runs out, None if none does."""
+    pending = schema.pending.c
+    query = select(func.min(pending.expires_ns)).where(
+        pending.state == "open", pending.expires_ns.is_not(None)
+    )
+    return connection.execute(query).scalar_one_or_none()
+
+
+def _is_between(column: Any, first_seq: int, last_seq: int | None) -> Any:
+    return column >= first_seq if last_seq is None else column.between(first_seq, last_seq)
 
 
 def newest_attestation(connection: Connection) -> Attestation | None:

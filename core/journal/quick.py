@@ -12,7 +12,7 @@ from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from core.journal.ahead import Ahead
-from core.journal.attestation import Attestation, attest, standing
+from core.journal.attestation import Attestation, attest, is_of_account, standing
 from core.journal.chain import Broken
 from core.journal.ground import Ground
 from core.journal.proof import Proven, prove, sums_by_currency
@@ -66,5 +66,6 @@ def _at_the_head(connection: Connection, ahead: Ahead, gate: Rebuilding) -> Quic
     if isinstance(proof, Broken):
         return proof
     sums = {name: format_amount(total, name) for name, total in sums_by_currency(tail.balances).items()}
+    accounts = sum(1 for name, *_ in tail.balances if is_of_account(name))
     attested = attest(proof.head_seq, proof.head_hash, standing(tail.balances, {}))
-    return Quick(proof, attested, tail.epoch, sums, len(tail.balances), grounded)
+    return Quick(proof, attested, tail.epoch, sums, accounts, grounded)

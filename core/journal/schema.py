@@ -10,6 +10,9 @@ and readings and never touches an event, so a chain that was proven before is th
 
 What *stands* is a posting whose transaction was neither reversed nor is a reversal. Those alone make the
 register and the sums of a month; the two halves of a reversal are on the same day and add up to nothing.
+
+What is pending has its own lines: a posting that is none yet must not be found by anything that adds postings up.
+A table of postings with a state was not chosen, because every sum in every room would then have to remember it.
 """
 
 from typing import Any, Final
@@ -28,6 +31,7 @@ from sqlalchemy import (
     Text,
     insert,
     select,
+    text,
     update,
 )
 from sqlalchemy.ext.compiler import compiles
@@ -37,7 +41,7 @@ from core.journal.store import is_in_server
 from core.journal.stores.triggers import in_plpgsql
 from core.ledger.fields import folded
 
-SCHEMA_VERSION: Final = 4
+SCHEMA_VERSION: Final = 5
 SCHEMA_VERSION_OLDEST: Final = 2  # the oldest one that is taken along
 #: In a server there is none older: a step that comes after this one is written for both stores.
 SCHEMA_VERSION_OLDEST_IN_SERVER: Final = SCHEMA_VERSION
@@ -83,6 +87,15 @@ idempotency: Final = Table(
     sqlite_strict=True,
 )
 
+_PENDING_DEBIT: Final = (
+    "pending_debit >= 0 AND"
+    " (no_overdraft = 0 OR type NOT IN ('liability', 'equity', 'income') OR posted <= -pending_debit)"
+)
+_PENDING_CREDIT: Final = (
+    "pending_credit >= 0 AND"
+    " (no_overdraft = 0 OR type NOT IN ('asset', 'expense') OR posted >= pending_credit)"
+)
+
 account: Final = Table(
     "account",
     metadata,
@@ -98,6 +111,22 @@ account: Final = Table(
         " OR (type IN ('liability', 'equity', 'income') AND posted <= 0)",
         name="not_overdrawn",
     ),
+    # What is pending is said in rules of its own columns: they can be added to a table that is there.
+    Column(
+        "pending_debit",
+        BigInteger().with_variant(Integer, "sqlite"),
+        CheckConstraint(_PENDING_DEBIT),
+        nullable=False,
+        server_default="0",
+    ),
+    Column(
+        "pending_credit",
+        BigInteger().with_variant(Integer, "sqlite"),
+        CheckConstraint(_PENDING_CREDIT),
+        nullable=False,
+        server_default="0",
+    ),
+    Column("version", Integer, nullable=False, server_default="0"),
     sqlite_strict=True,
 )
 
@@ -179,7 +208,66 @@ attestation: Final = Table(
     sqlite_strict=True,
 )
 
+_IS_OPEN: Final = text("state = 'open'")
+
+pending: Final = Table(
+    "pending",  # a transaction that was made pending, and what became of it
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("seq", ForeignKey("event.seq"), nullable=False, unique=True),
+    Column("date", Text, nullable=False),
+    Column("description", Text, nullable=False),
+    Column(
+        "state", Text, CheckConstraint("state IN ('open', 'posted', 'voided', 'expired')"), nullable=False
+    ),
+    Column("expires_ns", BigInteger().with_variant(Integer, "sqlite")),  # NULL: never
+    Column("closed_seq", ForeignKey("event.seq"), unique=True),  # the event that has ended it
+    CheckConstraint("(state = 'open') = (closed_seq IS NULL)", name="ended_by_an_event"),
+    Index("pending_due", "expires_ns", sqlite_where=_IS_OPEN, postgresql_where=_IS_OPEN),
+    sqlite_strict=True,
+)
+
+pending_posting: Final = Table(
+    "pending_posting",
+    metadata,
+    Column("seq", ForeignKey("event.seq"), primary_key=True),
+    Column("line", Integer, primary_key=True),
+    Column("account_id", ForeignKey("account.id"), nullable=False),
+    Column("amount", BigInteger().with_variant(Integer, "sqlite"), nullable=False),
+    Index("pending_posting_by_account", "account_id", "seq"),
+    sqlite_strict=True,
+    sqlite_with_rowid=False,
+)
+
+assertion: Final = Table(
+    "assertion",  # what somebody said an account should stand at, and what it stood at then
+    metadata,
+    Column("id", Text, primary_key=True),
+    Column("seq", ForeignKey("event.seq"), nullable=False, unique=True),
+    Column("account_id", ForeignKey("account.id"), nullable=False),
+    Column("date", Text, nullable=False),
+    Column("amount", BigInteger().with_variant(Integer, "sqlite"), nullable=False),
+    Column("actual", BigInteger().with_variant(Integer, "sqlite"), nullable=False),
+    Column(
+        "holds",
+        Integer,
+        CheckConstraint("holds IN (0, 1) AND (holds = 1) = (amount = actual)"),
+        nullable=False,
+    ),
+    Index("assertion_by_account", "account_id", "date", "seq"),
+    sqlite_strict=True,
+)
+
 _BESIDE_THE_NAME_BYTES: Final = 45  # of a posting: numbers, date, and what SQLite adds
+
+_BESIDE_AN_ACCOUNT_BYTES: Final = 600  # of its row in log and file, and its part of a few pages
+
+_TABLES_OF_VERSION_5: Final = (pending, pending_posting, assertion)
+_COLUMNS_OF_VERSION_5: Final = (
+    f"pending_debit INTEGER NOT NULL DEFAULT '0' CHECK ({_PENDING_DEBIT})",
+    f"pending_credit INTEGER NOT NULL DEFAULT '0' CHECK ({_PENDING_CREDIT})",
+    "version INTEGER NOT NULL DEFAULT '0'",
+)
 
 _TABLES_OF_VERSION_3: Final = (account_name, entry, reversal, origin)
 _INDEXES_OF_VERSION_3: Final = frozenset({"posting_standing", "posting_by_day"})
@@ -227,6 +315,24 @@ _TRIGGERS_OF_VERSION_4: Final = (
        BEGIN SELECT RAISE(ABORT, 'an attestation is of the event that is there'); END""",
 )
 
+_TRIGGERS_OF_VERSION_5: Final = (
+    """CREATE TRIGGER pending_ends_once BEFORE UPDATE ON pending
+       WHEN OLD.state <> 'open' OR NEW.state = 'open' OR NEW.id IS NOT OLD.id OR NEW.seq IS NOT OLD.seq
+         OR NEW.date IS NOT OLD.date OR NEW.description IS NOT OLD.description
+         OR NEW.expires_ns IS NOT OLD.expires_ns
+       BEGIN SELECT RAISE(ABORT, 'what is pending ends once, and is never changed'); END""",
+    """CREATE TRIGGER pending_is_never_deleted BEFORE DELETE ON pending
+       BEGIN SELECT RAISE(ABORT, 'what was pending is never deleted'); END""",
+    """CREATE TRIGGER pending_posting_is_never_changed BEFORE UPDATE ON pending_posting
+       BEGIN SELECT RAISE(ABORT, 'what was pending is never changed'); END""",
+    """CREATE TRIGGER pending_posting_is_never_deleted BEFORE DELETE ON pending_posting
+       BEGIN SELECT RAISE(ABORT, 'what was pending is never deleted'); END""",
+    """CREATE TRIGGER assertion_is_never_changed BEFORE UPDATE ON assertion
+       BEGIN SELECT RAISE(ABORT, 'an assertion is never changed'); END""",
+    """CREATE TRIGGER assertion_is_never_deleted BEFORE DELETE ON assertion
+       BEGIN SELECT RAISE(ABORT, 'an assertion is never deleted'); END""",
+)
+
 
 def _count_alike() -> None:
     """Give whole numbers the type that has 64 bits in either store: INTEGER in a file, BIGINT in a server."""
@@ -266,7 +372,7 @@ def lay_out(connection: Connection) -> None:
 
 def lay_triggers(connection: Connection) -> None:
     """Create the triggers of all tables, which are there."""
-    rules = (*_TRIGGERS, *_TRIGGERS_OF_VERSION_3, *_TRIGGERS_OF_VERSION_4)
+    rules = (*_TRIGGERS, *_TRIGGERS_OF_VERSION_3, *_TRIGGERS_OF_VERSION_4, *_TRIGGERS_OF_VERSION_5)
     for statement in in_plpgsql(rules) if is_in_server(connection) else rules:
         connection.exec_driver_sql(statement).close()
 
@@ -276,7 +382,9 @@ def bring_up(connection: Connection, version: int) -> None:
     assert SCHEMA_VERSION_OLDEST <= version < SCHEMA_VERSION
     if version < 3:
         _from_2_to_3(connection)
-    _from_3_to_4(connection)
+    if version < 4:
+        _from_3_to_4(connection)
+    _from_4_to_5(connection)
     connection.execute(update(meta).values(schema_version=SCHEMA_VERSION))
 
 
@@ -285,14 +393,39 @@ def bring_up_bytes(connection: Connection, version: int) -> int:
 
     The step from 2 writes every posting anew and lays two indexes over them in one transaction: three times a line into
     the log, and two of them are new in the file (for 400,000 of them 79 MB, where this says 112). The one from 3
-    writes a few pages.
+    writes a few pages, the one from 4 every account.
     """
+    accounts = connection.exec_driver_sql("SELECT count(*) FROM account").scalar_one()
+    room = _BESIDE_AN_ACCOUNT_BYTES * int(accounts)
     if version >= 3:
-        return 0
+        return room
     lines, name_bytes = connection.exec_driver_sql(
         "SELECT count(*), coalesce(sum(length(CAST(account_id AS BLOB))), 0) FROM posting"
     ).one()
-    return 5 * (int(name_bytes) + _BESIDE_THE_NAME_BYTES * int(lines))
+    return room + 5 * (int(name_bytes) + _BESIDE_THE_NAME_BYTES * int(lines))
+
+
+def views_over(version: int) -> tuple[str, ...]:
+    """Return what has a ledger of an older version read as one of this version, on a connection that only reads.
+
+    Views of that connection alone stand before its tables: nothing was ever pending there, and nothing asserted.
+    """
+    if version >= SCHEMA_VERSION:
+        return ()
+    empty = (
+        (table.name, ", ".join(f"NULL AS {column.name}" for column in table.columns))
+        for table in _TABLES_OF_VERSION_5
+    )
+    accounts = (
+        "CREATE TEMP VIEW account AS SELECT a.*, 0 AS pending_debit, 0 AS pending_credit, 1 + a.closed +"
+        " (SELECT count(DISTINCT seq) FROM main.posting WHERE account_id = a.id) AS version"
+        " FROM main.account AS a"
+    )
+    return (
+        "PRAGMA temp_store = MEMORY",
+        accounts,
+        *(f"CREATE TEMP VIEW {name} AS SELECT {columns} WHERE 0" for name, columns in empty),
+    )
 
 
 def _from_2_to_3(connection: Connection) -> None:
@@ -320,4 +453,17 @@ def _from_3_to_4(connection: Connection) -> None:
     # What was booked before is not attested now: nobody has looked at it. The whole replay does so.
     attestation.create(connection)
     for trigger in _TRIGGERS_OF_VERSION_4:
+        connection.exec_driver_sql(trigger).close()
+
+
+def _from_4_to_5(connection: Connection) -> None:
+    for column in _COLUMNS_OF_VERSION_5:
+        connection.exec_driver_sql(f"ALTER TABLE account ADD COLUMN {column}").close()
+    # Its opening, its end if it has one, and every transaction with a line on it.
+    connection.exec_driver_sql(
+        "UPDATE account SET version = 1 + closed"
+        " + (SELECT count(DISTINCT seq) FROM posting WHERE account_id = account.id)"
+    ).close()
+    metadata.create_all(connection, tables=_TABLES_OF_VERSION_5, checkfirst=False)
+    for trigger in _TRIGGERS_OF_VERSION_5:
         connection.exec_driver_sql(trigger).close()

@@ -6,18 +6,26 @@ money is known. What is fetched is always enough and may be too much: deciding s
 A book that reads from the store while it is asked was not chosen: deciding would no longer be a pure function.
 """
 
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from typing import Any, Final
 
-from sqlalchemy import Connection, bindparam, select
+from sqlalchemy import Connection, Integer, bindparam, func, literal, select
 
 from core.journal import schema
-from core.journal.answers import KeyRow, Order, Work
+from core.journal.answers import KeyRow, Order, Work, keys_of
 from core.ledger.accounts import Account, AccountType
-from core.ledger.book import Book, KnownEntry, ids_for
-from core.ledger.commands import Command, OpenAccount
+from core.ledger.book import Book, KnownBooking, KnownEntry, KnownPending, PendingState, ids_for
+from core.ledger.commands import (
+    AssertBalance,
+    Command,
+    ExpirePending,
+    OpenAccount,
+    PostPending,
+    ReverseTransaction,
+    VoidPending,
+)
 from core.ledger.entries import EntryDetails, RecordEntry, ReplaceEntry, ReverseEntry
-from core.ledger.events import EntryPosted, decode, postings_of
+from core.ledger.events import Booking, EntryPosted, TransactionPending, decode, postings_of
 from core.ledger.fields import folded
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 
@@ -27,7 +35,7 @@ VARIABLES_MAX: Final = 20_000  # names asked for in one SELECT, below SQLite's l
 def fetch_keys(connection: Connection, works: Sequence[Work]) -> dict[str, KeyRow]:
     """Return what the store keeps under the keys of a batch."""
     keys: dict[str, KeyRow] = {}
-    for part in _parts(work.key for work in works if work.key is not None):
+    for part in _parts(keys_of(works)):
         for row in connection.execute(_KEYS, {"names": part}):
             keys[row.key] = KeyRow(row.fingerprint, row.seq, row.status, row.reply, row.digest)
     return keys
@@ -41,15 +49,18 @@ def read_key(connection: Connection, key: str) -> tuple[int, KeyRow | None]:
     return epoch, None
 
 
-def fetch_book(connection: Connection, works: Sequence[Work]) -> Book:
+def fetch_book(connection: Connection, orders: Sequence[Order]) -> Book:
     """Return everything of the book that the commands of a batch may touch."""
-    orders = [work for work in works if isinstance(work, Order)]
     commands = [order.command for order in orders]
     book = Book()
     for part in _parts(name for command in commands for name in _entry_of(command)):
         for row in connection.execute(_ENTRIES, {"names": part}):
             book.entries[row.id] = _known(row)
-    booked = (posting.account for known in book.entries.values() for posting in postings_of(known.event))
+    _take_transactions(connection, book, commands)
+    events: list[Booking | TransactionPending] = [known.event for known in book.entries.values()]
+    events.extend(known.event for known in book.bookings.values())
+    events.extend(known.event for known in book.pendings.values())
+    booked = (posting.account for event in events for posting in postings_of(event))
     named = (name for order in orders for name in order.account_ids)
     _take_accounts(connection, book, _BY_ID, (*booked, *named))
     details = [made for command in commands for made in _details_of(command)]
@@ -58,16 +69,38 @@ def fetch_book(connection: Connection, works: Sequence[Work]) -> Book:
         _take_accounts(connection, book, _BY_ID, _ids_of_first_use(details, commands, book))
     for part in _parts(mark for command in commands for mark in _fingerprint_of(command)):
         book.fingerprints |= set(connection.execute(_FINGERPRINTS, {"names": part}).scalars())
+    for command in commands:
+        if isinstance(command, AssertBalance):
+            book.dated[command.account, command.date] = stood_at(connection, command.account, command.date)
     return book
 
 
-def parked_entries(connection: Connection, works: Sequence[Work], parked: Container[int]) -> dict[str, int]:
-    """Return the entries that a batch would change and that stand in one of these events, by id; no event is read."""
-    commands = [work.command for work in works if isinstance(work, Order)]
+def stood_at(connection: Connection, account_id: str, date: str) -> int:
+    """Return what stands on an account for a day and all days before it, in minor units."""
+    row = connection.execute(_STOOD, {"account_id": account_id, "date": date}).one()
+    return (int(row.high or 0) << 32) + int(row.low or 0)  # a server adds up in decimals
+
+
+def parked_orders(connection: Connection, orders: Sequence[Order], parked: Container[int]) -> dict[str, int]:
+    """Return the commands of a batch that would begin with reading one of these events, by the id of each command.
+
+    Those change an entry, reverse a transaction or end a pending one that stands in such an event; none is read here.
+    """
+    places: tuple[tuple[Any, Callable[[Command], tuple[str, ...]]], ...] = (
+        (_PLACES, _entry_of),
+        (_BOOKED_AT, _reversed_by),
+        (_PENDING_AT, _transactions_of),
+    )
     found: dict[str, int] = {}
-    for part in _parts(name for command in commands for name in _entry_of(command)):
-        found.update((row.id, row.seq) for row in connection.execute(_PLACES, {"names": part}))
-    return {name: seq for name, seq in found.items() if seq in parked}
+    for query, named in places:
+        seqs: dict[str, int] = {}
+        for part in _parts(name for order in orders for name in named(order.command)):
+            seqs.update((row.id, row.seq) for row in connection.execute(query, {"names": part}))
+        for order in orders:
+            for name in named(order.command):
+                if name in seqs and seqs[name] in parked:
+                    found[order.command_id] = seqs[name]
+    return found
 
 
 def account_of(row: Any) -> Account:
@@ -80,6 +113,9 @@ def account_of(row: Any) -> Account:
         bool(row.no_overdraft),
         row.posted,
         bool(row.closed),
+        row.pending_debit,
+        row.pending_credit,
+        row.version,
     )
 
 
@@ -87,6 +123,39 @@ def _take_accounts(connection: Connection, book: Book, query: Any, names: Iterab
     for part in _parts(names):
         for row in connection.execute(query, {"names": part}):
             book.put(account_of(row))
+
+
+def _take_transactions(connection: Connection, book: Book, commands: Sequence[Command]) -> None:
+    """Take in the transactions that are to be reversed, and the pending ones that are to end."""
+    for part in _parts(name for command in commands for name in _reversed_by(command)):
+        for row in connection.execute(_BOOKED, {"names": part}):
+            book.bookings[row.id] = _known_booking(row)
+    for part in _parts(name for command in commands for name in _transactions_of(command)):
+        for found in connection.execute(_PENDINGS, {"names": part}):
+            book.pendings[found.id] = _known_pending(found)
+
+
+def _known_booking(row: Any) -> KnownBooking:
+    event = decode(row.body)
+    assert isinstance(event, Booking), f"event {row.seq} is listed as a booking and is none"
+    return KnownBooking(row.seq, event, row.reversed_seq is not None)
+
+
+def _known_pending(row: Any) -> KnownPending:
+    event = decode(row.body)
+    assert isinstance(event, TransactionPending), f"event {row.seq} is listed as pending and is not"
+    return KnownPending(row.seq, event, PendingState(row.state), row.closed_seq)
+
+
+def _reversed_by(command: Command) -> tuple[str, ...]:
+    return (command.id,) if isinstance(command, ReverseTransaction) else ()
+
+
+def _transactions_of(command: Command) -> tuple[str, ...]:
+    """Return the pending transactions that a command may meet: what is to be reversed may be none yet."""
+    if isinstance(command, PostPending | VoidPending | ExpirePending):
+        return (command.pending,)
+    return _reversed_by(command)
 
 
 def _known(row: Any) -> KnownEntry:
@@ -166,4 +235,36 @@ _PLACES: Final = select(schema.entry.c.id, schema.entry.c.seq).where(
 )
 _FINGERPRINTS: Final = select(schema.origin.c.fingerprint).where(
     schema.origin.c.fingerprint.in_(bindparam("names", expanding=True))
+)
+_BOOKED: Final = (
+    select(schema.booking.c.id, schema.event.c.seq, schema.event.c.body, schema.reversal.c.reversed_seq)
+    .join_from(schema.booking, schema.event, schema.event.c.seq == schema.booking.c.seq)
+    .outerjoin(schema.reversal, schema.reversal.c.reversed_seq == schema.booking.c.seq)
+    .where(schema.booking.c.id.in_(bindparam("names", expanding=True)))
+)
+_BOOKED_AT: Final = select(schema.booking.c.id, schema.booking.c.seq).where(
+    schema.booking.c.id.in_(bindparam("names", expanding=True))
+)
+_PENDINGS: Final = (
+    select(
+        schema.pending.c.id,
+        schema.pending.c.state,
+        schema.pending.c.closed_seq,
+        schema.event.c.seq,
+        schema.event.c.body,
+    )
+    .join_from(schema.pending, schema.event, schema.event.c.seq == schema.pending.c.seq)
+    .where(schema.pending.c.id.in_(bindparam("names", expanding=True)))
+)
+_PENDING_AT: Final = select(schema.pending.c.id, schema.pending.c.seq).where(
+    schema.pending.c.id.in_(bindparam("names", expanding=True))
+)
+# In two halves of 32 bits, because a sum in SQL would overflow at 64.
+_STOOD: Final = select(
+    func.sum(schema.posting.c.amount.op(">>")(literal(32, Integer))).label("high"),
+    func.sum(schema.posting.c.amount.op("&")(0xFFFF_FFFF)).label("low"),
+).where(
+    schema.posting.c.standing == 1,
+    schema.posting.c.account_id == bindparam("account_id"),
+    schema.posting.c.date <= bindparam("date"),
 )

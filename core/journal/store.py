@@ -4,7 +4,7 @@ Whoever has a connection asks here, and is answered by the room of the store tha
 one of them has (a log to be emptied, a copy of a file) stands in that room alone.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from types import ModuleType
 from typing import Protocol
@@ -85,12 +85,17 @@ def writing(where: Whereabouts) -> Writing:
 
 
 def open_reading(
-    where: Whereabouts, connections_max: int, busy_timeout_ms: int, *, alone: bool = False
+    where: Whereabouts,
+    connections_max: int,
+    busy_timeout_ms: int,
+    *,
+    alone: bool = False,
+    first: Sequence[str] = (),
 ) -> Engine:
-    """Return an engine whose connections can't write; nothing is opened yet. `alone`: see the file's own."""
+    """Return an engine whose connections can't write; nothing is opened yet. `alone`, `first`: see the file's own."""
     if isinstance(where, Server):
         return postgresql.open_reading(where, connections_max, busy_timeout_ms)
-    return sqlite.open_reading(where, connections_max, busy_timeout_ms, alone=alone)
+    return sqlite.open_reading(where, connections_max, busy_timeout_ms, alone=alone, first=first)
 
 
 def is_in_server(of: Connection | Engine) -> bool:

@@ -14,14 +14,13 @@ from sqlalchemy import Connection, Engine
 from sqlalchemy.exc import DBAPIError
 
 from core.journal import queries
-from core.journal.attestation import Attestation, Balance, attest, is_due, standing
+from core.journal.attestation import Attestation, Balance, attest, balances_of, is_due, standing
 from core.journal.chain import GENESIS, Broken, EventRow, check_link
 from core.journal.proof import check_key, check_sums, sums_by_currency
 from core.journal.readings import Readings, listed_after, read_between
 from core.journal.rebuilding import Rebuilding
 from core.journal.store import StoreError, snapshot, store_error
 from core.ledger.accounts import Account
-from core.ledger.decider import evolve
 from core.ledger.events import (
     AccountClosed,
     Booking,
@@ -31,6 +30,7 @@ from core.ledger.events import (
     kind_of,
     postings_of,
 )
+from core.ledger.evolving import evolve
 from core.ledger.fields import folded
 from core.ledger.money import format_amount
 
@@ -177,7 +177,9 @@ def _stand_in(connection: Connection, replay: _Replay, names: Iterable[str]) -> 
     for name in sorted(set(names) - replay.book.keys()):
         account = queries.get_account(connection, name)
         if account is not None:
-            replay.book[name] = msgspec.structs.replace(account, posted=0, closed=False)
+            replay.book[name] = msgspec.structs.replace(
+                account, posted=0, closed=False, pending_debit=0, pending_credit=0, version=0
+            )
             replay.unproven.add(name)
 
 
@@ -255,4 +257,10 @@ def _verdict(replay: _Replay, broken: Broken | None) -> Verdict:
 
 
 def _balances(accounts: Mapping[str, Account]) -> list[Balance]:
-    return [(account.id, account.currency, account.posted) for account in accounts.values()]
+    return [
+        balance
+        for account in accounts.values()
+        for balance in balances_of(
+            account.id, account.currency, account.posted, account.pending_debit, account.pending_credit
+        )
+    ]

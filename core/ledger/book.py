@@ -9,13 +9,14 @@ A counter was not chosen: it would depend on which category came first.
 
 import re
 from collections.abc import Iterable, Mapping
+from enum import StrEnum
 from hashlib import sha256
 from typing import Final
 
 import msgspec
 
 from core.ledger.accounts import Account, AccountType
-from core.ledger.events import EntryPosted
+from core.ledger.events import Booking, EntryPosted, TransactionPending
 from core.ledger.fields import folded
 
 UNCATEGORISED_NAME: Final = "미분류 · Uncategorised"
@@ -36,15 +37,49 @@ class KnownEntry(msgspec.Struct, frozen=True):
     reversed: bool = False
 
 
-class Book(msgspec.Struct):
-    """What exists of that which a command (or a batch of them) may touch.
+class KnownBooking(msgspec.Struct, frozen=True):
+    """A booked transaction: the number and the content of its event, and whether it was reversed."""
 
-    `fingerprints` are the rows of bank files that are known already.
+    seq: int
+    event: Booking
+    reversed: bool = False
+
+
+class PendingState(StrEnum):
+    """Where a pending transaction is in its life; out of each but the first no way leads."""
+
+    OPEN = "open"
+    POSTED = "posted"
+    VOIDED = "voided"
+    EXPIRED = "expired"
+
+
+class KnownPending(msgspec.Struct, frozen=True):
+    """A transaction that was made pending: the number and the content of its event, and what became of it.
+
+    `closed_seq`: the event that has ended it.
+    """
+
+    seq: int
+    event: TransactionPending
+    state: PendingState = PendingState.OPEN
+    closed_seq: int | None = None
+
+
+class Book(msgspec.Struct):
+    """What exists of that which a command (or a batch of them) may touch, and the wall time at which it is asked.
+
+    `fingerprints` are the rows of bank files that are known already. `dated`: what is posted to an account for a day and
+    all days before it, of those that somebody asserts.
     """
 
     accounts: dict[str, Account] = {}
     entries: dict[str, KnownEntry] = {}
     fingerprints: set[str] = set()
+    bookings: dict[str, KnownBooking] = {}
+    pendings: dict[str, KnownPending] = {}
+    dated: dict[tuple[str, str], int] = {}
+    now_ns: int = 0
     _named: dict[str, set[str]] = {}
 
     @classmethod

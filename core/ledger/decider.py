@@ -1,41 +1,53 @@
-"""The decider: a command and the book in, events or a rejection out; an event and the book in, the changes out.
+"""The decider: a command and the book in, events or a rejection out.
 
-`decide` answers what the book has to say about a wish and changes nothing. `evolve` says what an event does to
-the accounts and refuses nothing: it is the same for a command of this second and for a replay of ten years.
-A batch is decided by applying the changes of each command before the next one is asked, so two commands that
+`decide` answers what the book has to say about a wish and changes nothing; what its events then do to the accounts is
+`evolving`'s. A command that says what it has seen is held against that before anything else. A batch is decided by applying the changes of each command before the next one is asked, so two commands that
 spend the same money can't both succeed; and because a command is judged wholly before its changes are taken,
 a refused one leaves nothing behind.
 """
 
-from collections.abc import Callable, Mapping, Sequence
 from typing import Final, assert_never
 
 import msgspec
 
-from core.ledger.accounts import Account, is_overdrawn
+from core.ledger import two_phases
 from core.ledger.book import Book, KnownEntry
-from core.ledger.commands import CloseAccount, Command, OpenAccount, Posting, PostTransaction
+from core.ledger.commands import (
+    BATCH_TRANSACTIONS_MAX,
+    AssertBalance,
+    AtomicBatch,
+    CloseAccount,
+    Command,
+    ExpirePending,
+    OpenAccount,
+    PostPending,
+    PostTransaction,
+    ReverseTransaction,
+    VoidPending,
+    expected_versions_of,
+)
 from core.ledger.entries import EntryDetails, Origin, RecordEntry, ReplaceEntry, ReverseEntry
 from core.ledger.events import (
     AccountClosed,
     AccountOpened,
-    Booking,
+    BalanceAsserted,
     EntryPosted,
     Event,
-    TransactionPosted,
     TransactionReversed,
     lines_of,
+    opposite,
     posted,
     postings_of,
     reversal_of,
 )
+from core.ledger.evolving import Accounts, evolve
 from core.ledger.household import Resolved, resolve
-from core.ledger.money import fits, format_amount
-from core.ledger.reasons import Fault, Reason, Rejection, Slug, reject
+from core.ledger.limits import amount_of_entry, amount_of_line, beyond, nothing_in_particular, unusable
+from core.ledger.money import fits, format_amount, parse_amount
+from core.ledger.reasons import Reason, Rejection, Slug, reject, within
 
 EVENTS_PER_COMMAND_MAX: Final = 4  # a replacement: the reversal, two accounts of first use, the entry
-
-Accounts = Mapping[str, Account]
+EVENTS_PER_BATCH_MAX: Final = BATCH_TRANSACTIONS_MAX
 
 
 def decide(command: Command, book: Book) -> tuple[Event, ...] | Rejection:
@@ -45,13 +57,29 @@ def decide(command: Command, book: Book) -> tuple[Event, ...] | Rejection:
     together, and the last of them is the one it was sent for: accounts are opened before they are used, and
     what stood is reversed before something else is booked.
     """
+    return _changed_since(command, book) or _decide(command, book)
+
+
+def _decide(command: Command, book: Book) -> tuple[Event, ...] | Rejection:
     match command:
         case OpenAccount():
             return _open(command, book.accounts)
         case CloseAccount():
             return _close(command, book.accounts)
         case PostTransaction():
-            return _post(command, book.accounts)
+            return _post(command, book.accounts, book.now_ns)
+        case PostPending():
+            return two_phases.post(command, book)
+        case VoidPending():
+            return two_phases.void(command, book)
+        case ExpirePending():
+            return two_phases.expire(command, book)
+        case ReverseTransaction():
+            return _reverse_transaction(command, book)
+        case AssertBalance():
+            return _assert(command, book)
+        case AtomicBatch():
+            return _post_all(command, book)
         case RecordEntry():
             return _record(command, book)
         case ReplaceEntry():
@@ -60,23 +88,6 @@ def decide(command: Command, book: Book) -> tuple[Event, ...] | Rejection:
             return _reverse(command, book)
         case _:
             assert_never(command)
-
-
-def evolve(accounts: Accounts, event: Event) -> dict[str, Account]:
-    """Return the accounts that the event changes, as they are after it."""
-    match event:
-        case AccountOpened():
-            account = Account(event.id, event.name, event.type, event.currency, event.no_overdraft)
-            return {event.id: account}
-        case AccountClosed():
-            return {event.id: msgspec.structs.replace(accounts[event.id], closed=True)}
-        case TransactionPosted() | EntryPosted() | TransactionReversed():
-            after: dict[str, Account] = {}
-            for name, change in _changes(event).items():
-                after[name] = msgspec.structs.replace(accounts[name], posted=accounts[name].posted + change)
-            return after
-        case _:
-            assert_never(event)
 
 
 def _open(command: OpenAccount, accounts: Accounts) -> tuple[Event, ...] | Rejection:
@@ -92,19 +103,100 @@ def _close(command: CloseAccount, accounts: Accounts) -> tuple[Event, ...] | Rej
         return reject(Slug.UNKNOWN_ACCOUNT, "", Reason.UNKNOWN_ACCOUNT, account=command.id)
     if account.closed:
         return reject(Slug.ACCOUNT_CLOSED, "", Reason.CLOSED, account=command.id)
+    if account.has_pending:
+        return reject(Slug.ACCOUNT_HAS_PENDING, "", Reason.PENDING, account=command.id)
     return (AccountClosed(command.id),)
 
 
-def _post(command: PostTransaction, accounts: Accounts) -> tuple[Event, ...] | Rejection:
-    refused = (
-        _unknown_accounts(command, accounts)
-        or _closed_accounts(command, accounts)
-        or _other_currencies(command, accounts)
-    )
+def _changed_since(command: Command, book: Book) -> Rejection | None:
+    for name, version in sorted(expected_versions_of(command).items()):
+        account = book.accounts.get(name)
+        if account is None or account.version != version:
+            now = account.version if account is not None else 0
+            return reject(Slug.ACCOUNT_CHANGED, "", Reason.CHANGED, account=name, version=str(now))
+    return None
+
+
+def _post(command: PostTransaction, accounts: Accounts, now_ns: int) -> tuple[Event, ...] | Rejection:
+    refused = unusable(command.postings, accounts)
     if refused is not None:
         return refused
+    if command.pending:
+        return two_phases.reserve(command, accounts, now_ns)
     events = (posted(command),)
-    return _limits(events, accounts, command.postings, _amount_of_line) or events
+    return beyond(events, accounts, command.postings, amount_of_line) or events
+
+
+def _post_all(command: AtomicBatch, book: Book) -> tuple[Event, ...] | Rejection:
+    """Decide one after the other, each on what those before it have left; the first no is that of all."""
+    accounts = dict(book.accounts)
+    events: list[Event] = []
+    for place, one in enumerate(command.commands):
+        decided = _post(one, accounts, book.now_ns)
+        if isinstance(decided, Rejection):
+            return within(decided, f"/transactions/{place}")
+        for event in decided:
+            accounts |= evolve(accounts, event)
+            events.append(event)
+    if not events:
+        return reject(Slug.INVALID_BODY, "/transactions", Reason.TOO_FEW)
+    return tuple(events)
+
+
+def _reverse_transaction(command: ReverseTransaction, book: Book) -> tuple[Event, ...] | Rejection:
+    known = book.bookings.get(command.id)
+    if known is None:
+        pending = book.pendings.get(command.id)
+        if pending is not None:
+            return two_phases.ended(pending.state)
+        return reject(Slug.TRANSACTION_NOT_FOUND, "", Reason.UNKNOWN_TRANSACTION)
+    if isinstance(known.event, TransactionReversed):
+        return reject(Slug.ALREADY_A_REVERSAL, "", Reason.IS_REVERSAL, transaction=known.event.reverses)
+    if isinstance(known.event, EntryPosted):
+        return reject(Slug.TRANSACTION_OF_ENTRY, "", Reason.OF_ENTRY, entry=known.event.entry)
+    if known.reversed:
+        return reject(Slug.TRANSACTION_REVERSED, "", Reason.REVERSED)
+    lines = opposite(known.event)
+    for line in lines:
+        if book.accounts[line.account].closed:
+            return reject(Slug.ACCOUNT_CLOSED, "", Reason.CLOSED, account=line.account)
+        if not fits(line.amount):
+            account = book.accounts[line.account]
+            values = {
+                "account": account.id,
+                "balance": format_amount(account.posted, account.currency),
+                "currency": account.currency,
+            }
+            return reject(Slug.BALANCE_OUT_OF_RANGE, "", Reason.OUT_OF_RANGE, **values)
+    reversal = reversal_of(known.event, command.reversal)
+    return beyond((reversal,), book.accounts, lines, nothing_in_particular) or (reversal,)
+
+
+def _assert(command: AssertBalance, book: Book) -> tuple[Event, ...] | Rejection:
+    account = book.accounts.get(command.account)
+    if account is None:
+        return reject(Slug.UNKNOWN_ACCOUNT, "/account", Reason.UNKNOWN_ACCOUNT, account=command.account)
+    if account.closed:
+        return reject(Slug.ACCOUNT_CLOSED, "/account", Reason.CLOSED, account=account.id)
+    amount = parse_amount(command.amount, account.currency)
+    if isinstance(amount, Reason):
+        return reject(Slug.INVALID_BODY, "/amount", amount)
+    actual = book.dated.get((account.id, command.date), 0)
+    spelled = format_amount(actual, account.currency)
+    # By days a balance may pass through what it never was in the order in which it was booked.
+    if not fits(actual):
+        values = {"account": account.id, "balance": spelled, "currency": account.currency}
+        return reject(Slug.BALANCE_OUT_OF_RANGE, "/date", Reason.OUT_OF_RANGE, **values)
+    asserted = BalanceAsserted(
+        command.id,
+        account.id,
+        command.date,
+        format_amount(amount, account.currency),
+        account.currency,
+        spelled,
+        holds=amount == actual,
+    )
+    return (asserted,)
 
 
 def _record(command: RecordEntry, book: Book) -> tuple[Event, ...] | Rejection:
@@ -116,7 +208,7 @@ def _record(command: RecordEntry, book: Book) -> tuple[Event, ...] | Rejection:
         return meant
     entry = _entry_posted(command.details, meant, command.id, command.id, origin)
     events: tuple[Event, ...] = (*meant.opened, entry)
-    return _limits(events, book.accounts, meant.postings, _amount_of_entry) or events
+    return beyond(events, book.accounts, meant.postings, amount_of_entry) or events
 
 
 def _replace(command: ReplaceEntry, book: Book) -> tuple[Event, ...] | Rejection:
@@ -135,7 +227,7 @@ def _replace(command: ReplaceEntry, book: Book) -> tuple[Event, ...] | Rejection
     entry = _entry_posted(details, meant, command.transaction, command.entry)
     events: tuple[Event, ...] = (reversal, *meant.opened, entry)
     lines = (*meant.postings, *postings_of(reversal))
-    return _limits(events, book.accounts, lines, _amount_of_entry) or events
+    return beyond(events, book.accounts, lines, amount_of_entry) or events
 
 
 def _reverse(command: ReverseEntry, book: Book) -> tuple[Event, ...] | Rejection:
@@ -143,7 +235,7 @@ def _reverse(command: ReverseEntry, book: Book) -> tuple[Event, ...] | Rejection
     if isinstance(known, Rejection):
         return known
     reversal = reversal_of(known.event, command.reversal)
-    return _limits((reversal,), book.accounts, postings_of(reversal), _nothing_in_particular) or (reversal,)
+    return beyond((reversal,), book.accounts, postings_of(reversal), nothing_in_particular) or (reversal,)
 
 
 def _standing(command: ReplaceEntry | ReverseEntry, book: Book) -> KnownEntry | Rejection:
@@ -174,84 +266,3 @@ def _entry_posted(
         meant.payment_method,
         origin,
     )
-
-
-def _unknown_accounts(command: PostTransaction, accounts: Accounts) -> Rejection | None:
-    lines = [n for n, posting in enumerate(command.postings) if posting.account not in accounts]
-    if not lines:
-        return None
-    account = command.postings[lines[0]].account
-    faults = _faults(lines, "account", Reason.UNKNOWN_ACCOUNT)
-    return Rejection(Slug.UNKNOWN_ACCOUNT, faults, {"account": account})
-
-
-def _closed_accounts(command: PostTransaction, accounts: Accounts) -> Rejection | None:
-    lines = [n for n, posting in enumerate(command.postings) if accounts[posting.account].closed]
-    if not lines:
-        return None
-    account = command.postings[lines[0]].account
-    return Rejection(Slug.ACCOUNT_CLOSED, _faults(lines, "account", Reason.CLOSED), {"account": account})
-
-
-def _other_currencies(command: PostTransaction, accounts: Accounts) -> Rejection | None:
-    lines = [n for n, line in enumerate(command.postings) if accounts[line.account].currency != line.currency]
-    if not lines:
-        return None
-    first = command.postings[lines[0]]
-    values = {"account": first.account, "given": first.currency, "currency": accounts[first.account].currency}
-    return Rejection(Slug.CURRENCY_DIFFERS, _faults(lines, "currency", Reason.CURRENCY_DIFFERS), values)
-
-
-def _limits(
-    events: Sequence[Event], accounts: Accounts, lines: Sequence[Posting], pointer: Callable[[int], str]
-) -> Rejection | None:
-    """Judge the balances as they would be after all the events, which touch what `lines` name.
-
-    A line is at fault if its account is; `pointer` says where in the body it stands.
-    """
-    after = {line.account: accounts[line.account] for line in lines if line.account in accounts}
-    for event in events:
-        after |= evolve(after, event)
-    for slug, reason, broken in (
-        (
-            Slug.BALANCE_OUT_OF_RANGE,
-            Reason.OUT_OF_RANGE,
-            {a.id for a in after.values() if not fits(a.posted)},
-        ),
-        (Slug.OVERDRAFT, Reason.OVERDRAFT, {a.id for a in after.values() if _forbidden(a)}),
-    ):
-        at_fault = [n for n, posting in enumerate(lines) if posting.account in broken]
-        if at_fault:
-            account = after[lines[at_fault[0]].account]
-            balance = format_amount(account.posted, account.currency)
-            values = {"account": account.id, "balance": balance, "currency": account.currency}
-            faults = tuple(dict.fromkeys(Fault(pointer(n), reason) for n in at_fault))
-            return Rejection(slug, faults, values)
-    return None
-
-
-def _amount_of_line(line: int) -> str:
-    return f"/postings/{line}/amount"
-
-
-def _amount_of_entry(_: int) -> str:
-    return "/amount"
-
-
-def _nothing_in_particular(_: int) -> str:
-    return ""
-
-
-def _faults(lines: list[int], member: str, reason: Reason) -> tuple[Fault, ...]:
-    return tuple(Fault(f"/postings/{line}/{member}", reason) for line in lines)
-
-
-def _forbidden(account: Account) -> bool:
-    return account.no_overdraft and is_overdrawn(account.type, account.posted)
-
-
-def _changes(event: Booking) -> dict[str, int]:
-    changes: dict[str, int] = {}
-    for posting in postings_of(event):
-        changes[posting.account] = changes.get(posting.account, 0) + posting.amount
-    return changes

@@ -4,18 +4,22 @@ Each kind carries the version of its shape, and its amounts are decimal strings 
 event can be read and added up in fifty years by somebody who has neither this program nor its table of
 exponents. The bytes made here are what the chain hashes and what the store keeps; nothing ever encodes an
 event a second time. Deltas or plain rows were not chosen: the event is the truth, every table is a reading.
-A reversal names what it reverses and spells its own lines out: whoever adds up postings needs no other event.
+A reversal names what it reverses and spells its own lines out: whoever adds up postings needs no other event. For
+the same reason whatever ends a pending transaction spells out the lines that it releases.
+An event in an older shape than today's is raised to it when it is read (`upcasting`), and never written anew.
 """
 
-from typing import Final
+from typing import Final, assert_never
 
 import msgspec
 
 from core.ledger.accounts import AccountType
 from core.ledger.commands import Posting, PostTransaction
 from core.ledger.entries import Origin
+from core.ledger.moments import moment_ns, timestamp
 from core.ledger.money import format_amount, parse_amount
 from core.ledger.reasons import Reason
+from core.ledger.upcasting import UPCASTS, Upcasts, raised
 
 
 class AccountOpened(msgspec.Struct, frozen=True, tag_field="kind", tag="account.opened"):
@@ -75,7 +79,10 @@ class EntryPosted(msgspec.Struct, frozen=True, tag_field="kind", tag="entry.post
 
 
 class TransactionReversed(msgspec.Struct, frozen=True, tag_field="kind", tag="transaction.reversed"):
-    """The transaction `reverses` was taken back by the opposite transaction `id`, on the same day."""
+    """The transaction `reverses` was taken back by the opposite transaction `id`, on the same day.
+
+    `entry`: the household's entry that it belonged to, if it belonged to one.
+    """
 
     id: str
     reverses: str
@@ -86,28 +93,112 @@ class TransactionReversed(msgspec.Struct, frozen=True, tag_field="kind", tag="tr
     v: int = 1
 
 
-Booking = TransactionPosted | EntryPosted | TransactionReversed
-Event = AccountOpened | AccountClosed | Booking
+class TransactionPending(msgspec.Struct, frozen=True, tag_field="kind", tag="transaction.pending"):
+    """A transaction was made pending: its lines are reserved until it is posted, voided or runs out.
 
-EVENT_VERSION: Final = 1
+    `expires_at`: from then on it can't be posted any more; None: it waits for as long as it takes.
+    """
+
+    id: str
+    date: str
+    description: str
+    tags: tuple[str, ...]
+    postings: tuple[PostingLine, ...]
+    expires_at: str | None
+    v: int = 1
+
+
+class PendingPosted(msgspec.Struct, frozen=True, tag_field="kind", tag="pending.posted"):
+    """A pending transaction was booked, whole or in part, as the transaction `id`; all that it held is `released`."""
+
+    id: str
+    pending: str
+    date: str
+    description: str
+    tags: tuple[str, ...]
+    postings: tuple[PostingLine, ...]
+    released: tuple[PostingLine, ...]
+    v: int = 1
+
+
+class PendingVoided(msgspec.Struct, frozen=True, tag_field="kind", tag="pending.voided"):
+    """A pending transaction was given up: what it held is `released`, and nothing was booked."""
+
+    pending: str
+    released: tuple[PostingLine, ...]
+    v: int = 1
+
+
+class PendingExpired(msgspec.Struct, frozen=True, tag_field="kind", tag="pending.expired"):
+    """A pending transaction has run out: what it held is `released`, and nothing was booked."""
+
+    pending: str
+    released: tuple[PostingLine, ...]
+    v: int = 1
+
+
+class BalanceAsserted(msgspec.Struct, frozen=True, tag_field="kind", tag="balance.asserted"):
+    """Somebody has said what an account stood at by the end of a day, and the book has said what it knows of that.
+
+    `actual` is what was posted to the account for that day and the days before it; `holds`: the two are the same.
+    """
+
+    id: str
+    account: str
+    date: str
+    amount: str
+    currency: str
+    actual: str
+    holds: bool
+    v: int = 1
+
+
+Booking = TransactionPosted | EntryPosted | TransactionReversed | PendingPosted
+Release = PendingPosted | PendingVoided | PendingExpired
+OfAccount = AccountOpened | AccountClosed
+Event = OfAccount | Booking | TransactionPending | PendingVoided | PendingExpired | BalanceAsserted
+
+EVENT_VERSION: Final = 1  # of every kind, today
 ENTRY_POSTINGS: Final = 2  # the money, and what it was for
 _DECODER: Final = msgspec.json.Decoder(Event)
 
 
 def posted(command: PostTransaction) -> TransactionPosted:
-    """Return the event in which this command comes true."""
+    """Return the event in which this command comes true, if it is not to be pending."""
     return TransactionPosted(
         command.id, command.date, command.description, command.tags, lines_of(command.postings)
     )
 
 
-def reversal_of(event: EntryPosted, transaction_id: str) -> TransactionReversed:
-    """Return the event that takes the transaction of an entry back."""
-    opposite = tuple(
-        Posting(posting.account, -posting.amount, posting.currency) for posting in postings_of(event)
+def made_pending(command: PostTransaction, expires_ns: int | None) -> TransactionPending:
+    """Return the event in which this command comes true, if it is to be pending until `expires_ns` (wall time)."""
+    return TransactionPending(
+        command.id,
+        command.date,
+        command.description,
+        command.tags,
+        lines_of(command.postings),
+        timestamp(expires_ns) if expires_ns is not None else None,
     )
+
+
+def expiry_of(event: TransactionPending) -> int | None:
+    """Return the wall time in nanoseconds at which a pending transaction runs out, None if it never does."""
+    return moment_ns(event.expires_at) if event.expires_at is not None else None
+
+
+def reversal_of(event: Booking, transaction_id: str) -> TransactionReversed:
+    """Return the event that takes a transaction back."""
+    entry = event.entry if isinstance(event, EntryPosted) else None
     return TransactionReversed(
-        transaction_id, event.id, event.entry, event.date, event.description, lines_of(opposite)
+        transaction_id, event.id, entry, event.date, event.description, lines_of(opposite(event))
+    )
+
+
+def opposite(event: Booking) -> tuple[Posting, ...]:
+    """Return the lines that take a transaction back. Of the lowest amount there is no opposite that fits 64 bits."""
+    return tuple(
+        Posting(posting.account, -posting.amount, posting.currency) for posting in postings_of(event)
     )
 
 
@@ -119,9 +210,46 @@ def lines_of(postings: tuple[Posting, ...]) -> tuple[PostingLine, ...]:
     )
 
 
-def postings_of(event: Booking) -> tuple[Posting, ...]:
-    """Return the lines of a booked transaction in minor units."""
-    return tuple(Posting(line.account, _minor(line), line.currency) for line in event.postings)
+def postings_of(event: Booking | TransactionPending) -> tuple[Posting, ...]:
+    """Return the lines of a transaction in minor units."""
+    return _in_minor_units(event.postings)
+
+
+def released_by(event: Release) -> tuple[Posting, ...]:
+    """Return the lines of the pending transaction that this event ends, in minor units."""
+    return _in_minor_units(event.released)
+
+
+def asserted_amounts(event: BalanceAsserted) -> tuple[int, int]:
+    """Return what was asserted and what was the case, in minor units."""
+    amount = parse_amount(event.amount, event.currency)
+    actual = parse_amount(event.actual, event.currency)
+    assert isinstance(amount, int), "a stored assertion holds an amount that was never one"
+    assert isinstance(actual, int), "a stored assertion holds a balance that was never one"
+    return amount, actual
+
+
+def accounts_in(event: Event) -> tuple[str, ...]:
+    """Return the accounts that an event speaks of, each once."""
+    match event:
+        case AccountOpened() | AccountClosed():
+            return (event.id,)
+        case BalanceAsserted():
+            return (event.account,)
+        case PendingPosted():
+            lines = (*event.postings, *event.released)
+        case PendingVoided() | PendingExpired():
+            lines = event.released
+        case TransactionPosted() | EntryPosted() | TransactionReversed() | TransactionPending():
+            lines = event.postings
+        case _:
+            assert_never(event)
+    return tuple(dict.fromkeys(line.account for line in lines))
+
+
+def id_in(event: Event) -> str:
+    """Return the id by which an event is told: of its transaction, its account, or what was asserted."""
+    return event.pending if isinstance(event, PendingVoided | PendingExpired) else event.id
 
 
 def kind_of(event: Event) -> str:
@@ -134,21 +262,58 @@ def encode(event: Event) -> bytes:
     return msgspec.json.encode(event)
 
 
-def decode(body: bytes) -> Event | None:
-    """Return the event in stored bytes, or None if they hold no event that this version knows."""
+def decode(body: bytes, upcasts: Upcasts = UPCASTS) -> Event | None:
+    """Return the event in stored bytes, or None if they hold no event that this version knows.
+
+    A body of an older shape is raised to today's by `upcasts`; one of a shape that is still to come is not known.
+    """
+    event = _decoded(body)
+    if event is None or event.v != EVENT_VERSION:
+        lifted = raised(body, upcasts)
+        event = _decoded(lifted) if lifted is not None else None
+    known = event is not None and event.v == EVENT_VERSION and _is_readable(event)
+    return event if known else None
+
+
+def _decoded(body: bytes) -> Event | None:
     try:
-        event = _DECODER.decode(body)
+        event: Event = _DECODER.decode(body)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return None
-    return event if event.v == EVENT_VERSION and _has_readable_lines(event) else None
+    return event
 
 
-def _has_readable_lines(event: Event) -> bool:
-    if not isinstance(event, Booking):
-        return True
-    if isinstance(event, EntryPosted) and len(event.postings) != ENTRY_POSTINGS:
-        return False
-    return all(isinstance(parse_amount(line.amount, line.currency), int) for line in event.postings)
+def _is_readable(event: Event) -> bool:
+    match event:
+        case AccountOpened() | AccountClosed():
+            return True
+        case BalanceAsserted():
+            return _are_amounts((event.amount, event.actual), event.currency)
+        case PendingPosted():
+            return _has_readable(event.postings) and _has_readable(event.released)
+        case PendingVoided() | PendingExpired():
+            return _has_readable(event.released)
+        case TransactionPending():
+            ends = event.expires_at is None or expiry_of(event) is not None
+            return ends and _has_readable(event.postings)
+        case EntryPosted():
+            return len(event.postings) == ENTRY_POSTINGS and _has_readable(event.postings)
+        case TransactionPosted() | TransactionReversed():
+            return _has_readable(event.postings)
+        case _:
+            assert_never(event)
+
+
+def _has_readable(lines: tuple[PostingLine, ...]) -> bool:
+    return all(isinstance(parse_amount(line.amount, line.currency), int) for line in lines)
+
+
+def _are_amounts(texts: tuple[str, ...], currency: str) -> bool:
+    return all(isinstance(parse_amount(text, currency), int) for text in texts)
+
+
+def _in_minor_units(lines: tuple[PostingLine, ...]) -> tuple[Posting, ...]:
+    return tuple(Posting(line.account, _minor(line), line.currency) for line in lines)
 
 
 def _minor(line: PostingLine) -> int:

@@ -27,6 +27,19 @@ class Slug(StrEnum):
     ENTRY_REVERSED = "entry-reversed"
     ENTRY_CHANGED = "entry-changed"
     ALREADY_IMPORTED = "already-imported"
+    TRANSACTION_NOT_FOUND = "transaction-not-found"
+    TRANSACTION_REVERSED = "transaction-reversed"
+    TRANSACTION_PENDING = "transaction-pending"
+    TRANSACTION_OF_ENTRY = "transaction-of-entry"
+    ALREADY_A_REVERSAL = "already-a-reversal"
+    PENDING_NOT_FOUND = "pending-not-found"
+    PENDING_POSTED = "pending-posted"
+    PENDING_VOIDED = "pending-voided"
+    PENDING_EXPIRED = "pending-expired"
+    PENDING_EXCEEDED = "pending-exceeded"
+    NOT_YET_EXPIRED = "not-yet-expired"
+    ACCOUNT_HAS_PENDING = "account-has-pending"
+    ACCOUNT_CHANGED = "account-changed"
 
 
 class Reason(StrEnum):
@@ -56,6 +69,15 @@ class Reason(StrEnum):
     UNKNOWN_ENTRY = "unknown_entry"
     REVERSED = "reversed"
     CHANGED = "changed"
+    UNKNOWN_TRANSACTION = "unknown_transaction"
+    PENDING = "pending"
+    POSTED = "posted"
+    VOIDED = "voided"
+    EXPIRED = "expired"
+    NOT_DUE = "not_due"
+    EXCEEDS_PENDING = "exceeds_pending"
+    OF_ENTRY = "of_entry"
+    IS_REVERSAL = "is_reversal"
 
 
 class Fault(msgspec.Struct, frozen=True):
@@ -76,3 +98,9 @@ class Rejection(msgspec.Struct, frozen=True):
 def reject(slug: Slug, pointer: str, reason: Reason, **values: str) -> Rejection:
     """Return a rejection with one fault."""
     return Rejection(slug, (Fault(pointer, reason),), values)
+
+
+def within(rejection: Rejection, pointer: str) -> Rejection:
+    """Return a rejection of a part as one of the whole, in which the part stands at `pointer`."""
+    faults = tuple(Fault(pointer + fault.pointer, fault.reason) for fault in rejection.faults)
+    return Rejection(rejection.slug, faults, rejection.values)

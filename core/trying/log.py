@@ -18,9 +18,10 @@ import msgspec
 from sqlalchemy import Connection, select
 
 from core.journal import queries, schema
-from core.journal.store import LEDGER_FILE, open_reading, snapshot
-from core.ledger.decider import evolve
+from core.journal.as_it_stands import open_as_it_stands
+from core.journal.store import LEDGER_FILE, snapshot
 from core.ledger.events import decode
+from core.ledger.evolving import evolve
 from core.rulings import Rulings
 from core.trying.forking import say
 
@@ -64,7 +65,7 @@ def rebuild(folder: Path, rulings_file: Path, span: Span, words: socket.socket) 
     rulings = Rulings.beside(rulings_file)
     rulings.read()
     gate = rulings.rebuilding
-    engine = open_reading(folder / LEDGER_FILE, 1, READ_MS_MAX)
+    engine = open_as_it_stands(folder / LEDGER_FILE, 1, READ_MS_MAX)
     with snapshot(engine, READ_MS_MAX) as connection:
         book = {account.id: account for account in queries.all_accounts(connection)}
     at = span.after
@@ -85,7 +86,7 @@ def rebuild(folder: Path, rulings_file: Path, span: Span, words: socket.socket) 
 
 def named(folder: Path, seq: int) -> Named:
     """Return what the copy's other tables say of an event. Blocks."""
-    engine = open_reading(folder / LEDGER_FILE, 1, READ_MS_MAX)
+    engine = open_as_it_stands(folder / LEDGER_FILE, 1, READ_MS_MAX)
     try:
         with snapshot(engine, READ_MS_MAX) as connection:
             kind = connection.execute(select(schema.event.c.kind).where(schema.event.c.seq == seq)).scalar()

@@ -19,6 +19,7 @@ from core.journal.answers import (
     Answer,
     DecisionFailed,
     Done,
+    Each,
     KeyTaken,
     KeyUnknown,
     Leaving,
@@ -157,6 +158,8 @@ def respond_with(request: Request, answer: Answer) -> Response:
             return Response(body, status, headers, media_type="application/json")
         case Refused(rejection, replayed):
             raise ProblemError(refusal(rejection, replayed=replayed))
+        case Each():
+            raise AssertionError("commands that were sent together are answered one by one")
         case KeyTaken():
             raise ProblemError(Problem("key-reused"))
         case KeyUnknown():

@@ -14,7 +14,7 @@ from core.imports.reading.mapping import Mapping, MappingFault, faults_of
 from core.imports.reading.own_formats import with_own
 from core.imports.records import EntryShown, Problem, SampleRow
 from core.imports.states import State
-from core.ledger.views import timestamp
+from core.ledger.moments import timestamp
 from frontend.catalogue_imports import BOOKING, REASONS, WAITING
 from frontend.catalogue_problems import PROBLEMS
 from frontend.render import Language, problem_text

@@ -60,7 +60,6 @@ PROBLEM_KINDS: Final[dict[str, ProblemKind]] = {
     "foreign-page": ProblemKind(403),
     "not-found": ProblemKind(404),
     "account-not-found": ProblemKind(404),
-    "transaction-not-found": ProblemKind(404),
     "command-not-found": ProblemKind(404, Outcome.NOT_DONE),
     "import-not-found": ProblemKind(404),
     "malformed-upload": ProblemKind(400),

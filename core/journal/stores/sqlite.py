@@ -9,7 +9,7 @@ checkpoint, because a log that has wrapped once needs no new space when the disk
 
 import sqlite3
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
@@ -127,11 +127,19 @@ def size_bytes(connection: Connection) -> int:
     return int(pages) * int(page_bytes)
 
 
-def open_reading(path: Path, connections_max: int, busy_timeout_ms: int, *, alone: bool = False) -> Engine:
+def open_reading(
+    path: Path,
+    connections_max: int,
+    busy_timeout_ms: int,
+    *,
+    alone: bool = False,
+    first: Sequence[str] = (),
+) -> Engine:
     """Return an engine whose connections can't write and never checkpoint; nothing is opened yet.
 
     `alone`: nobody writes to the file while this engine lives, and all of it is in the file. It is then read
-    without the log's shared index, which a disk that takes no write can't hold.
+    without the log's shared index, which a disk that takes no write can't hold. `first`: what each connection is told
+    before anything else, see `schema.views_over`.
     """
     uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if alone else ''}"
 
@@ -139,6 +147,8 @@ def open_reading(path: Path, connections_max: int, busy_timeout_ms: int, *, alon
         connection = sqlite3.connect(
             uri, uri=True, timeout=busy_timeout_ms / 1000, isolation_level=None, check_same_thread=False
         )
+        for statement in first:
+            connection.execute(statement).close()
         connection.execute("PRAGMA query_only = ON").close()
         connection.execute("PRAGMA wal_autocheckpoint = 0").close()
         return connection

@@ -12,6 +12,7 @@ from core import departure
 from core.departure import ExitCode
 from core.guarded.recorder import NoRecorder
 from core.journal import backup, schema
+from core.journal.as_it_stands import open_as_it_stands
 from core.journal.backup import BACKUPS, KEPT, back_up, backup_name
 from core.journal.room import ROOM_BYTES_MIN
 from core.journal.store import (
@@ -86,14 +87,15 @@ def test_an_older_ledger_is_kept_before_it_is_brought_up_and_what_was_kept_can_b
     assert verdict(back).ok
 
 
-def test_a_ledger_of_version_3_is_proven_as_it_stands(tmp_path: Path) -> None:
-    old_ledger(tmp_path, 3)
-    readers = open_reading(tmp_path / LEDGER_FILE, 1, 1_000)
+@pytest.mark.parametrize("version", [3, 4])
+def test_an_older_ledger_is_proven_as_it_stands(tmp_path: Path, version: int) -> None:
+    old_ledger(tmp_path, version)
+    readers = open_as_it_stands(tmp_path / LEDGER_FILE, 1, 1_000)
     found = verify(readers, 5_000, lambda: False)
     readers.dispose()
     assert isinstance(found, Verdict)
     assert found.ok, found.reason
-    assert version_of(tmp_path / LEDGER_FILE) == 3
+    assert version_of(tmp_path / LEDGER_FILE) == version
 
 
 def test_a_ledger_of_this_version_is_not_copied(tmp_path: Path) -> None:
@@ -132,7 +134,7 @@ def test_a_ledger_that_can_not_be_kept_is_not_changed(
     left = opened_book(tmp_path, 1)
     assert isinstance(left, departure.Departure)
     assert (left.code, left.word) == (code, word)
-    assert "schema 2 to 4" in left.sentence
+    assert f"schema 2 to {schema.SCHEMA_VERSION}" in left.sentence
     assert "nothing was changed" in left.sentence
     assert error.text in left.sentence
     assert names(tmp_path) == set()

@@ -41,10 +41,10 @@ def test_all_faults_of_a_body_are_told_at_once() -> None:
         PostingBody("a", "1", "usd"),
         PostingBody("b", "x", "USD"),
     ]
-    found = faults(post_transaction(body(date="2026-02-30", state="pending", postings=lines), "id"))
+    found = faults(post_transaction(body(date="2026-02-30", state="open", postings=lines), "id"))
     assert found == [
         ("/date", Reason.MALFORMED),
-        ("/state", Reason.NOT_SUPPORTED),
+        ("/state", Reason.UNKNOWN_VALUE),
         ("/postings/0/account", Reason.MALFORMED),
         ("/postings/0/amount", Reason.TOO_MANY_DIGITS),
         ("/postings/1/currency", Reason.MALFORMED),

@@ -7,8 +7,9 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from core.ledger.accounts import Account, AccountType, is_overdrawn
 from core.ledger.book import Book
 from core.ledger.commands import Command, Posting, PostTransaction
-from core.ledger.decider import decide, evolve
+from core.ledger.decider import decide
 from core.ledger.events import AccountClosed, AccountOpened, TransactionPosted, decode, encode, kind_of
+from core.ledger.evolving import evolve
 from core.ledger.money import INT64_MAX
 from core.ledger.reasons import Reason, Rejection, Slug
 from tests.unit.core.books import closing, moving, opening

@@ -395,7 +395,7 @@ def test_the_step_from_an_older_ledger_ends_at_the_layout_of_a_new_one(tmp_path:
         }
 
     layouts = []
-    for version in (2, 3, None):
+    for version in (2, 3, 4, None):
         folder = tmp_path / str(version)
         folder.mkdir()
         if version is not None:
@@ -404,7 +404,7 @@ def test_the_step_from_an_older_ledger_ends_at_the_layout_of_a_new_one(tmp_path:
         connection = sqlite3.connect(folder / LEDGER_FILE)
         layouts.append(layout(connection))
         connection.close()
-    assert layouts[0] == layouts[1] == layouts[2]
+    assert layouts[0] == layouts[1] == layouts[2] == layouts[3]
 
 
 def test_an_older_ledger_is_not_touched_by_a_core_that_is_fenced(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_an_empty_book_is_whole(tmp_path: Path) -> None:
         ("INSERT INTO posting VALUES (99, 0, 'a', 5, '2026-11-21', 1)", 99),
         ("UPDATE booking SET description = 'gift' WHERE seq = 9", 9),
         ("UPDATE account SET posted = posted + 1 WHERE id = 'a'", None),
-        ("INSERT INTO account VALUES ('c', 'C', 'asset', 'KRW', 0, 0, 0)", None),
+        ("INSERT INTO account VALUES ('c', 'C', 'asset', 'KRW', 0, 0, 0, 0, 0, 1)", None),
         ("UPDATE meta SET head_hash = zeroblob(32)", 12),
         ("UPDATE meta SET head_seq = 11", 12),
     ],
