@@ -74,8 +74,23 @@ class Postgres:
             )
         waiting.until(self._is_there, "the server to answer")
 
+    @contextmanager
+    def away(self) -> Iterator[None]:
+        """Have it end all sessions, and be found by nobody for a while."""
+        door = self.folder / ".s.PGSQL.5432"
+        with self.connect() as last:
+            door.rename(self.folder / "door")
+            last.execute(
+                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
+                " WHERE pid <> pg_backend_pid() AND backend_type = 'client backend'"
+            )
+        try:
+            yield
+        finally:
+            (self.folder / "door").rename(door)
+
     def stop(self) -> None:
-        """Stop it as a power cut of its machine would: at once, and with nothing told to anybody."""
+        """Stop it at once."""
         assert self.process is not None
         self.process.send_signal(signal.SIGQUIT)
         self.process.wait(waiting.WAIT_S)
