@@ -203,6 +203,12 @@ class Journal:
             self._connection.exec_driver_sql("ROLLBACK").close()
             return FencedBy(meta.epoch)
         keys = fetch_keys(self._connection, works)
+        if meta.head_seq < self.head_seq:
+            # A server may be given an older state while a core lives; what follows on it would be lost again.
+            self._connection.exec_driver_sql("ROLLBACK").close()
+            text = f"it ends with event {meta.head_seq}, and {self.head_seq} was committed"
+            gone = StoreError(StoreFault.DAMAGED, text)
+            return NotTaken(tuple([_recall(keys, work, gone) for work in works]), gone)
         orders = list(orders_of(works))
         aside = self._aside(orders)
         touching = [order for order in orders if order.command_id not in aside] if aside else orders

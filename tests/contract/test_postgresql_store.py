@@ -14,7 +14,7 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from core.journal import queries
 from core.journal.answers import Done, KeyUnknown, OutcomeUnknown, StoreBusy
-from core.journal.append import Committed, Failed, FencedBy, Journal, NotBegun
+from core.journal.append import Committed, Failed, FencedBy, Journal, NotBegun, NotTaken
 from core.journal.fence import Fenced, FenceOutcome, NotOurs, Raised, StoreWentBack
 from core.journal.room import Room
 from core.journal.store import (
@@ -318,6 +318,25 @@ def test_a_connection_lost_in_commit_leaves_an_unknown_outcome_and_no_more_batch
         assert outcome.answers == (OutcomeUnknown(),)
         with pytest.raises(AssertionError):
             made.journal.write([])
+
+
+def test_a_store_that_was_put_back_while_its_core_lives_is_not_written_on(
+    place: Server, tmp_path: Path
+) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(opening("a"), opening("b"))
+        somebody = connected(place)
+        for statement in (
+            "SET session_replication_role = replica",  # no trigger stands in the way of who restores
+            "DELETE FROM event WHERE seq = 2",
+            "UPDATE meta SET head_seq = 1",
+        ):
+            somebody.exec_driver_sql(statement).close()
+        close_writing(somebody)
+        outcome = made.journal.write([order(opening("c"))])
+        assert isinstance(outcome, NotTaken)
+        assert outcome.error.fault is StoreFault.DAMAGED
+        assert queries.head(made.connection).head_seq == 1
 
 
 def test_a_server_that_is_away_is_said_to_be(tmp_path: Path) -> None:

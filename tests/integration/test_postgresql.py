@@ -29,8 +29,8 @@ def server() -> Iterator[postgres.Postgres]:
 
 
 @pytest.fixture
-def store(server: postgres.Postgres) -> dict[str, str]:
-    return {STORE: server.place()}
+def store(server: postgres.Postgres) -> str:
+    return server.place()
 
 
 def opened(core: Core) -> Core:
@@ -57,9 +57,9 @@ def booked_until_done(cores: list[Core], key: str) -> str:
     return found
 
 
-def proven(data: Path, store: dict[str, str], *more: str) -> "subprocess.CompletedProcess[bytes]":
+def proven(data: Path, store: str, *more: str) -> "subprocess.CompletedProcess[bytes]":
     command = [sys.executable, "-m", "core", "verify", "--data", str(data), *more]
-    environment = {**clean_environment(), **store}
+    environment = {**clean_environment(), STORE: store}
     return subprocess.run(
         command, cwd=ROOT, env=environment, capture_output=True, timeout=WAIT_S, check=False
     )
@@ -69,16 +69,16 @@ def balance(core: Core) -> Any:
     return core.ask("GET", "/api/ledger/accounts/food").body["balances"]["posted"]
 
 
-def test_what_was_booked_under_load_is_there_once_after_a_kill(tmp_path: Path, store: dict[str, str]) -> None:
+def test_what_was_booked_under_load_is_there_once_after_a_kill(tmp_path: Path, store: str) -> None:
     data = tmp_path / "data"
-    with started(data, **store) as first, ThreadPoolExecutor(CLIENTS) as clients:
+    with started(data, CORE_STORE=store) as first, ThreadPoolExecutor(CLIENTS) as clients:
         cores = [opened(first)]
         keys = [f"{client}-{number}" for client in range(CLIENTS) for number in range(EACH)]
         asked = [clients.submit(booked_until_done, cores, key) for key in keys]
         until(lambda: sum(one.done() for one in asked) > EACH, "some of them to be booked")
         first.process.kill()
         first.process.wait(WAIT_S)
-        with started(data, **store) as second:
+        with started(data, CORE_STORE=store) as second:
             cores.append(ready(second))
             ids = [one.result() for one in asked]
             assert len(set(ids)) == len(keys)
@@ -91,11 +91,13 @@ def test_what_was_booked_under_load_is_there_once_after_a_kill(tmp_path: Path, s
 
 
 def test_a_core_that_was_frozen_at_work_while_another_took_over_writes_nothing_when_it_thaws(
-    tmp_path: Path, store: dict[str, str]
+    tmp_path: Path, store: str
 ) -> None:
     keys = [str(number) for number in range(CLIENTS * EACH)]
     with (
-        started(tmp_path / "one", sock=tmp_path / "old", HARDCORE_EXPECTED_EPOCH="0", **store) as old,
+        started(
+            tmp_path / "one", sock=tmp_path / "old", HARDCORE_EXPECTED_EPOCH="0", CORE_STORE=store
+        ) as old,
         ThreadPoolExecutor(CLIENTS) as clients,
     ):
         cores = [opened(old)]
@@ -103,7 +105,9 @@ def test_a_core_that_was_frozen_at_work_while_another_took_over_writes_nothing_w
         until(lambda: sum(one.done() for one in asked) > EACH, "some of them to be booked")
         old.process.send_signal(signal.SIGSTOP)
         # It may hold the row of the epoch at this moment: then its successor has its session ended.
-        with started(tmp_path / "two", sock=tmp_path / "new", HARDCORE_EXPECTED_EPOCH="1", **store) as new:
+        with started(
+            tmp_path / "two", sock=tmp_path / "new", HARDCORE_EXPECTED_EPOCH="1", CORE_STORE=store
+        ) as new:
             cores.append(ready(new))
             old.process.send_signal(signal.SIGCONT)
             ids = [one.result() for one in asked]
@@ -121,9 +125,9 @@ def tried(core: Core) -> int | None:
 
 
 def test_a_core_outlives_its_server_and_goes_on_with_it(
-    tmp_path: Path, server: postgres.Postgres, store: dict[str, str]
+    tmp_path: Path, server: postgres.Postgres, store: str
 ) -> None:
-    with started(tmp_path / "data", **store) as core:
+    with started(tmp_path / "data", CORE_STORE=store) as core:
         opened(core)
         with server.away():
             assert core.move(1, "food", "bank", Idempotency_Key="k").status == 503
@@ -136,8 +140,8 @@ def test_a_core_outlives_its_server_and_goes_on_with_it(
 def test_a_server_that_is_away_at_the_start_is_said_with_the_next_step_and_without_its_password(
     tmp_path: Path,
 ) -> None:
-    away = {STORE: f"postgresql://keeper:hidden@/ledger?host={tmp_path}"}
-    with started(tmp_path / "data", **away) as core:
+    away = f"postgresql://keeper:hidden@/ledger?host={tmp_path}"
+    with started(tmp_path / "data", CORE_STORE=away) as core:
         assert core.ends_with() == BUSY
         assert "see that its server runs" in core.said()
         assert "hidden" not in core.said()
@@ -151,10 +155,10 @@ def test_a_password_is_not_taken_from_the_command_line(tmp_path: Path) -> None:
         assert "hidden" not in core.said()
 
 
-def test_two_folders_of_data_are_not_served_from_one_database(tmp_path: Path, store: dict[str, str]) -> None:
+def test_two_folders_of_data_are_not_served_from_one_database(tmp_path: Path, store: str) -> None:
     with (
-        started(tmp_path / "one", **store) as first,
-        started(tmp_path / "two", CORE_FENCE_BUSY_MS="50", **store) as second,
+        started(tmp_path / "one", CORE_STORE=store) as first,
+        started(tmp_path / "two", CORE_FENCE_BUSY_MS="50", CORE_STORE=store) as second,
     ):
         cores = [first, second]
         until(lambda: [core.process.poll() for core in cores].count(BUSY) == 1, "one of them to leave")

@@ -233,6 +233,10 @@ def begin_writing(connection: Connection) -> None:
 def _begin_anew(connection: Connection) -> None:
     """Begin a transaction, on another connection where this one is gone: nothing was open in it."""
     begin = "BEGIN ISOLATION LEVEL READ COMMITTED READ WRITE"
+    if is_open(
+        connection
+    ):  # of a batch that was lost on the way: whatever is left of its session, it is not ours
+        connection.invalidate()
     try:
         if connection.invalidated:
             connection.rollback()
