@@ -26,6 +26,7 @@ from bench import (
     faults,
     forecasts,
     gateway_lost,
+    imports,
     losses,
     peace,
     poison_row,
@@ -160,6 +161,11 @@ LONG: dict[str, Part] = {
         "one poison among the 10,000 rows of a bank's file: that row, and nothing of the rest (2 minutes)",
         lambda folder: poison_row.measure(folder, rows=10_000, say=note),
         lambda folder: poison_row.measure(folder, rows=200, say=note),
+    ),
+    "imports": Part(
+        "100,000 rows of a bank's file, and what others wait meanwhile (2 minutes)",
+        lambda folder: imports.measure(folder, rows=100_000, one_by_one=10_000, say=note),
+        lambda folder: imports.measure(folder, rows=2_000, one_by_one=500, say=note),
     ),
     "forecasts": Part(
         "leaks told of before their limit, and false alarms in a thousand healthy hours (2 minutes)",

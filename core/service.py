@@ -8,7 +8,7 @@ beat and a bound of its own (`auditor.py`).
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Final, TypeVar
@@ -28,12 +28,14 @@ from core.journal import queries
 from core.journal.answers import (
     Answer,
     Done,
+    Each,
     Exercise,
     KeyRow,
     KeyTaken,
     KeyUnknown,
     LookUp,
     Order,
+    Orders,
     OutcomeUnknown,
     ReadOnly,
     Refused,
@@ -181,6 +183,30 @@ class Service(Slots):
         answer = await self._stand_in_line(order)
         self._tell_claim(answer)
         return answer
+
+    async def carry_out_each(self, orders: Sequence[Order], slot: int) -> Sequence[Answer] | None:
+        """Put commands in the writer's line as one piece of work and return the answer of each, as `carry_out` does.
+
+        All of them have one slot, and none is held against the rules. So nothing is done, and None returned, where it
+        matters what a command is called; and where this core serves reads only.
+        """
+        if self.safe is not None or self.rulings.want_names:
+            return None
+        assert isinstance(self._writer, Writer), "a core without a writer refuses before"
+        future = self._writer.submit(Orders(tuple(orders), slot))
+        for order in orders:
+            if order.key is not None:
+                self._in_line[order.key] = future
+                future.add_done_callback(partial(self._leave_line, order.key))
+        answer = await asyncio.shield(future)
+        if not isinstance(answer, Each):
+            return [answer] * len(orders)
+        booked = [
+            one.commit.seq for one in answer.answers if isinstance(one, Done) and one.commit is not None
+        ]
+        if booked:
+            self._recorder.answered(max(booked))
+        return answer.answers
 
     async def exercise(
         self, key: str, digest: bytes, command_id: str, account_id: str, slot: int

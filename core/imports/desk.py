@@ -19,7 +19,8 @@ import msgspec
 
 from core.guarded.recorder import FlightRecorder
 from core.imports.folder import ImportFolder, Imports, is_import_id
-from core.imports.importer import KEPT_FILE_LOST, Importer, Job, broken
+from core.imports.importer import KEPT_FILE_LOST, Importer
+from core.imports.jobs import ONE_BY_ONE_ROWS, Job, broken
 from core.imports.looking import Choices, Looked, Looker, results
 from core.imports.outcomes import FAILED_INSIDE
 from core.imports.reading.kept import ReadTable, open_table
@@ -304,6 +305,7 @@ class Desk:
             return
         try:
             job = _job(folder, manifest, table, progress)
+            job.one_by_one = progress.done + ONE_BY_ONE_ROWS  # one of them may be what the last core died of
         # The records of another life, or another version: no core may fail to start because of them.
         except Exception:
             logger.exception("Import %s can't be gone on with", manifest.id)

@@ -14,26 +14,24 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import islice
 from typing import Final, TypeVar, assert_never
 
 import msgspec
 
-from core import frames
 from core.alone import alone
 from core.guarded.naming import ids_shown
 from core.guarded.poison import name_of
 from core.guarded.recorder import FlightRecorder
-from core.hub import Frame
-from core.imports import judging
-from core.imports.folder import ImportFolder
-from core.imports.outcomes import FAILED_INSIDE, Outcome, Stopped, meaning_of, refused, settle
+from core.imports import judging, waves
+from core.imports.jobs import TELL_ROWS_MAX, Job, RowsLostError, anew, break_off, ended, frame_of, row_held
+from core.imports.outcomes import BUSY, FAILED_INSIDE, Outcome, Stopped, meaning_of, refused, settle
 from core.imports.reading.candidates import Candidate, Result, SkippedRow
-from core.imports.records import Manifest, Progress
-from core.imports.states import State, Trigger, Waiting, after
-from core.imports.suspected import HeldRow, Suspected
+from core.imports.states import State, Waiting
+from core.imports.suspected import Suspected
+from core.journal.answers import CREATED, Answer
 from core.ledger.commands import accounts_of
 from core.ledger.entries import RecordEntry
 from core.ledger.reasons import Rejection
@@ -43,7 +41,8 @@ from core.slots import Draining, NoSlot, holding_slot
 T = TypeVar("T")
 
 IN_FLIGHT_MAX: Final = 16  # of 256 slots: the rest is everybody else's
-READ_AHEAD_ROWS: Final = 256
+READ_AHEAD_ROWS: Final = 512
+WAVES_A_TURN: Final = 16  # of one import; more than one take turns, wave by wave
 TELL_EVERY_NS: Final = 250_000_000
 AGAIN_AFTER_S: Final = 0.1
 END_AGAIN_AFTER_NS: Final = 1_000_000_000  # where the end of an import, or a case, could not be written
@@ -57,42 +56,6 @@ KIND: Final = "import.row"
 KEPT_FILE_LOST: Final = "kept-file-lost"
 
 logger = logging.getLogger("core.imports")
-
-
-def _no_rows() -> Iterator[Result]:
-    return iter(())
-
-
-class Job(msgspec.Struct):
-    """One committed import. `rows` are all of its rows, parsed as they are needed; `parsed` of them are.
-
-    Those before `progress.done` are settled and only parsed: which of several identical rows one is depends on
-    the rows before it. `end` is the state it has come to, while that is not on the disk yet. `waits_for`: the name
-    of its next row, while that one waits for its trial; `filed`: whose cases are; `file_again_ns`: when they are filed,
-    or said, once more. `waiting`: why it does not go on, as its pages were told last. `rows_anew` gives all rows once
-    more. `shift`: whose work it is.
-    """
-
-    folder: ImportFolder
-    manifest: Manifest
-    total: int
-    rows: Iterator[Result]
-    progress: Progress
-    parsed: int = 0
-    ahead: deque[Result] = msgspec.field(default_factory=deque)
-    told_ns: int = 0
-    end: State | None = None
-    end_again_ns: int = 0
-    waits_for: str = ""
-    filed: set[str] = set()
-    file_again_ns: int = 0
-    waiting: Waiting | None = None
-    rows_anew: Callable[[], Iterator[Result]] = _no_rows
-    shift: int = 0
-
-
-class RowsLostError(Exception):
-    """The kept rows end early or are torn."""
 
 
 class Importer:
@@ -115,6 +78,7 @@ class Importer:
         self._shift = 0
         self._stalls = False
         self._resting = False
+        self._size = 4 * waves.ROWS_MIN
 
     def start(self) -> None:
         """Work from now on; also again after `stop`, which may not have come to its end yet."""
@@ -126,7 +90,7 @@ class Importer:
         """Leave the shift that hangs behind, and go on with all imports where it was."""
         self._shift += 1
         self._stalls = False
-        self._jobs = deque(_anew(job, self._shift) for job in self._jobs)
+        self._jobs = deque(anew(job, self._shift) for job in self._jobs)
         self._component.works(False)  # who hangs says so no more
         if self._task is not None:
             self._left.add(self._task)
@@ -227,22 +191,25 @@ class Importer:
             try:
                 job.end = await self._wave(job)
             except RowsLostError:
-                _break(job, KEPT_FILE_LOST)
+                break_off(job, KEPT_FILE_LOST)
             # Any stranger's file may bring any mistake of ours; the guard takes a dead task for a hang.
             except Exception:
                 logger.exception("Import %s stopped at a mistake of our own", job.manifest.id)
-                _break(job, FAILED_INSIDE)
+                break_off(job, FAILED_INSIDE)
         if job.end is not None and job.end_again_ns <= time.monotonic_ns() and job.shift == self._shift:
             await self._end(job, job.end)
 
     async def _wave(self, job: Job) -> State | None:
         """Book the next rows; return the state in which the import ends, None while it goes on."""
         self._component.beat()
-        if not job.ahead and not await self._read_ahead(job):
-            if job.progress.done != job.total:
-                raise RowsLostError
-            return after(State.COMMITTING, Trigger.LAST_ROW)
         first = job.progress.done + 1
+        if self._goes_together(job):
+            return await self._together(job, first)
+        if job.next is not None:
+            job.ahead.extendleft(reversed(job.next.rows))
+            job.next = None
+        if not job.ahead and not await self._read_ahead(job):
+            return ended(job)
         if job.shift != self._shift:
             return None  # left behind while it was reading: the rows are another's
         free = self._free(job, first)
@@ -255,18 +222,102 @@ class Importer:
         outcomes = await self._beating(asyncio.gather(*rows, return_exceptions=True), job.shift)
         if job.shift != self._shift:
             return None
+        await self._settle(job, wave, outcomes)
+        await self._tell(job)
+        return None
+
+    async def _settle(
+        self, job: Job, rows: Sequence[Result], outcomes: Iterable[waves.Settled | BaseException]
+    ) -> None:
+        """Take what became of these rows, up to the first that has to be asked again."""
         for settled, outcome in enumerate(outcomes):
             if isinstance(outcome, BaseException):
                 raise outcome
             if isinstance(outcome, Stopped):
                 # What is not settled is next again: a row's key is its place, and places don't move.
-                job.ahead.extendleft(reversed(wave[settled:]))
+                if job.next is not None:
+                    job.ahead.extendleft(reversed(job.next.rows))
+                    job.next = None
+                job.ahead.extendleft(reversed(rows[settled:]))
                 await asyncio.sleep(AGAIN_AFTER_S)
-                break
+                return
             job.progress = settle(job.progress, outcome)
             self._component.done()
-        await self._tell(job)
-        return None
+
+    def _goes_together(self, job: Job) -> bool:
+        """Whether the next rows may be one piece of work: nobody may have to be named, now or after a death."""
+        return job.progress.done >= job.one_by_one and not (
+            self._suspected.any or self._service.rulings.want_names
+        )
+
+    async def _together(self, job: Job, first: int) -> State | None:
+        """Book some waves, each as one piece of work; none of them is still at the writer when this is over."""
+        now = job.next or await self._prepare(job, first)
+        job.next = None
+        if job.shift != self._shift:
+            return None
+        if now is None:
+            return ended(job)
+        asking, began_ns = asyncio.ensure_future(self._ask_together(job, now)), time.monotonic_ns()
+        for left in reversed(range(WAVES_A_TURN)):
+            # The next one is prepared while this one is written, and whatever goes wrong there waits for what this one has.
+            preparing = asyncio.gather(self._prepare(job, now.first + len(now.rows)), return_exceptions=True)
+            [made] = await preparing
+            answers = await self._beating(asking, job.shift)
+            if job.shift != self._shift:
+                return None
+            self._size = waves.next_size(len(now.rows), time.monotonic_ns() - began_ns, self._size)
+            outcomes = list(waves.outcomes(now, answers))
+            goes_on = left > 0 and self._goes_on(job, outcomes)
+            job.next = made if isinstance(made, waves.Wave) else None
+            following = job.next if goes_on else None
+            if following is not None:  # before anything is counted: the writer need not wait for that
+                asking, began_ns = (
+                    asyncio.ensure_future(self._ask_together(job, following)),
+                    time.monotonic_ns(),
+                )
+                job.next = None
+            await self._settle(job, now.rows, outcomes)
+            await self._tell(job)
+            if isinstance(made, BaseException):
+                raise made
+            if following is None:
+                return None
+            now = following
+        raise AssertionError("the last wave of a turn is followed by none")
+
+    def _goes_on(self, job: Job, outcomes: Sequence[waves.Settled]) -> bool:
+        """Whether the wave after one of which this came may go to the writer in the same turn."""
+        stopped = any(isinstance(outcome, Stopped) for outcome in outcomes)
+        return (
+            not stopped and len(self._jobs) == 1 and not self._is_over(job.shift) and self._goes_together(job)
+        )
+
+    async def _prepare(self, job: Job, first: int) -> waves.Wave | None:
+        """Read the rows from the one at `first` on and make a wave of them; None where none are left."""
+        while not job.ahead:
+            if not await self._read_ahead(job):
+                return None
+        rows = [job.ahead.popleft() for _ in range(min(self._size, len(job.ahead)))]
+        wave = await self._apart(partial(waves.prepare, rows, first, job.manifest, self._service.new_id))
+        if len(wave.rows) < len(rows):
+            job.one_by_one = first + len(rows)
+            job.ahead.extendleft(reversed(rows[len(wave.rows) :]))
+        return wave
+
+    async def _ask_together(self, job: Job, wave: waves.Wave) -> Sequence[Answer] | None:
+        """Ask the ledger for all rows of a wave at once; None where it could not be asked now."""
+        if not wave.orders:
+            return ()
+        account_id = job.manifest.account or ""
+        payload = waves.payload_of(wave)
+        # No key and no name: whoever dies of one of its rows has not died of it, and finds out which by going one by one.
+        with holding_slot(self._service, KIND, payload, account_ids=(account_id,)) as held:
+            if isinstance(held, NoSlot | Draining):
+                return None
+            answers = await self._service.carry_out_each(wave.orders, held.slot)
+            held.status = CREATED if answers is not None else BUSY
+        return answers
 
     def _free(self, job: Job, first: int) -> int:
         """Return how many of the next rows, from the one at `first`, may be booked now: none behind a suspect."""
@@ -279,7 +330,9 @@ class Importer:
     async def _file(self, job: Job, ordinal: int) -> None:
         """Have an import wait for the trial of its next row. All suspects that a dead wave can have had are filed with it."""
         last = min(ordinal + IN_FLIGHT_MAX - 1, job.total)
-        rows = [row for n in range(ordinal, last + 1) if self._suspected.holds((row := _held(job, n)).name)]
+        rows = [
+            row for n in range(ordinal, last + 1) if self._suspected.holds((row := row_held(job, n)).name)
+        ]
         next_name = name_of(judging.key_of(job.manifest, ordinal))
         if job.waits_for != next_name:  # else it has waited for long: whoever was told may be gone
             rows = [row for row in rows if row.name not in job.filed]
@@ -343,8 +396,9 @@ class Importer:
 
     async def _tell(self, job: Job) -> None:
         now_ns = time.monotonic_ns()
-        if now_ns - job.told_ns >= TELL_EVERY_NS:
-            job.told_ns = now_ns
+        rows = job.progress.done - job.told_rows
+        if now_ns - job.told_ns >= TELL_EVERY_NS or rows >= TELL_ROWS_MAX:
+            job.told_ns, job.told_rows = now_ns, job.progress.done
             await self._keep(job)
             self._service.hub.tell([frame_of(job)])
 
@@ -386,38 +440,6 @@ class Importer:
             if shift == self._shift:
                 self._component.beat()
         return work.result()
-
-
-def _anew(job: Job, shift: int) -> Job:
-    """Return a job of its own for another shift, at the last row that was settled."""
-    made = Job(job.folder, job.manifest, job.total, job.rows_anew(), job.progress)
-    made.end, made.waiting, made.rows_anew, made.shift = job.end, job.waiting, job.rows_anew, shift
-    return made
-
-
-def broken(folder: ImportFolder, manifest: Manifest, progress: Progress, fault: str) -> Job:
-    """Return an import that can't be gone on with; the importer writes its end down."""
-    job = Job(folder, manifest, progress.done, iter(()), progress)
-    _break(job, fault)
-    return job
-
-
-def _break(job: Job, fault: str) -> None:
-    job.manifest = msgspec.structs.replace(job.manifest, fault=fault)
-    job.end = after(State.COMMITTING, Trigger.BROKE)
-
-
-def frame_of(job: Job) -> Frame:
-    """Return what an open page is told of an import."""
-    wish, now = job.manifest, job.progress
-    return frames.progress(
-        wish.id, wish.state.value, now.done, job.total, now.duplicates, now.refused, job.waiting
-    )
-
-
-def _held(job: Job, ordinal: int) -> HeldRow:
-    key = judging.key_of(job.manifest, ordinal)
-    return HeldRow(name_of(key), key, job.manifest.id, ordinal)
 
 
 def _some(rows: Iterator[Result]) -> list[Result]:

@@ -16,7 +16,8 @@ import pytest
 from core.guarded.recorder import NoRecorder
 from core.imports.desk import Desk
 from core.imports.folder import Imports
-from core.imports.importer import Importer, Job
+from core.imports.importer import Importer
+from core.imports.jobs import Job
 from core.imports.outcomes import FAILED_INSIDE, Booked, Outcome, Stopped
 from core.imports.reading.candidates import Candidate, Result, SkippedRow
 from core.imports.records import Manifest, Progress
@@ -60,7 +61,7 @@ def job(data: Path, count: int) -> Job:
     made = Manifest(IMPORT, State.COMMITTING, "bank.csv", 1, "00", 0, account="bank", currency="KRW")
     imports.begin(IMPORT)
     imports.unfinished(IMPORT).keep_manifest(made)
-    return Job(imports.finish(IMPORT), made, count, rows(count), Progress())
+    return Job(imports.finish(IMPORT), made, count, rows(count), Progress(), one_by_one=count)
 
 
 def test_a_mistake_in_one_row_leaves_none_of_its_neighbours_at_work(tmp_path: Path) -> None:

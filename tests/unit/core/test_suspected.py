@@ -15,7 +15,8 @@ from core.guarded.poison import name_of
 from core.guarded.recorder import NoRecorder
 from core.imports import importer as importing
 from core.imports.folder import Imports
-from core.imports.importer import IN_FLIGHT_MAX, Importer, Job
+from core.imports.importer import IN_FLIGHT_MAX, Importer
+from core.imports.jobs import Job
 from core.imports.outcomes import Booked, Outcome, meaning_of
 from core.imports.reading.candidates import Result, SkippedRow
 from core.imports.records import Manifest, Problem, Progress
@@ -54,7 +55,7 @@ def job(data: Path, import_id: str, count: int) -> Job:
     made = Manifest(import_id, State.COMMITTING, "bank.csv", 1, "00", 0, account="bank", currency="KRW")
     imports.begin(import_id)
     imports.unfinished(import_id).keep_manifest(made)
-    return Job(imports.finish(import_id), made, count, rows(count), Progress())
+    return Job(imports.finish(import_id), made, count, rows(count), Progress(), one_by_one=count)
 
 
 def suspect(state: Path, *names: str, stopped: str = "", until: str = "") -> None:
