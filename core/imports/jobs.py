@@ -20,9 +20,9 @@ from core.imports.records import Manifest, Progress
 from core.imports.states import State, Trigger, Waiting, after
 from core.imports.suspected import HeldRow
 
-TELL_ROWS_MAX: Final = 2_048  # are booked between two notes of how far it is
+TELL_ROWS_MAX: Final = 1_024  # are booked between two notes of how far it is
 #: So many rows may have been at work when a core died, and its successor books them one by one, each with its own name.
-ONE_BY_ONE_ROWS: Final = TELL_ROWS_MAX + 2 * waves.ROWS_MAX
+ONE_BY_ONE_ROWS: Final = TELL_ROWS_MAX + 4 * waves.ROWS_MAX
 
 
 def _no_rows() -> Iterator[Result]:

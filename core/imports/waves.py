@@ -23,7 +23,7 @@ from core.ledger.reasons import Rejection
 
 ROWS_MIN: Final = 16
 ROWS_MAX: Final = 512
-AIMED_NS: Final = 25_000_000  # of one wave at the writer: whoever comes meanwhile waits no longer than for it
+AIMED_NS: Final = 32_000_000  # of one wave at the writer: whoever comes meanwhile waits no longer than for it
 _NO_SLOT: Final = -1  # the wave has one for all of them
 
 Settled = Outcome | SkippedRow

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from core.imports.importer import IN_FLIGHT_MAX
+from core.imports.waves import ROWS_MAX
 from tests.integration.lone_core import Core, ready, started
 from tests.integration.test_imports import form, statement
 from tests.waiting import WAIT_S, until
@@ -154,7 +154,7 @@ def test_an_import_rests_while_only_reads_are_served_and_goes_on_later(
         assert core.ask("POST", f"{path}/commit", {}).status == 202
         for _ in range(3):
             assert core.ask("GET", "/api/ledger/verify").body["ok"]  # each takes longer than a wave of rows
-            assert core.ask("GET", "/healthz").body["seq"] <= seq + IN_FLIGHT_MAX
+            assert core.ask("GET", "/healthz").body["seq"] <= seq + ROWS_MAX
         assert core.ask("GET", path).body["state"] == "committing"
         assert guard.safe(on=False) == {"ok": True}
         ended = until(lambda: is_over(core, path), "the import to end")
