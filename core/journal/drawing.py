@@ -17,15 +17,19 @@ from core.ledger.events import (
     ENTRY_POSTINGS,
     Booking,
     EntryPosted,
+    PendingPosted,
     PostingLine,
+    TransactionPending,
     TransactionPosted,
     TransactionReversed,
     decode,
 )
+from core.ledger.moments import timestamp
 from core.ledger.money import format_amount
 from core.ledger.overview import category_name
 
 _ENTRY: Final = EntryPosted.__struct_config__.tag
+_POSTED: Final = PendingPosted.__struct_config__.tag
 _REVERSAL: Final = TransactionReversed.__struct_config__.tag
 
 
@@ -54,12 +58,42 @@ def drawn(connection: Connection, seq: int) -> Booking:
     )
     if row.kind == _REVERSAL:
         return _reversal(connection, seq, row, lines)
+    if row.kind == _POSTED:
+        return _posted(connection, seq, row, lines)
     entry = _entry_in(connection, seq, row.id) if row.kind == _ENTRY else None
     if entry is None:
         return TransactionPosted(row.id, row.date, row.description, (), lines)
     assert len(listed) == ENTRY_POSTINGS, f"entry {seq} is listed with {len(listed)} lines"
     category = category_name(account_of(listed[1]))
     return EntryPosted(row.id, entry, row.date, row.description, (), lines, category, None, None)
+
+
+def pending_of(connection: Connection, seq: int, body: bytes, parked: Container[int]) -> TransactionPending:
+    """Return the pending transaction of event `seq`: read from its body, or of one that is left out, drawn."""
+    if seq not in parked:
+        event = decode(body)
+        assert isinstance(event, TransactionPending), f"event {seq} is listed as pending and is not"
+        return event
+    row = connection.execute(select(schema.pending).where(schema.pending.c.seq == seq)).one()
+    expires_at = timestamp(row.expires_ns) if row.expires_ns is not None else None
+    return TransactionPending(row.id, row.date, row.description, (), _held(connection, seq), expires_at)
+
+
+def _posted(connection: Connection, seq: int, row: Any, lines: tuple[PostingLine, ...]) -> PendingPosted:
+    pending = connection.execute(select(schema.pending).where(schema.pending.c.closed_seq == seq)).one()
+    held = _held(connection, pending.seq)
+    return PendingPosted(row.id, pending.id, row.date, row.description, (), lines, held)
+
+
+def _held(connection: Connection, seq: int) -> tuple[PostingLine, ...]:
+    held = schema.pending_posting.c
+    rows = connection.execute(
+        select(schema.account.c.id, schema.account.c.currency, held.amount)
+        .join_from(schema.pending_posting, schema.account, schema.account.c.id == held.account_id)
+        .where(held.seq == seq)
+        .order_by(held.line)
+    )
+    return tuple(PostingLine(row.id, format_amount(row.amount, row.currency), row.currency) for row in rows)
 
 
 def _reversal(

@@ -15,19 +15,23 @@ from sqlalchemy import Connection, Integer, func, literal, select, text
 from core.journal import schema
 from core.journal.attestation import Attestation, Balance, balances_of, pending_move
 from core.journal.chain import EventRow
-from core.journal.drawing import booking_of
+from core.journal.drawing import booking_of, pending_of
 from core.journal.proof import Tail, Walk
 from core.journal.shelf import VARIABLES_MAX, account_of
 from core.journal.store import is_in_server
 from core.ledger.accounts import Account, AccountType
-from core.ledger.events import AccountOpened, decode
+from core.ledger.book import PendingState
+from core.ledger.events import AccountOpened, BalanceAsserted, decode
 from core.ledger.moments import timestamp
 from core.ledger.views import (
+    AssertionView,
     CommittedEvent,
     EventView,
     Place,
     TransactionView,
     tell,
+    view_assertion,
+    view_pending,
     view_transaction,
 )
 
@@ -90,16 +94,56 @@ def list_transactions(
         query = query.where(booking.description.icontains(wanted.words, autoescape=True))
     if wanted.before_seq is not None:
         query = query.where(booking.seq < wanted.before_seq)
-    return [_transaction(connection, row, parked) for row in connection.execute(query)]
+    rows = connection.execute(query).all()
+    reversed_by = _reversals(connection, [row.seq for row in rows])
+    return [_transaction(connection, row, parked, reversed_by.get(row.seq)) for row in rows]
+
+
+def list_pendings(
+    connection: Connection, parked: Container[int], before_seq: int | None = None, limit: int = 50
+) -> list[TransactionView]:
+    """Return what is pending and still open, newest first."""
+    query = _EVENTS_OF_PENDINGS.where(schema.pending.c.state == "open")
+    if before_seq is not None:
+        query = query.where(schema.pending.c.seq < before_seq)
+    query = query.order_by(schema.pending.c.seq.desc()).limit(limit)
+    return [_pending(connection, row, parked) for row in connection.execute(query).all()]
+
+
+def list_assertions(
+    connection: Connection,
+    parked: Container[int],
+    account: str | None = None,
+    before_seq: int | None = None,
+    limit: int = 50,
+) -> list[AssertionView]:
+    """Return what was asserted of balances, newest first; one whose event is left out is not told."""
+    asserted, event = schema.assertion.c, schema.event.c
+    query = select(event.seq, event.epoch, event.booked_ns, event.hash, event.body).join_from(
+        schema.assertion, schema.event, asserted.seq == event.seq
+    )
+    if account is not None:
+        query = query.where(asserted.account_id == account)
+    if before_seq is not None:
+        query = query.where(asserted.seq < before_seq)
+    found = []
+    for row in connection.execute(query.order_by(asserted.seq.desc()).limit(limit)):
+        made = decode(row.body) if row.seq not in parked else None
+        if isinstance(made, BalanceAsserted):
+            found.append(view_assertion(made, Place(row.seq, row.epoch, row.booked_ns, row.hash)))
+    return found
 
 
 def get_transaction(
     connection: Connection, transaction_id: str, parked: Container[int]
 ) -> TransactionView | None:
-    """Return one transaction."""
+    """Return one transaction, booked or pending."""
     query = _EVENTS_OF_BOOKINGS.where(schema.booking.c.id == transaction_id)
     row = connection.execute(query).one_or_none()
-    return _transaction(connection, row, parked) if row else None
+    if row is not None:
+        return _transaction(connection, row, parked, _reversals(connection, [row.seq]).get(row.seq))
+    found = connection.execute(_EVENTS_OF_PENDINGS.where(schema.pending.c.id == transaction_id)).one_or_none()
+    return _pending(connection, found, parked) if found else None
 
 
 def list_events(connection: Connection, after_seq: int, limit: int) -> list[EventView]:
@@ -224,6 +268,11 @@ def balances(connection: Connection) -> list[Balance]:
     return [balance for row in rows for balance in balances_of(*row)]
 
 
+def asserted_accounts(connection: Connection) -> list[str]:
+    """Return the accounts of which something is asserted, without a bound: for proofs."""
+    return list(connection.execute(select(schema.assertion.c.account_id).distinct()).scalars())
+
+
 def due_pendings(connection: Connection, now_ns: int, limit: int) -> list[str]:
     """Return the ids of pending transactions that have run out by a wall time and are still open, oldest first."""
     pending = schema.pending.c
@@ -297,7 +346,46 @@ _EVENTS_OF_BOOKINGS: Final = select(
 ).join_from(schema.booking, schema.event, schema.booking.c.seq == schema.event.c.seq)
 
 
-def _transaction(connection: Connection, row: Any, parked: Container[int]) -> TransactionView:
+def _transaction(
+    connection: Connection, row: Any, parked: Container[int], reversed_by: str | None
+) -> TransactionView:
     event = booking_of(connection, row.seq, row.body, parked)
     place = Place(row.seq, row.epoch, row.booked_ns, row.hash)
-    return view_transaction(event, place, set_aside=row.seq in parked)
+    return view_transaction(event, place, set_aside=row.seq in parked, reversed_by=reversed_by)
+
+
+def _reversals(connection: Connection, seqs: Sequence[int]) -> dict[int, str]:
+    """Return the transactions that take these back, by the number of what they take back."""
+    reversal, booking = schema.reversal.c, schema.booking.c
+    query = (
+        select(reversal.reversed_seq, booking.id)
+        .join_from(schema.reversal, schema.booking, booking.seq == reversal.seq)
+        .where(reversal.reversed_seq.in_(seqs))
+    )
+    return {row.reversed_seq: row.id for row in connection.execute(query)}
+
+
+_EVENTS_OF_PENDINGS: Final = (
+    select(
+        schema.event.c.seq,
+        schema.event.c.epoch,
+        schema.event.c.booked_ns,
+        schema.event.c.hash,
+        schema.event.c.body,
+        schema.pending.c.state,
+        schema.booking.c.id.label("posted_by"),
+    )
+    .join_from(schema.pending, schema.event, schema.pending.c.seq == schema.event.c.seq)
+    .outerjoin(schema.booking, schema.booking.c.seq == schema.pending.c.closed_seq)
+)
+
+
+def _pending(connection: Connection, row: Any, parked: Container[int]) -> TransactionView:
+    event = pending_of(connection, row.seq, row.body, parked)
+    return view_pending(
+        event,
+        Place(row.seq, row.epoch, row.booked_ns, row.hash),
+        PendingState(row.state),
+        posted_by=row.posted_by,
+        set_aside=row.seq in parked,
+    )

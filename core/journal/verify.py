@@ -6,7 +6,7 @@ same moment. It stops at the first fault and names it: what follows a broken lin
 ever repaired here; a repair would be a guess about somebody's money.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Final
 
 import msgspec
@@ -21,16 +21,24 @@ from core.journal.readings import Readings, listed_after, read_between
 from core.journal.rebuilding import Rebuilding
 from core.journal.store import StoreError, snapshot, store_error
 from core.ledger.accounts import Account
+from core.ledger.commands import Posting
 from core.ledger.events import (
     AccountClosed,
+    AccountOpened,
+    BalanceAsserted,
     Booking,
     EntryPosted,
     Event,
+    Release,
+    TransactionPending,
+    accounts_in,
+    asserted_amounts,
     decode,
     kind_of,
     postings_of,
+    released_by,
 )
-from core.ledger.evolving import evolve
+from core.ledger.evolving import evolve, sides
 from core.ledger.fields import folded
 from core.ledger.money import format_amount
 
@@ -63,7 +71,8 @@ class GivenUp:
 class _Replay(msgspec.Struct):
     """The book as its events tell it, so far.
 
-    `unproven`: accounts that events which were left out have booked on; `unnamed`: how many of those name none.
+    `unproven`: accounts that events which were left out have booked on; `unnamed`: how many of those name none. `dated`:
+    what was posted for each day, of those accounts of which something is asserted.
     """
 
     rebuilding: Rebuilding
@@ -75,9 +84,17 @@ class _Replay(msgspec.Struct):
     unproven: set[str] = set()
     unnamed: int = 0
 
+    dated: dict[str, dict[str, int]] = {}
+
     @property
     def seq(self) -> int:
         return self.last.seq if self.last else 0
+
+    def date(self, name: str, date: str, amount: int) -> None:
+        """Note what was posted for a day to an account, if anything is asserted of it anywhere in the book."""
+        days = self.dated.get(name)
+        if days is not None:
+            days[date] = days.get(date, 0) + amount
 
 
 def verify(
@@ -96,6 +113,8 @@ def verify(
         while not is_leaving():
             with snapshot(readers, slice_ms_max) as connection:
                 seen = replay.seq
+                if not seen:
+                    replay.dated = {name: {} for name in queries.asserted_accounts(connection)}
                 broken = _slice(connection, replay)
                 if broken is None and replay.seq - seen == SLICE_EVENTS:
                     continue
@@ -142,15 +161,16 @@ def _take(connection: Connection, replay: _Replay, row: EventRow, readings: Read
     if not readings.take(event, row.seq):
         return Broken(row.seq, f"what is listed for event {row.seq} is not what the event says")
     replay.book.update(evolve(replay.book, event))
+    if isinstance(event, Booking) and replay.dated:
+        for posting in postings_of(event):
+            replay.date(posting.account, event.date, posting.amount)
     replay.entries += isinstance(event, EntryPosted) and event.entry == event.id
     return None
 
 
 def _touched(event: Event | None) -> Iterable[str]:
     """Return the accounts that have to be there before this event happens."""
-    if isinstance(event, Booking):
-        return (line.account for line in event.postings)
-    return (event.id,) if isinstance(event, AccountClosed) else ()
+    return () if event is None or isinstance(event, AccountOpened) else accounts_in(event)
 
 
 def _leave_out(connection: Connection, replay: _Replay, row: EventRow, readings: Readings) -> None:
@@ -158,18 +178,32 @@ def _leave_out(connection: Connection, replay: _Replay, row: EventRow, readings:
 
     So every other account, and every attestation that follows, can still be held against the other events.
     """
-    lines = readings.leave_out(row.seq)
-    names = {name for name, _ in lines} | set(replay.rebuilding.accounts_of(row.seq))
+    left = readings.leave_out(row.seq)
+    names = left.accounts | set(replay.rebuilding.accounts_of(row.seq))
     _stand_in(connection, replay, names)
-    for name, amount in lines:
-        if name in replay.book:
-            replay.book[name] = msgspec.structs.replace(
-                replay.book[name], posted=replay.book[name].posted + amount
-            )
+    for name, amount in left.posted:
+        _move(replay, name, amount, 0, 0)
+    for lines, sign in ((left.reserved, 1), (left.released, -1)):
+        for name, amount in lines:
+            debit, credit = sides(amount)
+            _move(replay, name, 0, sign * debit, sign * credit)
+    for (name, amount), date in zip(left.posted, left.days, strict=True):
+        replay.date(name, date, amount)
     replay.entries += queries.began_entry(connection, row.seq)
     replay.parked.append(row.seq)
     replay.unproven |= names
     replay.unnamed += not names
+
+
+def _move(replay: _Replay, name: str, posted: int, debit: int, credit: int) -> None:
+    if name in replay.book:
+        account = replay.book[name]
+        replay.book[name] = msgspec.structs.replace(
+            account,
+            posted=account.posted + posted,
+            pending_debit=account.pending_debit + debit,
+            pending_credit=account.pending_credit + credit,
+        )
 
 
 def _stand_in(connection: Connection, replay: _Replay, names: Iterable[str]) -> None:
@@ -188,15 +222,37 @@ def _check_event(replay: _Replay, row: EventRow, event: Event | None) -> Broken 
         return Broken(row.seq, f"event {row.seq} can't be read")
     if isinstance(event, AccountClosed) and event.id not in replay.book:
         return Broken(row.seq, f"event {row.seq} closes an account that is not there")
-    if isinstance(event, Booking):
+    if isinstance(event, BalanceAsserted):
+        return _check_assertion(replay, row.seq, event)
+    for lines in _lines_in(event):
         sums: dict[str, int] = {}
-        for posting in postings_of(event):
+        for posting in lines:
             account = replay.book.get(posting.account)
             if account is None or account.currency != posting.currency:
                 return Broken(row.seq, f"event {row.seq} books to an account that is not there")
             sums[posting.currency] = sums.get(posting.currency, 0) + posting.amount
         if any(sums.values()):
             return Broken(row.seq, f"event {row.seq} does not add up to zero")
+    return None
+
+
+def _lines_in(event: Event) -> Iterator[tuple[Posting, ...]]:
+    """Return the lines of an event that belong together: each of them adds up to zero."""
+    if isinstance(event, Booking | TransactionPending):
+        yield postings_of(event)
+    if isinstance(event, Release):
+        yield released_by(event)
+
+
+def _check_assertion(replay: _Replay, seq: int, event: BalanceAsserted) -> Broken | None:
+    """Say whether the book stood, at this place in it, where the event says that it stood by the end of the day."""
+    account = replay.book.get(event.account)
+    if account is None or account.currency != event.currency:
+        return Broken(seq, f"event {seq} is about an account that is not there")
+    amount, actual = asserted_amounts(event)
+    stood = sum(moved for day, moved in replay.dated.get(account.id, {}).items() if day <= event.date)
+    if event.holds != (amount == actual) or (stood != actual and account.id not in replay.unproven):
+        return Broken(seq, f"event {seq} asserts a balance of the day that is not the book's")
     return None
 
 

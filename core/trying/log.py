@@ -11,11 +11,12 @@ import re
 import socket
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Final
 
 import msgspec
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, Table, or_, select
 
 from core.journal import queries, schema
 from core.journal.as_it_stands import open_as_it_stands
@@ -93,15 +94,26 @@ def named(folder: Path, seq: int) -> Named:
             booking = connection.execute(
                 select(schema.booking.c.id).where(schema.booking.c.seq == seq)
             ).scalar()
-            accounts = connection.execute(
-                select(schema.posting.c.account_id)
-                .where(schema.posting.c.seq == seq)
-                .order_by(schema.posting.c.line)
-            ).scalars()
-            found = tuple(dict.fromkeys(map(str, accounts))) or _account(connection, seq)
+            held = connection.execute(
+                select(schema.pending.c.id, schema.pending.c.seq).where(
+                    or_(schema.pending.c.seq == seq, schema.pending.c.closed_seq == seq)
+                )
+            ).first()
+            lines = [_accounts(connection, schema.posting, seq)]
+            if held is not None:
+                lines.append(_accounts(connection, schema.pending_posting, held.seq))
+            asserted = select(schema.assertion.c.account_id).where(schema.assertion.c.seq == seq)
+            lines.append(list(connection.execute(asserted).scalars()))
+            found = tuple(dict.fromkeys(chain(*lines))) or _account(connection, seq)
+            booking = booking or (held.id if held is not None else "")
             return Named(str(kind or ""), str(booking or ""), found)
     finally:
         engine.dispose()
+
+
+def _accounts(connection: Connection, lines: Table, seq: int) -> list[str]:
+    query = select(lines.c.account_id).where(lines.c.seq == seq).order_by(lines.c.line)
+    return list(connection.execute(query).scalars())
 
 
 def _account(connection: Connection, seq: int) -> tuple[str, ...]:
