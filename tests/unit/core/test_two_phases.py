@@ -1,16 +1,14 @@
-"""Two phases, reversals, batches and assertions, decided in memory: cases that a ledger of accounts must get right."""
+"""Two phases: cases that a ledger of accounts must get right, decided in memory."""
 
-import itertools
 from typing import Any
 
 import msgspec
 import pytest
 
-from core.ledger.accounts import Account, AccountType
-from core.ledger.book import Book, KnownBooking, KnownPending, PendingState
+from core.ledger.accounts import AccountType
+from core.ledger.book import PendingState
 from core.ledger.commands import (
     AssertBalance,
-    AtomicBatch,
     BatchBody,
     CloseAccount,
     Command,
@@ -23,7 +21,6 @@ from core.ledger.commands import (
     ReverseTransaction,
     TransactionBody,
     VoidPending,
-    accounts_of,
     fingerprint_of,
     post_batch,
     post_pending,
@@ -32,111 +29,17 @@ from core.ledger.commands import (
 from core.ledger.decider import decide
 from core.ledger.events import (
     AccountClosed,
-    BalanceAsserted,
-    Booking,
-    EntryPosted,
-    Event,
     PendingExpired,
     PendingPosted,
     PendingVoided,
-    PostingLine,
-    Release,
     TransactionPending,
     TransactionPosted,
-    TransactionReversed,
     decode,
-    encode,
 )
-from core.ledger.evolving import evolve
 from core.ledger.money import INT64_MAX, INT64_MIN
 from core.ledger.reasons import Fault, Reason, Rejection, Slug
 from core.ledger.views import balances_of, tell
-
-SECOND = 1_000_000_000
-NOW = 1_795_000_000 * SECOND
-DAY = "2026-11-21"
-_ids = itertools.count(1)
-_STATES = {
-    PendingPosted: PendingState.POSTED,
-    PendingVoided: PendingState.VOIDED,
-    PendingExpired: PendingState.EXPIRED,
-}
-
-
-class World:
-    """A book that takes what is decided, as the writer's batch does, through the bytes that would be stored."""
-
-    def __init__(self, *accounts: Account) -> None:
-        self.book = Book.of(accounts or (account("cash", no_overdraft=True, posted=100), account("shop")))
-        self.book.now_ns = NOW
-
-    def does(self, command: Command) -> tuple[Event, ...]:
-        events = decide(command, self.book)
-        assert not isinstance(events, Rejection), events
-        for event in events:
-            read_back = decode(encode(event))
-            assert read_back == event
-            self.take(event)
-        return events
-
-    def take(self, event: Event) -> None:
-        seq = next(_ids)
-        self.book.update(evolve(self.book.accounts, event))
-        if isinstance(event, Booking):
-            self.book.bookings[event.id] = KnownBooking(seq, event)
-        if isinstance(event, TransactionReversed):
-            known = self.book.bookings[event.reverses]
-            self.book.bookings[event.reverses] = msgspec.structs.replace(known, reversed=True)
-        if isinstance(event, TransactionPending):
-            self.book.pendings[event.id] = KnownPending(seq, event)
-        if isinstance(event, Release):
-            known_pending = self.book.pendings[event.pending]
-            self.book.pendings[event.pending] = msgspec.structs.replace(
-                known_pending, state=_STATES[type(event)]
-            )
-
-    def refuses(self, command: Command) -> Rejection:
-        before = dict(self.book.accounts)
-        found = decide(command, self.book)
-        assert isinstance(found, Rejection), found
-        assert self.book.accounts == before
-        return found
-
-    def reserve(self, amount: int, timeout_s: int | None = None) -> str:
-        command = moved(amount, pending=True, timeout_s=timeout_s)
-        self.does(command)
-        return command.id
-
-    def stands(self, name: str) -> tuple[int, int, int]:
-        found = self.book.accounts[name]
-        return found.posted, found.pending_debit, found.pending_credit
-
-
-def account(name: str, *, no_overdraft: bool = False, posted: int = 0, **named: Any) -> Account:
-    made = Account(name, name, AccountType.ASSET, "KRW", no_overdraft, posted, version=1)
-    return msgspec.structs.replace(made, **named)
-
-
-def moved(
-    amount: int,
-    to: str = "shop",
-    source: str = "cash",
-    *,
-    pending: bool = False,
-    timeout_s: int | None = None,
-) -> PostTransaction:
-    lines = (Posting(to, amount, "KRW"), Posting(source, -amount, "KRW"))
-    return PostTransaction(f"t{next(_ids)}", DAY, "memo", ("tag",), lines, pending, timeout_s)
-
-
-def part(pending: str, amount: int, *names: str) -> PostPending:
-    to, source = names or ("shop", "cash")
-    lines = (Posting(to, amount, "KRW"), Posting(source, -amount, "KRW"))
-    return PostPending(f"p{next(_ids)}", pending, lines)
-
-
-def whole(pending: str) -> PostPending:
-    return PostPending(f"p{next(_ids)}", pending)
+from tests.unit.core.worlds import DAY, NOW, SECOND, World, account, moved, part, whole
 
 
 def test_what_is_pending_is_held_on_both_sides_and_moves_no_balance() -> None:
@@ -335,150 +238,6 @@ def test_a_closed_account_lets_go_of_what_is_pending_and_takes_nothing() -> None
     ):
         assert world.refuses(command).slug is Slug.ACCOUNT_CLOSED, command
     world.does(VoidPending(pending))
-
-
-def test_any_transaction_is_reversed_once() -> None:
-    world = World()
-    booked = moved(30)
-    world.does(booked)
-    (event,) = world.does(ReverseTransaction(booked.id, "back"))
-    assert isinstance(event, TransactionReversed)
-    assert (event.entry, event.reverses, event.date) == (None, booked.id, DAY)
-    assert world.stands("cash") == (100, 0, 0)
-    assert world.refuses(ReverseTransaction(booked.id, "again")).slug is Slug.TRANSACTION_REVERSED
-    assert world.refuses(ReverseTransaction("back", "again")).slug is Slug.ALREADY_A_REVERSAL
-    assert world.refuses(ReverseTransaction("nobody", "again")).slug is Slug.TRANSACTION_NOT_FOUND
-
-
-def test_what_was_posted_of_a_pending_transaction_is_reversed_like_any_other() -> None:
-    world = World()
-    pending = world.reserve(30)
-    assert world.refuses(ReverseTransaction(pending, "back")).slug is Slug.TRANSACTION_PENDING
-    command = part(pending, 10)
-    world.does(command)
-    assert world.refuses(ReverseTransaction(pending, "back")).slug is Slug.PENDING_POSTED
-    world.does(ReverseTransaction(command.id, "back"))
-    assert world.stands("cash") == (100, 0, 0)
-
-
-def test_the_transaction_of_an_entry_is_reversed_through_its_entry() -> None:
-    world = World()
-    lines = (PostingLine("cash", "-5", "KRW"), PostingLine("shop", "5", "KRW"))
-    world.take(EntryPosted("tx", "entry-7", DAY, "", (), lines, None, None, None))
-    found = world.refuses(ReverseTransaction("tx", "back"))
-    assert (found.slug, found.values) == (Slug.TRANSACTION_OF_ENTRY, {"entry": "entry-7"})
-
-
-def test_a_reversal_may_not_overdraw() -> None:
-    world = World(account("cash", no_overdraft=True), account("shop"))
-    paid_in = moved(-50)
-    world.does(paid_in)
-    world.does(moved(50))
-    assert world.refuses(ReverseTransaction(paid_in.id, "back")).slug is Slug.OVERDRAFT
-
-
-def test_every_event_that_touches_an_account_gives_it_another_version() -> None:
-    world = World()
-    seen = [world.book.accounts["cash"].version]
-
-    def looked() -> int:
-        seen.append(world.book.accounts["cash"].version)
-        return seen[-1]
-
-    pending = world.reserve(1)
-    looked()
-    world.does(VoidPending(pending))
-    looked()
-    world.does(moved(1))
-    looked()
-    world.does(AssertBalance("a", "cash", DAY, "99"))
-    assert looked() == seen[-2], "to say what it stands at moves nothing"
-    assert seen == [1, 2, 3, 4, 4]
-
-
-def test_a_command_that_has_seen_another_version_is_refused_before_anything_else() -> None:
-    world = World()
-    stale = msgspec.structs.replace(moved(10_000), expected_versions={"cash": 2})
-    found = world.refuses(stale)
-    assert (found.slug, found.values) == (Slug.ACCOUNT_CHANGED, {"account": "cash", "version": "1"})
-    world.does(msgspec.structs.replace(moved(1), expected_versions={"cash": 1, "shop": 1}))
-    for command in (
-        CloseAccount("cash", {"cash": 1}),
-        VoidPending("nobody", {"cash": 1}),
-        AtomicBatch((moved(1),), {"elsewhere": 1}),
-    ):
-        assert world.refuses(command).slug is Slug.ACCOUNT_CHANGED
-    assert accounts_of(VoidPending("x", {"cash": 1})) == ("cash",)
-
-
-@pytest.mark.parametrize("holds", [True, False])
-def test_an_assertion_passes_or_flags_and_is_never_refused(holds: bool) -> None:
-    world = World()
-    world.book.dated["cash", DAY] = 100 if holds else 99
-    (event,) = world.does(AssertBalance("a", "cash", DAY, "100"))
-    assert isinstance(event, BalanceAsserted)
-    assert (event.holds, event.amount, event.actual) == (holds, "100", "100" if holds else "99")
-    assert world.stands("cash") == (100, 0, 0)
-
-
-def test_a_balance_of_a_day_that_is_no_amount_is_not_written_down() -> None:
-    world = World()
-    world.book.dated["cash", DAY] = INT64_MAX + 1
-    assert world.refuses(AssertBalance("a", "cash", DAY, "1")).slug is Slug.BALANCE_OUT_OF_RANGE
-    assert world.refuses(AssertBalance("a", "cash", DAY, "1.5")).slug is Slug.INVALID_BODY
-    assert world.refuses(AssertBalance("a", "none", DAY, "1")).slug is Slug.UNKNOWN_ACCOUNT
-
-
-def test_a_batch_sees_its_own_effects_and_is_all_or_nothing() -> None:
-    world = World()
-    world.does(AtomicBatch((moved(100), moved(-40), moved(40, pending=True))))
-    assert world.stands("cash") == (40, 0, 40)
-    found = world.refuses(AtomicBatch((moved(-5), moved(5), moved(1))))
-    assert found.slug is Slug.OVERDRAFT
-    assert found.faults == (Fault("/transactions/2/postings/1/amount", Reason.OVERDRAFT),)
-
-
-def test_a_batch_of_one_or_of_none_and_one_after_a_failed_one() -> None:
-    world = World()
-    assert world.refuses(AtomicBatch(())).slug is Slug.INVALID_BODY
-    assert world.refuses(AtomicBatch((moved(101),))).slug is Slug.OVERDRAFT
-    world.does(AtomicBatch((moved(100),)))
-    assert world.stands("cash") == (0, 0, 0)
-
-
-def test_the_first_no_of_a_batch_is_told() -> None:
-    world = World()
-    found = world.refuses(AtomicBatch((moved(1), moved(1, "nowhere"), moved(1, "elsewhere"))))
-    assert found.faults == (Fault("/transactions/1/postings/0/account", Reason.UNKNOWN_ACCOUNT),)
-
-
-#: What is wrong, from what is told first to what is told last; each command has all that follow as well.
-PRECEDENCE = [
-    (Slug.ACCOUNT_CHANGED, "stale", "gone", "closed"),
-    (Slug.UNKNOWN_ACCOUNT, "", "gone", "closed"),
-    (Slug.ACCOUNT_CLOSED, "", "shop", "closed"),
-    (Slug.CURRENCY_DIFFERS, "", "shop", "dollars"),
-    (Slug.BALANCE_OUT_OF_RANGE, "", "full", "cash"),
-    (Slug.OVERDRAFT, "", "shop", "cash"),
-]
-
-
-@pytest.mark.parametrize(("slug", "stale", "to", "source"), PRECEDENCE)
-@pytest.mark.parametrize("pending", [False, True])
-def test_what_is_wrong_is_told_in_one_order(
-    slug: Slug, stale: str, to: str, source: str, pending: bool
-) -> None:
-    world = World(
-        account("cash", no_overdraft=True, posted=100),
-        account("shop"),
-        account("full", posted=INT64_MAX),
-        account("closed", closed=True, currency="USD", no_overdraft=True),
-        account("dollars", currency="USD", no_overdraft=True),
-    )
-    command = moved(101, to, source, pending=pending)
-    if stale:
-        command = msgspec.structs.replace(command, expected_versions={"cash": 9})
-    assert world.refuses(command).slug is slug
 
 
 def body(**changes: Any) -> TransactionBody:
