@@ -137,7 +137,21 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "deleted": {"ko": "지웠어요. 기록에는 남아요.", "en": "Deleted. It stays on record."},
     # Finding
     "find_words": {"ko": "찾을 말", "en": "Search"},
-    "export_all": {"ko": "전체를 CSV 파일로 받기", "en": "Download everything as CSV"},
+    "export_all": {"ko": "전체를 파일로 받기", "en": "Download everything"},
+    "export_csv": {"ko": "CSV", "en": "CSV"},
+    "export_csv_more": {"ko": "엑셀 같은 표 프로그램에서 열어요", "en": "opens in any spreadsheet"},
+    "export_beancount": {"ko": "Beancount", "en": "Beancount"},
+    "export_beancount_more": {
+        "ko": "글자로 된 장부. bean-check가 잔액까지 확인해요",
+        "en": "a plain-text ledger; bean-check proves its balances",
+    },
+    "export_hledger": {"ko": "hledger", "en": "hledger"},
+    "export_hledger_more": {
+        "ko": "글자로 된 장부. hledger check가 잔액까지 확인해요",
+        "en": "a plain-text ledger; hledger check proves its balances",
+    },
+    "export_json": {"ko": "JSON", "en": "JSON"},
+    "export_json_more": {"ko": "다른 프로그램을 위한 모든 내용", "en": "everything, for a program"},
     "find_words_hint": {"ko": "내용, 분류, 금액", "en": "what, category, amount"},
     "find_all": {"ko": "모든 계좌", "en": "All accounts"},
     "find_from": {"ko": "부터", "en": "From"},

@@ -9,7 +9,7 @@ from collections.abc import Container, Mapping
 from typing import Any, Final
 
 import msgspec
-from sqlalchemy import Connection, select
+from sqlalchemy import Connection, func, select
 
 from core.journal import queries, schema
 from core.journal.drawing import booking_of
@@ -21,11 +21,16 @@ SLICE_BOOKINGS: Final = 500
 
 
 class Moment(msgspec.Struct, frozen=True):
-    """The moment an export is of: the last event in it, the epoch, and the accounts by id."""
+    """The moment an export is of: the last event in it, the epoch, the accounts by id, and the first and last day booked on.
+
+    The days are None in a book in which nothing was booked.
+    """
 
     seq: int
     epoch: int
     accounts: Mapping[str, Account]
+    first_day: str | None
+    last_day: str | None
 
 
 class Exported(msgspec.Struct, frozen=True):
@@ -39,9 +44,9 @@ class Exported(msgspec.Struct, frozen=True):
 def moment(connection: Connection) -> Moment:
     """Return the present moment of the book."""
     head = queries.head(connection)
-    return Moment(
-        head.head_seq, head.epoch, {account.id: account for account in queries.all_accounts(connection)}
-    )
+    days = connection.execute(select(func.min(schema.booking.c.date), func.max(schema.booking.c.date))).one()
+    accounts = {account.id: account for account in queries.all_accounts(connection)}
+    return Moment(head.head_seq, head.epoch, accounts, *days)
 
 
 def slice_after(

@@ -1,6 +1,7 @@
 """`GET /api/ledger/export`: the whole book as a file, of one moment.
 
-CSV has a line for each posting, for a spreadsheet; JSON has each transaction as the API shows it, for a program. The
+CSV has a line for each posting, for a spreadsheet; JSON has each transaction as the API shows it, for a program; the other two
+are plain-text ledgers (`core/exporting/`). The
 answer is streamed as the client takes it, and it says in a header up to which event it goes. Not chosen: to make the
 file first and send it then; a large book would need the room of a second one.
 """
@@ -10,12 +11,16 @@ import io
 from collections.abc import AsyncIterator, Iterable
 from contextlib import ExitStack
 from enum import StrEnum
+from types import ModuleType
 from typing import Final
 
 import msgspec
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
+from core.exporting import beancount, hledger
+from core.exporting.names import names_of
+from core.exporting.paper import NO_DAY, Paper
 from core.journal.exporting import Exported, Moment
 from core.journal.store import StoreError
 from core.ledger.accounts import Account
@@ -52,9 +57,17 @@ class Format(StrEnum):
 
     CSV = "csv"
     JSON = "json"
+    BEANCOUNT = "beancount"
+    HLEDGER = "hledger"
 
 
-MEDIA_TYPES: Final = {Format.CSV: "text/csv; charset=utf-8", Format.JSON: "application/json"}
+MEDIA_TYPES: Final = {
+    Format.CSV: "text/csv; charset=utf-8",
+    Format.JSON: "application/json",
+    Format.BEANCOUNT: "text/plain; charset=utf-8",
+    Format.HLEDGER: "text/plain; charset=utf-8",
+}
+ENDINGS: Final = {Format.HLEDGER: "journal"}  # of the file; else the name of the format
 
 
 async def export(request: Request) -> Response:
@@ -73,7 +86,7 @@ async def export(request: Request) -> Response:
         held = ending.pop_all()
     headers = {
         SEQ_HEADER: str(of.seq),
-        "Content-Disposition": f'attachment; filename="ledger-{of.seq}.{form}"',
+        "Content-Disposition": f'attachment; filename="ledger-{of.seq}.{ENDINGS.get(form, form)}"',
         "Cache-Control": "no-store",
     }
     parts = _parts(form, of, service.exporter.slices(of, lambda: service.draining), held)
@@ -109,6 +122,23 @@ async def _parts(
                     )
                     begun = True
                 yield b"\n]}\n"
+            case Format.BEANCOUNT | Format.HLEDGER:
+                async for text in _printed(beancount if form is Format.BEANCOUNT else hledger, of, slices):
+                    yield text
+
+
+async def _printed(
+    printer: ModuleType, of: Moment, slices: AsyncIterator[list[Exported]]
+) -> AsyncIterator[bytes]:
+    """Give a book as one of the two printers writes it."""
+    days = of.first_day or NO_DAY, of.last_day or NO_DAY
+    paper = Paper(of.seq, of.accounts, names_of(of.accounts.values()), *days)
+    yield "".join(printer.head(paper)).encode()
+    async for some in slices:
+        yield "".join(
+            text for one in some for text in printer.transaction(paper, one.seen, one.payment_method)
+        ).encode()
+    yield "".join(printer.foot(paper)).encode()
 
 
 def _json_head(of: Moment) -> bytes:

@@ -22,6 +22,7 @@ from core.ledger.views import (
     EventView,
     TransactionView,
 )
+from core.web.exporting import Format
 from core.web.openapi_imports import (
     IMPORT_PROBLEM_MEMBERS,
     IMPORT_SHAPES,
@@ -294,7 +295,7 @@ def _post(
 def _export() -> dict[str, Any]:
     text = {"schema": {"type": "string"}}
     header = {"description": "The last event in it.", "schema": {"type": "integer"}}
-    forms = {"type": "string", "enum": ["csv", "json"]}
+    forms = {"type": "string", "enum": list(Format)}
     return {
         "summary": "The whole book of one moment, as a file",
         "parameters": [{"name": "format", "in": "query", "required": True, "schema": forms}],
@@ -302,7 +303,11 @@ def _export() -> dict[str, Any]:
             "200": {
                 "description": "Streamed; one that is cut off is not whole.",
                 "headers": {"X-Ledger-Seq": header},
-                "content": {"text/csv": text, "application/json": {"schema": {"type": "object"}}},
+                "content": {
+                    "text/csv": text,
+                    "text/plain": text,
+                    "application/json": {"schema": {"type": "object"}},
+                },
             },
             "default": _PROBLEM_RESPONSE,
         },

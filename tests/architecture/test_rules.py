@@ -26,6 +26,7 @@ PURE_ROOMS: Final = (
     "hardcore/crisis/estimate.py",
     "hardcore/crisis/burden.py",
     "hardcore/control/protocol.py",
+    "core/exporting/",
     "core/ledger/",
     "postmortem/incident.py",
 )

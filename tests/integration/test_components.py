@@ -78,9 +78,9 @@ def test_an_export_is_of_one_moment_and_adds_up(life: Wired) -> None:
 
 
 def test_a_format_that_is_not_there_is_refused_with_those_that_are(life: Wired) -> None:
-    refused = life.core.ask("GET", "/api/ledger/export?format=beancount")
+    refused = life.core.ask("GET", "/api/ledger/export?format=abacus")
     assert (refused.status, refused.body["type"]) == (400, "/problems/export-format-unknown")
-    assert "csv, json" in refused.body["detail"]
+    assert "csv, json, beancount, hledger" in refused.body["detail"]
 
 
 def test_an_export_whose_reading_hangs_is_whole_once_the_exporter_is_begun_anew(life: Wired) -> None:
