@@ -26,7 +26,7 @@ from core.guarded.life import take_instruments
 from core.guarded.recorder import RecorderUnusable
 from core.journal.as_it_stands import open_as_it_stands
 from core.journal.rebuilding import Rebuilding
-from core.journal.store import StoreError
+from core.journal.store import LEDGER_FILE, StoreError
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.keeping.commands import backup, restore
@@ -61,7 +61,7 @@ def cli() -> None:
 def serve(data: Path, port: int, store: str | None) -> None:
     """Serve the ledger of a data folder."""
     environment = GuardedEnvironment.read(os.environ, os.getpid())
-    settings = Settings.read(os.environ if store is None else {**os.environ, STORE: store})
+    settings = Settings.read(os.environ if store is None else {**os.environ, STORE: store}, data)
     if (
         store is not None
         and isinstance(settings, Settings)
@@ -70,6 +70,10 @@ def serve(data: Path, port: int, store: str | None) -> None:
     ):
         settings = [
             f"A command line is read by everybody on this machine: give a password in {STORE} or ~/.pgpass."
+        ]
+    if isinstance(settings, Settings) and settings.store is not None and (data / LEDGER_FILE).is_file():
+        settings = [
+            f"{data} holds a ledger in a file, which does not move into a server by itself: choose another folder."
         ]
     faults = [*_faults(environment), *_faults(settings)]
     if isinstance(environment, list) or isinstance(settings, list):
@@ -104,7 +108,7 @@ def verify(data: Path, *, as_json: bool, quick: bool) -> None:
     """Prove the whole ledger of a data folder, reading only; a core may be at work meanwhile."""
     gc.freeze()
     gc.enable()
-    settings = Settings.read(os.environ)
+    settings = Settings.read(os.environ, data)
     if isinstance(settings, list):
         sys.exit(said(departure.config_invalid(" ".join(settings))))
     where = settings.ledger(data)
@@ -143,7 +147,7 @@ def verify(data: Path, *, as_json: bool, quick: bool) -> None:
 @click.option("--seconds", type=click.IntRange(1, SECONDS_MAX), default=10, show_default=True)
 def hold_ledger(data: Path, seconds: int) -> NoReturn:
     """Hold the ledger's write lock for a while, changing nothing: a drill's other half."""
-    settings = Settings.read(os.environ)
+    settings = Settings.read(os.environ, data)
     if isinstance(settings, list):
         sys.exit(said(departure.config_invalid(" ".join(settings))))
     left = hold_lock(data, seconds, settings.fence_busy_ms, functools.partial(print, flush=True))

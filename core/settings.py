@@ -14,6 +14,7 @@ from typing import Any, Final
 import msgspec
 
 from core.journal.store import LEDGER_FILE, Server, Whereabouts, server_at
+from core.store_file import STORE_FILE, stored_address
 
 #: Where the ledger lies, if it is no file: an address that may hold a password, and is shown to nobody.
 STORE: Final = "CORE_STORE"
@@ -113,8 +114,11 @@ class Settings:
         return self.store or data / LEDGER_FILE
 
     @classmethod
-    def read(cls, environ: Mapping[str, str]) -> "Settings | list[str]":
-        """Return the settings that `environ` makes, or one sentence for each that is wrong."""
+    def read(cls, environ: Mapping[str, str], data: Path | None = None) -> "Settings | list[str]":
+        """Return the settings that `environ` makes, or one sentence for each that is wrong.
+
+        `data`: the folder that says where its ledger lies, where the environment does not.
+        """
         values: dict[str, Any] = {}
         faults: list[str] = []
         for declared in fields(cls):
@@ -134,11 +138,18 @@ class Settings:
                 faults.append(
                     f"{name} must be a whole number from {bounds.least} to {bounds.most}, not {text!r}."
                 )
-        address = environ.get(STORE)
-        if address:
-            server = server_at(address)
-            if isinstance(server, str):
-                faults.append(server)
-            else:
-                values["store"] = server
+        server = _server(environ.get(STORE), data)
+        if isinstance(server, str):
+            faults.append(server)
+        values["store"] = server
         return faults or cls(**values)
+
+
+def _server(address: str | None, data: Path | None) -> Server | str | None:
+    """Return the server that the ledger lies in, None where it is a file, or what is wrong with what was said of it."""
+    if not address and data is not None:
+        try:
+            address = stored_address(data)
+        except OSError as error:
+            return f"{data / STORE_FILE}, which says where the ledger lies, can't be read ({error.strerror})."
+    return server_at(address) if address else None

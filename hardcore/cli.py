@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import click
+from click.core import ParameterSource
 
 from frontend.catalogue_operator import operator_text
 from hardcore import __version__, standing
@@ -106,13 +107,29 @@ def main(context: click.Context, /, **given: object) -> None:
     type=click.Choice(standing.MODES),
     help="What the guard may do in this run, whatever the policy says.",
 )
+@click.option(
+    "--store",
+    envvar="HARDCORE_STORE",
+    help="Keep the ledger in a PostgreSQL database, from now on: postgresql://USER@HOST/DATABASE.",
+)
 @operator
 def up(
-    asked: Asked, host: str, port: int, policy: Path | None, mode: str | None, *, demo: bool, no_spare: bool
+    asked: Asked,
+    host: str,
+    port: int,
+    policy: Path | None,
+    mode: str | None,
+    store: str | None,
+    *,
+    demo: bool,
+    no_spare: bool,
 ) -> None:
     """Start the ledger and its guard, here in the foreground. Ctrl-C stops everything cleanly."""
+    typed = click.get_current_context().get_parameter_source("store") is ParameterSource.COMMANDLINE
+    if store is not None and typed and starting.has_password(store):
+        asked.fail(starting.password_typed(asked.lang), 2)
     wishes = starting.Wishes(demo=demo, no_spare=no_spare, mode=mode or "")
-    ready = starting.prepare_start(asked.data, host, port, policy, asked.lang, wishes)
+    ready = starting.prepare_start(asked.data, host, port, policy, asked.lang, wishes, store)
     if isinstance(ready, starting.Refused):
         asked.fail(ready.words, ready.code)
     if ready.warning:

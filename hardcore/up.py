@@ -28,6 +28,9 @@ from hardcore.model.phases import Wanted
 from hardcore.recovery.policy import Policy, PolicyFault
 
 BACKLOG = 1024
+#: What a data folder says of a ledger that lies in a server: a name that the core knows too (`docs/postgresql.md`).
+STORE_FILE = "store"
+STORE_SCHEMES = ("postgresql://", "postgresql+psycopg://")
 #: The first descriptor that a service manager hands over.
 HANDED_FD = 3
 #: A sentinel that an agent starts, or that has just begun, answers within this.
@@ -60,9 +63,9 @@ class Ready(msgspec.Struct, frozen=True):
 
 
 def prepare_start(
-    data: Path, host: str, port: int, policy: Path | None, lang: str, wishes: Wishes
+    data: Path, host: str, port: int, policy: Path | None, lang: str, wishes: Wishes, store: str | None = None
 ) -> Ready | Refused:
-    """Settle everything that can go wrong before the launcher takes over."""
+    """Settle everything that can go wrong before the launcher takes over. `store`: where the ledger is to lie."""
     address = _loopback(host)
     if address is None:
         return Refused(text("loopback_only", lang, host=host), 2)
@@ -77,6 +80,9 @@ def prepare_start(
         later = _later(wishes)
         if later is not None and held(folders.run / "sentinel.lock"):
             return Refused(text(later, lang))
+        refused = _keep_store(folders, store, lang) if store is not None else None
+        if refused is not None:
+            return refused
         return _settle(folders, address, port, policy, lang)
     except OSError as error:  # a full disk lets folders be made, but no files be written
         return Refused(text("data_not_written", lang, path=made.data, why=error.strerror))
@@ -92,6 +98,28 @@ def _claim(made: Folders, lang: str) -> Folders | Refused:
         return _in_use(made, lang)  # it lives, and nothing here leads to it: nobody may start beside it
     folders = prepare(made.data)
     return Refused(folders.reason) if isinstance(folders, Unusable) else folders
+
+
+def has_password(store: str) -> bool:
+    """Whether an address holds a password."""
+    with contextlib.suppress(ValueError):
+        return urlsplit(store).password is not None or "password=" in urlsplit(store).query
+    return True  # what can't be read may hold one
+
+
+def password_typed(lang: str) -> str:
+    """Say where a password belongs instead."""
+    return text("store_password", lang)
+
+
+def _keep_store(folders: Folders, store: str, lang: str) -> Refused | None:
+    """Write down where the ledger lies, for every core there will be; its owner alone reads it, for it may hold a password."""
+    if not store.startswith(STORE_SCHEMES):
+        return Refused(text("store_address", lang), 2)
+    if held(folders.run / "sentinel.lock"):
+        return Refused(text("store_later", lang))
+    files.write_whole(folders.data / STORE_FILE, store.encode() + b"\n")
+    return None
 
 
 def _in_use(made: Folders, lang: str) -> Refused:

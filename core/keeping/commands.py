@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 import click
 import msgspec
@@ -40,7 +40,11 @@ def backup(data: Path, folder: Path | None, keep: int, *, politely: bool, as_jso
         with suppress(OSError):
             os.nice(POLITE)
     data = data.absolute()
-    if not (data / LEDGER_FILE).is_file():
+    settings = Settings.read(os.environ, data)
+    if isinstance(settings, list):
+        _refuse(" ".join(settings), ExitCode.CONFIG_INVALID, as_json=as_json)
+    where = settings.ledger(data)
+    if isinstance(where, Path) and not where.is_file():
         say(f"There is no ledger in {data}: name its folder with --data.")
         sys.exit(ExitCode.CONFIG_INVALID)
     making = importlib.import_module("core.keeping.making")
@@ -49,7 +53,7 @@ def backup(data: Path, folder: Path | None, keep: int, *, politely: bool, as_jso
     target = (folder or data / making.FOLDER).absolute()
     made = _ended_cleanly(
         lambda: making.make(
-            data / LEDGER_FILE,
+            where,
             target,
             keep,
             rulings,
@@ -76,9 +80,15 @@ def backup(data: Path, folder: Path | None, keep: int, *, politely: bool, as_jso
 def restore(data: Path, file: Path, *, as_json: bool) -> None:
     """Go back to a backup: into a folder that holds no ledger, proven before it becomes one."""
     restoring = importlib.import_module("core.keeping.restoring")
-    settings = Settings.read(os.environ)
+    settings = Settings.read(os.environ, data)
     if isinstance(settings, list):
         _refuse(" ".join(settings), ExitCode.CONFIG_INVALID, as_json=as_json)
+    if settings.store is not None:
+        _refuse(
+            "The ledger of this folder lies in a server: a backup is restored into another folder, as a file.",
+            ExitCode.CONFIG_INVALID,
+            as_json=as_json,
+        )
     told = _progress()
     found = _ended_cleanly(
         lambda: restoring.restore(file.absolute(), data.absolute(), LEDGER_FILE, settings, told)
@@ -102,7 +112,7 @@ def _ended_cleanly(work: Callable[[], Any]) -> Any:
         sys.exit(130)
 
 
-def _refuse(sentence: str, code: ExitCode, *, as_json: bool) -> None:
+def _refuse(sentence: str, code: ExitCode, *, as_json: bool) -> NoReturn:
     if as_json:
         click.echo(msgspec.json.encode({"ok": False, "error": sentence}).decode())
     else:

@@ -21,12 +21,13 @@ import msgspec
 from core.guarded.quarantine import FILE_BYTES_MAX, read_small
 from core.journal import ballast, disk, queries
 from core.journal.backup import BACKUPS
+from core.journal.carrying import copy_now
 from core.journal.rebuilding import Rebuilding
 from core.journal.room import free_bytes
 from core.journal.store import (
     StoreError,
     StoreFault,
-    copy_beside_work,
+    Whereabouts,
     open_reading,
     settle,
     size_bytes,
@@ -54,7 +55,7 @@ class NotMade(msgspec.Struct, frozen=True):
 
 
 def make(
-    ledger: Path, folder: Path, keep: int, rulings: Rulings, rules: Path, now: dt.datetime, told: Told
+    ledger: Whereabouts, folder: Path, keep: int, rulings: Rulings, rules: Path, now: dt.datetime, told: Told
 ) -> tuple[Path, Note] | NotMade:
     """Make a proven copy of a ledger in a folder, and remove the oldest beyond `keep`. Blocks, for minutes perhaps.
 
@@ -81,7 +82,7 @@ def make(
 
 
 def _made(
-    ledger: Path, part: Path, keep: int, rulings: Rulings, rules: Path, now: dt.datetime, told: Told
+    ledger: Whereabouts, part: Path, keep: int, rulings: Rulings, rules: Path, now: dt.datetime, told: Told
 ) -> tuple[Path, Note] | NotMade:
     _clear_up(part.parent)
     has_bytes = _bytes_of(ledger)
@@ -94,7 +95,7 @@ def _made(
         )
     told("copying", None)
     os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
-    error = copy_beside_work(ledger, part, lambda: told("copying", None)) or settle(part)
+    error = copy_now(ledger, part, lambda: told("copying", None)) or settle(part)
     if error is not None:
         return NotMade(
             f"The ledger could not be copied ({error.text}).", full=error.fault is StoreFault.NO_ROOM
@@ -153,7 +154,7 @@ def prove(copy: Path, rebuilding: Rebuilding, told: Told) -> Note | str:
     )
 
 
-def _bytes_of(ledger: Path) -> int:
+def _bytes_of(ledger: Whereabouts) -> int:
     readers = open_reading(ledger, 1, BUSY_MS)
     try:
         with snapshot(readers, READ_MS_MAX) as connection:

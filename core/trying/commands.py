@@ -18,7 +18,7 @@ from core.settings import Settings
 def try_cases(data: Path, docket: Path) -> None:
     """Try commands on a copy of the ledger, in cores that are thrown away; one JSON line for each."""
     sitting = importlib.import_module("core.trying.sitting")
-    sys.exit(sitting.sit(data.absolute(), docket, _settings()))
+    sys.exit(sitting.sit(data.absolute(), docket, _settings(data)))
 
 
 @click.command("rehearse-restore")
@@ -27,11 +27,11 @@ def try_cases(data: Path, docket: Path) -> None:
 def rehearse_restore(data: Path, *, as_json: bool) -> None:
     """Restore a fresh copy of the ledger, and the newest backup, into a folder that is thrown away, and prove both."""
     restoring = importlib.import_module("core.trying.restoring")
-    sys.exit(restoring.rehearse(data.absolute(), _settings(), as_json=as_json))
+    sys.exit(restoring.rehearse(data.absolute(), _settings(data), as_json=as_json))
 
 
-def _settings() -> Settings:
-    settings = Settings.read(os.environ)
+def _settings(data: Path) -> Settings:
+    settings = Settings.read(os.environ, data)
     if isinstance(settings, list):
         say(" ".join(settings))
         sys.exit(ExitCode.CONFIG_INVALID)

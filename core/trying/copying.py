@@ -13,12 +13,14 @@ import msgspec
 from sqlalchemy.exc import DBAPIError
 
 from core.journal import ballast, queries
+from core.journal.carrying import copy_now
 from core.journal.room import free_bytes
 from core.journal.store import (
     LEDGER_FILE,
+    Server,
     StoreError,
     StoreFault,
-    copy_beside_work,
+    Whereabouts,
     open_reading,
     size_bytes,
     snapshot,
@@ -44,17 +46,16 @@ class TooLarge(msgspec.Struct, frozen=True):
     size_bytes: int
 
 
-def has_ledger(data: Path) -> bool:
-    """Whether there is a ledger in a data folder."""
-    return (data / LEDGER_FILE).is_file()
+def has_ledger(where: Whereabouts) -> bool:
+    """Whether there is a ledger; of one in a server that is seen when it is read."""
+    return isinstance(where, Server) or where.is_file()
 
 
 def copy_into(
-    folder: Path, ledger: Path, bytes_max: int, tick: Callable[[], object]
+    folder: Path, ledger: Whereabouts, bytes_max: int, tick: Callable[[], object]
 ) -> Copy | TooLarge | StoreError:
-    """Copy a ledger, given by its file or by its data folder, into a folder. Blocks; `tick` may raise."""
-    source = ledger / LEDGER_FILE if ledger.is_dir() else ledger
-    has_bytes = _look(source)
+    """Copy a ledger into a folder. Blocks; `tick` may raise."""
+    has_bytes = _look(ledger)
     if isinstance(has_bytes, StoreError):
         return has_bytes
     if has_bytes.size_bytes > bytes_max:
@@ -65,11 +66,11 @@ def copy_into(
             f"ENOSPC: {free} bytes are free, a copy of {has_bytes.size_bytes} needs {SPARED_BYTES} beside it"
         )
         return StoreError(StoreFault.NO_ROOM, text)
-    error = copy_beside_work(source, folder / LEDGER_FILE, tick)
+    error = copy_now(ledger, folder / LEDGER_FILE, tick)
     return error or _look(folder / LEDGER_FILE)
 
 
-def _look(ledger: Path) -> Copy | StoreError:
+def _look(ledger: Whereabouts) -> Copy | StoreError:
     engine = open_reading(ledger, 1, BUSY_MS)
     try:
         with snapshot(engine, READ_MS_MAX) as connection:

@@ -21,7 +21,7 @@ from core.departure import Departure, ExitCode
 from core.guarded.quarantine import Quarantine
 from core.guarded.recorder import NoRecorder
 from core.journal.backup import BACKUPS, newest_backup
-from core.journal.store import LEDGER_FILE, StoreError, StoreFault, open_reading
+from core.journal.store import LEDGER_FILE, StoreError, StoreFault, Whereabouts, open_reading
 from core.journal.verify import SLICE_EVENTS, GivenUp, Verdict, verify
 from core.keeping.shelf import newest
 from core.rulings import RULES, Rulings
@@ -68,7 +68,7 @@ def rehearse(data: Path, settings: Settings, *, as_json: bool) -> int:
     be_quiet()
     begun_ns = time.monotonic_ns()
     kept = _newest_kept(data) or newest_backup(data)
-    found: Verdict | _Failed = _restored(data, data, settings, "the ledger as it stands")
+    found: Verdict | _Failed = _restored(data, settings.ledger(data), settings, "the ledger as it stands")
     whole = found
     if isinstance(found, Verdict) and kept is not None:
         whole = _restored(data, kept, settings, kept.name)
@@ -97,9 +97,9 @@ def _tell(report: Report, *, as_json: bool) -> None:
         say(f"The restore would fail: {report.fault}")
 
 
-def _restored(data: Path, source: Path, settings: Settings, called: str) -> Verdict | _Failed:
+def _restored(data: Path, source: Whereabouts, settings: Settings, called: str) -> Verdict | _Failed:
     """Restore one copy into a folder of its own and prove it; nothing is left of it."""
-    if not has_ledger(data):
+    if not has_ledger(settings.ledger(data)):
         return _Failed(ExitCode.CONFIG_INVALID, f"There is no ledger in {data}: name its folder with --data.")
     try:
         clear_up(data)

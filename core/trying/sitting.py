@@ -56,7 +56,7 @@ def sit(data: Path, docket_file: Path, settings: Settings) -> int:
     if isinstance(docket, str):
         say(docket)
         return ExitCode.CONFIG_INVALID
-    if not has_ledger(data):
+    if not has_ledger(settings.ledger(data)):
         say(f"There is no ledger in {data}: name its folder with --data.")
         return ExitCode.CONFIG_INVALID
     try:
@@ -87,7 +87,7 @@ def be_quiet() -> None:
 
 def _sit_in(place: Place, data: Path, docket: Docket, settings: Settings) -> int:
     begun_ns = time.monotonic_ns()
-    copy = copy_into(place.path, data, docket.copy_bytes_max, lambda: None)
+    copy = copy_into(place.path, settings.ledger(data), docket.copy_bytes_max, lambda: None)
     if isinstance(copy, TooLarge):
         why = f"the ledger has {copy.size_bytes} bytes, and {docket.copy_bytes_max} may be copied"
         _leave_untried(docket, why)

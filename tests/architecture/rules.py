@@ -46,6 +46,7 @@ CORE_FILE_ROOMS: Final = {
     "core/keeping/daily.py": "none: it lists the folder of backups",
     "core/keeping/making.py": "copies in the folder of backups, once SQLite is done with them",
     "core/keeping/restoring.py": "a copy in a folder that has no ledger yet",
+    "core/store_file.py": "the address of a server, which the data folder keeps",
     "core/trying/asking.py": "none: it has the bytes of an answer read as if they came from one",
     "core/trying/forking.py": "what the kernel says of this process, and the file for a throw-away core's stacks",
     "core/trying/place.py": "the folder of a trial",
