@@ -54,18 +54,6 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "--host {host}: 암호를 둘 수 있기 전까지는 이 컴퓨터 안에서만 열어요. 127.0.0.1 또는 ::1을 쓰세요.",
         "--host {host}: until there is a password, only this machine is served. Use 127.0.0.1 or ::1.",
     ),
-    "store_address": (
-        "--store에는 postgresql://사용자@서버/데이터베이스 모양의 주소를 적어 주세요.",
-        "--store takes an address like postgresql://USER@HOST/DATABASE.",
-    ),
-    "store_later": (
-        "이미 실행 중이라 장부의 자리를 지금은 바꿀 수 없어요. `hardcore down`으로 멈춘 뒤 다시 시작해 주세요.",
-        "It is running already, so where the ledger lies can't be changed now: `hardcore down`, then start again.",
-    ),
-    "store_password": (
-        "명령줄은 이 컴퓨터의 모두가 볼 수 있어요. 비밀번호가 든 주소는 HARDCORE_STORE 환경 변수나 ~/.pgpass에 두세요.",
-        "Everybody on this machine can read a command line: put the password into HARDCORE_STORE or ~/.pgpass.",
-    ),
     "policy_bad": ("정책 파일에 고칠 곳이 있어요: {path}", "The policy file needs mending: {path}"),
     "policy_kept": (
         "정책 파일에 잘못이 있어서 지난번의 올바른 정책을 계속 써요. `hardcore policy check {path}`로 확인하세요.",

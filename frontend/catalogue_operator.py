@@ -10,6 +10,18 @@ LANGUAGES: Final = ("ko", "en")
 
 #: key -> (ko, en)
 WORDS: Final[Mapping[str, tuple[str, str]]] = {
+    "store_address": (
+        "--store에는 postgresql://사용자@서버/데이터베이스 모양의 주소를 적어 주세요.",
+        "--store takes an address like postgresql://USER@HOST/DATABASE.",
+    ),
+    "store_later": (
+        "이미 실행 중이라 장부의 자리를 지금은 바꿀 수 없어요. `hardcore down`으로 멈춘 뒤 다시 시작해 주세요.",
+        "It is running already, so where the ledger lies can't be changed now: `hardcore down`, then start again.",
+    ),
+    "store_password": (
+        "명령줄은 이 컴퓨터의 모두가 볼 수 있어요. 비밀번호가 든 주소는 HARDCORE_STORE 환경 변수나 ~/.pgpass에 두세요.",
+        "Everybody on this machine can read a command line: put the password into HARDCORE_STORE or ~/.pgpass.",
+    ),
     "safe_on": (
         "지금부터 읽기만 받아요. 다시 켜도 그대로예요. 끝내려면 `hardcore safe-mode off`를 하세요.",
         "From now on reads only are served, over restarts too. `hardcore safe-mode off` ends it.",

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 import msgspec
 
 from frontend.catalogue import text
+from frontend.catalogue_operator import operator_text
 from hardcore import standing
 from hardcore.control import client
 from hardcore.host import files, leftovers, lives
@@ -109,15 +110,15 @@ def has_password(store: str) -> bool:
 
 def password_typed(lang: str) -> str:
     """Say where a password belongs instead."""
-    return text("store_password", lang)
+    return operator_text("store_password", lang)
 
 
 def _keep_store(folders: Folders, store: str, lang: str) -> Refused | None:
     """Write down where the ledger lies, for every core there will be; its owner alone reads it, for it may hold a password."""
     if not store.startswith(STORE_SCHEMES):
-        return Refused(text("store_address", lang), 2)
+        return Refused(operator_text("store_address", lang), 2)
     if held(folders.run / "sentinel.lock"):
-        return Refused(text("store_later", lang))
+        return Refused(operator_text("store_later", lang))
     files.write_whole(folders.data / STORE_FILE, store.encode() + b"\n")
     return None
 
