@@ -29,7 +29,7 @@ async def audit_behind(service: Service, beacon: Beacon) -> None:
     raised = 0
     while True:
         try:
-            outcome = await service.verify_behind()
+            outcome = await service.auditor.verify_behind()
         except Exception as error:
             # Whatever it is: nobody waits for this task, so its end would be silence, and silence reads as "being proven".
             logger.exception("The proof of the whole ledger has failed.")

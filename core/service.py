@@ -44,7 +44,7 @@ from core.journal.answers import (
 )
 from core.journal.shelf import read_key
 from core.journal.store import StoreError, is_interrupted, snapshot, store_error
-from core.journal.verify import GivenUp, Verdict
+from core.journal.verify import Verdict
 from core.journal.writer import Writer
 from core.ledger.commands import Command, accounts_of, fingerprint_of, transaction_of
 from core.rulings import Rulings
@@ -337,10 +337,6 @@ class Service(Slots):
     async def verify(self) -> Verdict | StoreError | NoSlot | Draining:
         """Prove the whole book as it stands after this call."""
         return Draining() if self._draining else await self.auditor.verify()
-
-    async def verify_behind(self) -> Verdict | StoreError | GivenUp:
-        """Prove the whole book for nobody who waits."""
-        return await self.auditor.verify_behind()
 
     def drain(self) -> None:
         """Take nothing new from now on, and give up what is only proven behind."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from core.audit import audit_behind
+from core.auditor import Auditor
 from core.guarded.beacon import Beacon
 from core.journal.store import LEDGER_FILE, open_reading
 from core.service import Service
@@ -78,10 +79,10 @@ def test_a_core_that_leaves_says_nothing_of_a_proof_that_it_did_not_end(tmp_path
 def test_a_proof_that_raises_is_said_in_the_log_and_to_the_guard(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async def raising(_service: Service) -> None:
+    async def raising(_auditor: Auditor) -> None:
         raise KeyError("account")
 
-    monkeypatch.setattr(Service, "verify_behind", raising)
+    monkeypatch.setattr(Auditor, "verify_behind", raising)
     (told,) = said(tmp_path)
     assert told.startswith(b"X_UNSOUND=The ledger can't be proven, its proof fails (KeyError: 'account').")
     assert sum(record.exc_info is not None for record in caplog.records) == 2, "once more, then it is said"

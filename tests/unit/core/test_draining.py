@@ -71,7 +71,7 @@ def test_nothing_is_proven_behind_a_drained_core(tmp_path: Path) -> None:
             before = now.service.is_laid_down
             assert isinstance(await now.drain.within(10_000), int)
             assert (before, now.service.is_laid_down) == (False, True)
-            assert isinstance(await now.service.verify_behind(), GivenUp)
+            assert isinstance(await now.service.auditor.verify_behind(), GivenUp)
 
     asyncio.run(scenario())
 
