@@ -7,8 +7,10 @@ import msgspec
 import pytest
 from sqlalchemy.exc import DBAPIError
 
+from core.guarded.quarantine import Parked, Quarantine, Rules
 from core.journal import attestation, queries
-from core.journal.answers import Answer, Done, Each, Orders, Refused
+from core.journal.answers import Answer, Done, Each, Orders, Refused, SetAside
+from core.journal.rebuilding import Rebuilding
 from core.journal.register import HouseholdFilter, list_register, summary_of
 from core.journal.store import LEDGER_FILE, open_reading
 from core.journal.verify import Verdict, verify
@@ -22,6 +24,7 @@ from core.ledger.commands import (
     VoidPending,
 )
 from core.ledger.reasons import Slug
+from core.trying.log import named
 from tests.unit.core.books import Pen, closing, moving, opening, order, pen, tamper
 
 
@@ -234,3 +237,65 @@ def test_the_tables_keep_what_is_pending_from_whoever_writes(tmp_path: Path, sta
         lived(made)
         with pytest.raises(DBAPIError, match=r"never|once|CHECK"):
             made.connection.exec_driver_sql(statement).close()
+
+
+def spoil(made: Pen, *seqs: int) -> None:
+    """Have whoever reads these events fail, as if their bytes killed him."""
+    made.connection.exec_driver_sql("DROP TRIGGER event_is_never_changed").close()
+    for seq in seqs:
+        made.connection.exec_driver_sql(f"UPDATE event SET body = x'00' WHERE seq = {seq}").close()
+
+
+def test_what_is_pending_is_drawn_from_the_tables_where_its_events_are_left_out(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        held = lived(made)
+        before = [queries.get_transaction(made.connection, name, ()) for name in ("posted", held[3].id)]
+        seqs = [one.seq for one in before if one is not None]
+        spoil(made, *seqs)
+        for was in before:
+            assert was is not None
+            drawn = queries.get_transaction(made.connection, was.id, seqs)
+            assert drawn == msgspec.structs.replace(was, state="set-aside", tags=())
+
+
+@pytest.mark.parametrize("seq", range(4, 15))
+def test_the_book_is_proven_around_any_of_its_events_that_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seq: int
+) -> None:
+    monkeypatch.setattr(attestation, "EVENTS_BETWEEN", 2)
+    with pen(tmp_path) as made:
+        lived(made)
+    quarantine = Quarantine()
+    quarantine.rules = Rules(parked={seq: Parked("L", ())})
+    readers = open_reading(tmp_path / LEDGER_FILE, 1, 1_000)
+    found = verify(readers, 5_000, lambda: False, Rebuilding(quarantine))
+    readers.dispose()
+    assert isinstance(found, Verdict)
+    assert found.ok, found.reason
+    assert found.parked == (seq,)
+
+
+def test_a_command_that_would_begin_with_an_event_that_is_left_out_is_set_aside_unread(
+    tmp_path: Path,
+) -> None:
+    with pen(tmp_path) as made:
+        held = lived(made)
+        spoil(made, 3, 7)
+        made.journal._quarantine.rules = Rules(parked={3: Parked("L", ()), 7: Parked("M", ())})
+        booked = queries.list_transactions(made.connection, queries.TransactionFilter(), (3,))[-1].id
+        answers = made.carry_out(
+            VoidPending(held[3].id), ReverseTransaction(held[3].id, "x"), ReverseTransaction(booked, "y")
+        )
+        assert answers == (SetAside("M"), SetAside("M"), SetAside("L"))
+
+
+def test_the_names_of_an_event_that_ends_or_asserts_are_known_without_reading_it(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        held = lived(made)
+    found = named(tmp_path, 9)
+    assert (found.kind, found.transaction_id, found.account_ids) == (
+        "pending.voided",
+        held[1].id,
+        ("food", "bank"),
+    )
+    assert named(tmp_path, 13).account_ids == ("bank",)
