@@ -42,7 +42,7 @@ from core.journal.answers import (
     found,
     repeated,
 )
-from core.journal.shelf import read_key
+from core.journal.shelf import epoch_of, fetch_keys, read_key
 from core.journal.store import StoreError, is_interrupted, snapshot, store_error
 from core.journal.verify import Verdict
 from core.journal.writer import Writer
@@ -184,16 +184,25 @@ class Service(Slots):
         self._tell_claim(answer)
         return answer
 
-    async def carry_out_each(self, orders: Sequence[Order], slot: int) -> Sequence[Answer] | None:
+    async def carry_out_each(
+        self, orders: Sequence[Order], slot: int, wish: Wish | None = None
+    ) -> Sequence[Answer] | None:
         """Put commands in the writer's line as one piece of work and return the answer of each, as `carry_out` does.
 
-        All of them have one slot, and none is held against the rules. So nothing is done, and None returned, where it
-        matters what a command is called; and where this core serves reads only.
+        All of them have one slot and are in the book together or not at all. `wish`: the one request that they came
+        with, which the rules go by. Without it none is held against the rules: nothing is done, and None returned, where
+        it matters what a command is called; and where this core serves reads only.
         """
-        if self.safe is not None or self.rulings.want_names:
+        if wish is None and (self.safe is not None or self.rulings.want_names):
             return None
+        if self.safe is not None:
+            return await self._recall_each(self.safe, orders, slot)
+        if wish is not None and orders and self.rulings.want_names:
+            refused = await self._refused(wish, orders[0].key, slot)
+            if refused is not None:
+                return [refused] * len(orders)
         assert isinstance(self._writer, Writer), "a core without a writer refuses before"
-        future = self._writer.submit(Orders(tuple(orders), slot))
+        future = self._writer.submit(Orders(tuple(orders), slot, name=wish.name if wish is not None else ""))
         for order in orders:
             if order.key is not None:
                 self._in_line[order.key] = future
@@ -257,6 +266,25 @@ class Service(Slots):
         if isinstance(kept, OutcomeUnknown):
             return kept
         return ReadOnly(safe) if kept is None else repeated(kept, fingerprint)
+
+    async def _recall_each(self, safe: str, orders: Sequence[Order], slot: int) -> Sequence[Answer]:
+        """Return what was done before under the keys of these, or that nothing is done now."""
+        if not orders or orders[0].key is None:
+            return [ReadOnly(safe)] * len(orders)
+        if not await self._is_out_of_line(orders[0].key):
+            return [OutcomeUnknown()] * len(orders)
+        found_now = await self.read(
+            slot, lambda connection: (epoch_of(connection), fetch_keys(connection, orders))
+        )
+        if isinstance(found_now, ReadTooLong | StoreError):
+            return [OutcomeUnknown()] * len(orders)
+        epoch, rows = found_now
+        if epoch != self.epoch or (rows and isinstance(self._writer, Unwritten)):
+            return [OutcomeUnknown()] * len(orders)
+        return [
+            repeated(rows[order.key], order.fingerprint) if order.key in rows else ReadOnly(safe)
+            for order in orders
+        ]
 
     async def _kept(self, key: str, slot: int) -> KeyRow | OutcomeUnknown | None:
         """Return the row of a key, read from the store once nothing under it stands in the writer's line.

@@ -38,6 +38,7 @@ class Settings:
     """The limits and waiting times of a core."""
 
     body_bytes_max: int = _setting(1 << 20, 1 << 10, 1 << 26, "largest body of a request")
+    batch_bytes_max: int = _setting(16 << 20, 1 << 10, 1 << 26, "largest body of a batch of transactions")
     fence_busy_ms: int = _setting(2_000, 1, 60_000, "wait for the store's lock at the fence")
     # Shorter than a guard's patience with a core in which nothing gets done: who waits here for somebody
     # else's lock is answered "not done" before a guard could take the wait for a hang.

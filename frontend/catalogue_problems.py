@@ -7,7 +7,7 @@ would depend on the value.
 
 from typing import Final
 
-from frontend import catalogue_pending
+from frontend import catalogue_pending, catalogue_plans
 
 #: slug -> language -> (title, detail)
 PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
@@ -127,6 +127,7 @@ PROBLEMS: Final[dict[str, dict[str, tuple[str, str]]]] = {
         "en": ("This row is in the ledger already", "It was not written down a second time."),
     },
     **catalogue_pending.PROBLEMS,
+    **catalogue_plans.PROBLEMS,
     "key-reused": {
         "ko": (
             "이미 다른 요청에 쓴 키예요",

@@ -211,7 +211,12 @@ class KeyRow(msgspec.Struct, frozen=True):
 def status_of(slug: Slug) -> int:
     """Return the HTTP status of a refusal."""
     match slug:
-        case Slug.ENTRY_NOT_FOUND | Slug.TRANSACTION_NOT_FOUND | Slug.PENDING_NOT_FOUND:
+        case (
+            Slug.ENTRY_NOT_FOUND
+            | Slug.TRANSACTION_NOT_FOUND
+            | Slug.PENDING_NOT_FOUND
+            | Slug.RECURRING_NOT_FOUND
+        ):
             return 404
         case Slug.ACCOUNT_CHANGED:
             return 412
@@ -227,6 +232,7 @@ def status_of(slug: Slug) -> int:
             | Slug.PENDING_EXPIRED
             | Slug.NOT_YET_EXPIRED
             | Slug.ACCOUNT_HAS_PENDING
+            | Slug.RECURRING_ENDED
         ):
             return 409
         case _:

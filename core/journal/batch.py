@@ -30,6 +30,7 @@ from core.journal.answers import (
 )
 from core.journal.attestation import pending_move
 from core.journal.chain import EventRow, hash_of
+from core.journal.schema_plans import budget_row
 from core.ledger.book import Book, KnownBooking, KnownEntry, KnownPending, PendingState
 from core.ledger.commands import AtomicBatch, ReverseTransaction
 from core.ledger.decider import EVENTS_PER_BATCH_MAX, EVENTS_PER_COMMAND_MAX, decide
@@ -56,6 +57,8 @@ from core.ledger.events import (
     released_by,
 )
 from core.ledger.evolving import evolve
+from core.ledger.plan_views import answer_plan
+from core.ledger.plans import BudgetSet, KnownRecurring, RecurringEnded, RecurringSet, SetRecurring
 from core.ledger.reasons import Rejection
 from core.ledger.views import (
     Place,
@@ -93,6 +96,8 @@ class Batch(msgspec.Struct):
     pending_postings: list[Row] = []
     endings: list[Row] = []
     assertions: list[Row] = []
+    budgets: list[Row] = []
+    recurrings: list[Row] = []
     origins: list[Row] = []
     happened: list[tuple[int, Event]] = []
     reversed_seqs: list[int] = []
@@ -189,6 +194,9 @@ class Batch(msgspec.Struct):
                 return Done(OK, msgspec.json.encode(answer_end(event, place)))
             case BalanceAsserted():
                 return Done(CREATED, msgspec.json.encode(view_assertion(event, place)))
+            case BudgetSet() | RecurringSet() | RecurringEnded():
+                is_new = isinstance(order.command, SetRecurring) and order.command.is_new
+                return Done(CREATED if is_new else OK, msgspec.json.encode(answer_plan(event, place)))
             case TransactionReversed() if isinstance(order.command, ReverseTransaction):
                 return Done(CREATED, msgspec.json.encode(view_transaction(event, place)))
             case EntryPosted():
@@ -231,6 +239,10 @@ class Batch(msgspec.Struct):
                 self._reserve(event, seq)
             case BalanceAsserted():
                 self._assert(event, seq)
+            case BudgetSet():
+                self.budgets.append(budget_row(event, seq))
+            case RecurringSet() | RecurringEnded():
+                self._recur(event, seq)
             case _:
                 assert_never(event)
 
@@ -316,6 +328,12 @@ class Batch(msgspec.Struct):
                 "holds": int(event.holds),
             }
         )
+
+    def _recur(self, event: RecurringSet | RecurringEnded, seq: int) -> None:
+        ended = isinstance(event, RecurringEnded)
+        said = event if isinstance(event, RecurringSet) else self.book.recurrings[event.id].event
+        self.book.recurrings[event.id] = KnownRecurring(seq, said, ended)
+        self.recurrings.append({"seq": seq, "id": event.id, "ended": int(ended)})
 
     def _date(self, account: str, date: str, amount: int) -> None:
         """Take a posting into what is asserted later in this batch."""

@@ -37,6 +37,8 @@ def lay_down(connection: Connection, batch: Batch) -> None:
         # After them: what ends may have been made pending in this very batch.
         (_END, batch.endings),
         (_ASSERTIONS, batch.assertions),
+        (_BUDGETS, batch.budgets),
+        (_RECURRINGS, batch.recurrings),
     ):
         if rows:
             connection.execute(statement, rows)
@@ -119,6 +121,8 @@ _END: Final = (
     .values(state=bindparam("new_state"), closed_seq=bindparam("new_closed_seq"))
 )
 _ASSERTIONS: Final = insert(schema.assertion)
+_BUDGETS: Final = insert(schema.budget)
+_RECURRINGS: Final = insert(schema.recurring)
 _CHANGE: Final = (
     update(schema.account)
     .where(schema.account.c.id == bindparam("which"))

@@ -15,6 +15,7 @@ import msgspec
 from sqlalchemy import Connection, select
 
 from core.journal import schema
+from core.journal.schema_plans import listed_of
 from core.ledger.book import PendingState
 from core.ledger.events import (
     BalanceAsserted,
@@ -32,6 +33,7 @@ from core.ledger.events import (
     postings_of,
     released_by,
 )
+from core.ledger.plans import PlanEvent
 
 _Line = tuple[str, int, str, int]
 
@@ -62,6 +64,7 @@ class Readings(msgspec.Struct):
     reversals: dict[int, str]
     taken_back: dict[int, list[tuple[str, int]]]
     origins: dict[int, str]
+    plans: dict[int, tuple[Any, ...]]
     fallen: frozenset[int]
     pendings: dict[int, tuple[str, str, str, int | None]]
     held: dict[int, list[tuple[str, int]]]
@@ -72,6 +75,9 @@ class Readings(msgspec.Struct):
     def take(self, event: Event, seq: int) -> bool:
         """Whether what is listed for this event is what the event says."""
         fell = seq in self.fallen
+        plan = self.plans.pop(seq, None)
+        if plan != (listed_of(event) if isinstance(event, PlanEvent) else None):
+            return False
         listed = (
             self.bookings.pop(seq, None),
             self.postings.pop(seq, []),
@@ -101,6 +107,7 @@ class Readings(msgspec.Struct):
             self.pendings,
             self.endings,
             self.assertions,
+            self.plans,
         ):
             listed.pop(seq, None)
         return left
@@ -119,6 +126,7 @@ class Readings(msgspec.Struct):
             *self.endings,
             *self.released,
             *self.assertions,
+            *self.plans,
         ]
 
     def _take_pending(self, seq: int) -> tuple[Any, ...]:
@@ -149,6 +157,9 @@ def read_between(connection: Connection, first_seq: int, last_seq: int) -> Readi
         query = select(column, *columns).where(column.between(first_seq, last_seq))
         return connection.execute(query.order_by(column))
 
+    def whole(table: Any) -> Iterable[Any]:
+        return connection.execute(select(table).where(table.c.seq.between(first_seq, last_seq)))
+
     lines = rows(
         posting.seq, posting.account_id, posting.amount, posting.date, posting.standing, posting.line
     )
@@ -172,6 +183,7 @@ def read_between(connection: Connection, first_seq: int, last_seq: int) -> Readi
         reversals={row.seq: row.id for row in reversed_ids},
         taken_back=_lists(taken_back, lambda row: (row.account_id, -row.amount)),
         origins={row.seq: row.fingerprint for row in rows(origin.seq, origin.fingerprint)},
+        plans={**_by_seq(whole(schema.budget)), **_by_seq(whole(schema.recurring))},
         fallen=frozenset(row.reversed_seq for row in rows(reversal.reversed_seq)),
         **_of_pending(connection, rows, first_seq, last_seq),
     )
@@ -221,6 +233,8 @@ _TABLES: Final = (
     schema.pending,
     schema.pending_posting,
     schema.assertion,
+    schema.budget,
+    schema.recurring,
 )
 
 

@@ -16,6 +16,7 @@ from sqlalchemy import ColumnElement, Connection, Integer, and_, func, literal, 
 
 from core.journal import schema
 from core.journal.drawing import booking_of
+from core.journal.planned import budgets_of
 from core.journal.shelf import account_of
 from core.ledger.accounts import AccountType
 from core.ledger.course import Course, Moved, courses
@@ -125,6 +126,7 @@ def summary_of(connection: Connection, month: str, first_day: str, last_day: str
         _worth(connection),
         [account_of(row) for row in connection.execute(money.limit(ACCOUNTS_MAX))],
         [(category, amount) for category, amount in moved if amount],
+        budgets_of(connection, month, first_day, last_day),
     )
 
 

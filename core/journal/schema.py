@@ -37,6 +37,7 @@ from sqlalchemy import (
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.schema import CreateColumn
 
+from core.journal import schema_plans
 from core.journal.store import is_in_server
 from core.journal.stores.triggers import in_plpgsql
 from core.ledger.fields import folded
@@ -258,11 +259,14 @@ assertion: Final = Table(
     sqlite_strict=True,
 )
 
+budget: Final = schema_plans.budget_table(metadata)
+recurring: Final = schema_plans.recurring_table(metadata)
+
 _BESIDE_THE_NAME_BYTES: Final = 45  # of a posting: numbers, date, and what SQLite adds
 
 _BESIDE_AN_ACCOUNT_BYTES: Final = 600  # of its row in log and file, and its part of a few pages
 
-_TABLES_OF_VERSION_5: Final = (pending, pending_posting, assertion)
+_TABLES_OF_VERSION_5: Final = (pending, pending_posting, assertion, budget, recurring)
 _COLUMNS_OF_VERSION_5: Final = (
     f"pending_debit INTEGER NOT NULL DEFAULT '0' CHECK ({_PENDING_DEBIT})",
     f"pending_credit INTEGER NOT NULL DEFAULT '0' CHECK ({_PENDING_CREDIT})",
@@ -331,6 +335,7 @@ _TRIGGERS_OF_VERSION_5: Final = (
        BEGIN SELECT RAISE(ABORT, 'an assertion is never changed'); END""",
     """CREATE TRIGGER assertion_is_never_deleted BEFORE DELETE ON assertion
        BEGIN SELECT RAISE(ABORT, 'an assertion is never deleted'); END""",
+    *schema_plans.TRIGGERS,
 )
 
 

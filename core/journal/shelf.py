@@ -28,7 +28,9 @@ from core.ledger.entries import EntryDetails, RecordEntry, ReplaceEntry, Reverse
 from core.ledger.events import Booking, EntryPosted, TransactionPending, decode, postings_of
 from core.ledger.fields import folded
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
+from core.ledger.plans import EndRecurring, KnownRecurring, RecurringSet, SetRecurring
 
+PLACE_DIGITS: Final = 4  # of a part of a request, behind its key
 VARIABLES_MAX: Final = 20_000  # names asked for in one SELECT, below SQLite's limit of 32,766
 
 
@@ -41,12 +43,33 @@ def fetch_keys(connection: Connection, works: Sequence[Work]) -> dict[str, KeyRo
     return keys
 
 
+def epoch_of(connection: Connection) -> int:
+    """Return the epoch of the store."""
+    epoch: int = connection.execute(select(schema.meta.c.epoch)).scalar_one()
+    return epoch
+
+
 def read_key(connection: Connection, key: str) -> tuple[int, KeyRow | None]:
     """Return the store's epoch and what it keeps under a key, both at one moment."""
-    epoch: int = connection.execute(select(schema.meta.c.epoch)).scalar_one()
+    epoch = epoch_of(connection)
     for row in connection.execute(_KEYS, {"names": [key]}):
         return epoch, KeyRow(row.fingerprint, row.seq, row.status, row.reply, row.digest)
     return epoch, None
+
+
+def read_parts(connection: Connection, key: str, digest: bytes | None) -> dict[int, KeyRow]:
+    """Return what the store keeps under the parts of a key (`KEY:0017`), by their places.
+
+    `digest`: only those of this request.
+    """
+    kept = schema.idempotency.c
+    query = select(schema.idempotency).where(kept.key >= f"{key}:", kept.key < f"{key};")
+    found: dict[int, KeyRow] = {}
+    for row in connection.execute(query if digest is None else query.where(kept.digest == digest)):
+        place = row.key.removeprefix(f"{key}:")
+        if len(place) == PLACE_DIGITS and place.isascii() and place.isdigit():
+            found[int(place)] = KeyRow(row.fingerprint, row.seq, row.status, row.reply, row.digest)
+    return found
 
 
 def fetch_book(connection: Connection, orders: Sequence[Order]) -> Book:
@@ -69,6 +92,7 @@ def fetch_book(connection: Connection, orders: Sequence[Order]) -> Book:
         _take_accounts(connection, book, _BY_ID, _ids_of_first_use(details, commands, book))
     for part in _parts(mark for command in commands for mark in _fingerprint_of(command)):
         book.fingerprints |= set(connection.execute(_FINGERPRINTS, {"names": part}).scalars())
+    _take_recurrings(connection, book, commands)
     for command in commands:
         if isinstance(command, AssertBalance):
             book.dated[command.account, command.date] = stood_at(connection, command.account, command.date)
@@ -90,6 +114,7 @@ def parked_orders(connection: Connection, orders: Sequence[Order], parked: Conta
         (_PLACES, _entry_of),
         (_BOOKED_AT, _reversed_by),
         (_PENDING_AT, _transactions_of),
+        (_RECURRING_AT, _recurring_of),
     )
     found: dict[str, int] = {}
     for query, named in places:
@@ -145,6 +170,32 @@ def _known_pending(row: Any) -> KnownPending:
     event = decode(row.body)
     assert isinstance(event, TransactionPending), f"event {row.seq} is listed as pending and is not"
     return KnownPending(row.seq, event, PendingState(row.state), row.closed_seq)
+
+
+def _take_recurrings(connection: Connection, book: Book, commands: Sequence[Command]) -> None:
+    """Take in the recurring items that are to be changed or ended; what is left out of every rebuild is not read."""
+    for item in dict.fromkeys(name for command in commands for name in _recurring_of(command)):
+        known = recurring_of(connection, item)
+        if known is not None:
+            book.recurrings[item] = known
+
+
+def recurring_of(connection: Connection, item_id: str, parked: Container[int] = ()) -> KnownRecurring | None:
+    """Return a recurring item as it stands: what was said of it last, and whether it has ended."""
+    rows = connection.execute(_RECURRING, {"id": item_id}).all()
+    said = next((row for row in rows if not row.ended and row.seq not in parked), None)
+    if said is None:
+        return None
+    event = decode(said.body)
+    assert isinstance(event, RecurringSet), f"event {said.seq} is listed as a recurring item and is none"
+    return KnownRecurring(said.seq, event, bool(rows[0].ended))
+
+
+def _recurring_of(command: Command) -> tuple[str, ...]:
+    """Return the recurring item that a command changes or ends."""
+    if isinstance(command, SetRecurring):
+        return () if command.is_new else (command.id,)
+    return (command.id,) if isinstance(command, EndRecurring) else ()
 
 
 def _reversed_by(command: Command) -> tuple[str, ...]:
@@ -255,6 +306,17 @@ _PENDINGS: Final = (
     )
     .join_from(schema.pending, schema.event, schema.event.c.seq == schema.pending.c.seq)
     .where(schema.pending.c.id.in_(bindparam("names", expanding=True)))
+)
+_RECURRING: Final = (
+    select(schema.recurring.c.seq, schema.recurring.c.ended, schema.event.c.body)
+    .join_from(schema.recurring, schema.event, schema.event.c.seq == schema.recurring.c.seq)
+    .where(schema.recurring.c.id == bindparam("id"))
+    .order_by(schema.recurring.c.seq.desc())
+)
+_RECURRING_AT: Final = (
+    select(schema.recurring.c.id, schema.recurring.c.seq)
+    .where(schema.recurring.c.id.in_(bindparam("names", expanding=True)), schema.recurring.c.ended == 0)
+    .order_by(schema.recurring.c.seq)
 )
 _PENDING_AT: Final = select(schema.pending.c.id, schema.pending.c.seq).where(
     schema.pending.c.id.in_(bindparam("names", expanding=True))

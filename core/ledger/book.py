@@ -18,6 +18,7 @@ import msgspec
 from core.ledger.accounts import Account, AccountType
 from core.ledger.events import Booking, EntryPosted, TransactionPending
 from core.ledger.fields import folded
+from core.ledger.plans import KnownRecurring
 
 UNCATEGORISED_NAME: Final = "미분류 · Uncategorised"
 
@@ -79,6 +80,7 @@ class Book(msgspec.Struct):
     bookings: dict[str, KnownBooking] = {}
     pendings: dict[str, KnownPending] = {}
     dated: dict[tuple[str, str], int] = {}
+    recurrings: dict[str, KnownRecurring] = {}
     now_ns: int = 0
     _named: dict[str, set[str]] = {}
 

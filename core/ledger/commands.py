@@ -17,7 +17,9 @@ from core.ledger import fields
 from core.ledger.accounts import AccountType
 from core.ledger.entries import EntryCommand, EntryDetails, RecordEntry, ReplaceEntry, ReverseEntry
 from core.ledger.money import amount_fault, format_amount, is_currency, parse_amount, shortest
+from core.ledger.plans import EndRecurring, PlanCommand, SetBudget, SetRecurring, wish_of_plan
 from core.ledger.reasons import Fault, Reason, Rejection, Slug, reject, within
+from core.ledger.seen import version_faults
 
 POSTINGS_MIN: Final = 2
 POSTINGS_MAX: Final = 500
@@ -52,6 +54,7 @@ class TransactionBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     state: str = "posted"
     tags: list[str] = []
     timeout_s: int | None = None
+    expected_versions: dict[str, int] = {}
 
 
 class PendingPostBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -62,12 +65,23 @@ class PendingPostBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     postings: list[PostingBody] | None = None
     date: str | None = None
+    expected_versions: dict[str, int] = {}
 
 
 class BatchBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The body of transactions that are booked all together or not at all."""
+    """The body of many transactions. `atomic`: they are booked all together or not at all."""
 
     transactions: list[TransactionBody]
+    atomic: bool = False
+    expected_versions: dict[str, int] = {}
+
+
+class AccountAssertionBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The body that says what the account of its path stood at by the end of a day, debit positive."""
+
+    date: str
+    amount: str
+    expected_versions: dict[str, int] = {}
 
 
 class AssertionBody(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -188,6 +202,7 @@ Command = (
     | AssertBalance
     | AtomicBatch
     | EntryCommand
+    | PlanCommand
 )
 
 
@@ -218,7 +233,7 @@ def post_transaction(
 ) -> PostTransaction | Rejection:
     """Return the command in `body` under the id it will have, or everything that is wrong with it."""
     postings, posting_faults = _postings(body.postings)
-    faults = [*_head_faults(body), *posting_faults]
+    faults = [*_head_faults(body), *posting_faults, *version_faults(body.expected_versions)]
     if faults:
         return Rejection(Slug.INVALID_BODY, tuple(faults))
     return _unbalanced(postings) or PostTransaction(
@@ -240,7 +255,9 @@ def post_pending(
     expected_versions: dict[str, int] | None = None,
 ) -> PostPending | Rejection:
     """Return the wish to post what is pending, under the id that the booked transaction will have."""
-    faults = list(fields.date_faults("/date", body.date)) if body.date is not None else []
+    faults = list(version_faults(body.expected_versions))
+    if body.date is not None:
+        faults.extend(fields.date_faults("/date", body.date))
     if body.postings is None:
         if faults:
             return Rejection(Slug.INVALID_BODY, tuple(faults))
@@ -274,8 +291,15 @@ def post_batch(
         return reject(Slug.INVALID_BODY, "/transactions", Reason.TOO_FEW)
     if len(body.transactions) > BATCH_TRANSACTIONS_MAX:
         return reject(Slug.INVALID_BODY, "/transactions", Reason.TOO_MANY)
+    faults = tuple(version_faults(body.expected_versions))
+    if faults:
+        return Rejection(Slug.INVALID_BODY, faults)
     commands = []
     for place, (one, transaction_id) in enumerate(zip(body.transactions, transaction_ids, strict=True)):
+        if one.expected_versions:
+            # Of the whole they can be said, of a part in the middle of it nobody could have seen them.
+            here = f"/transactions/{place}/expected_versions"
+            return reject(Slug.INVALID_BODY, here, Reason.NOT_SUPPORTED)
         command = post_transaction(one, transaction_id)
         if isinstance(command, Rejection):
             return within(command, f"/transactions/{place}")
@@ -310,11 +334,13 @@ def _accounts_of(command: Command) -> Iterable[str]:
             return (posting.account for one in command.commands for posting in one.postings)
         case OpenAccount() | CloseAccount():
             return (command.id,)
-        case AssertBalance():
+        case AssertBalance() | SetBudget():
             return (command.account,)
         case RecordEntry(details=details) | ReplaceEntry(details=details):
             return (details.account,) if details.account is not None else ()
         case ReverseEntry() | VoidPending() | ExpirePending() | ReverseTransaction():
+            return ()
+        case SetRecurring() | EndRecurring():
             return ()
         case _:
             assert_never(command)
@@ -322,7 +348,7 @@ def _accounts_of(command: Command) -> Iterable[str]:
 
 def expected_versions_of(command: Command) -> dict[str, int]:
     """Return the accounts that whoever sent the command has seen, with their versions."""
-    if isinstance(command, OpenAccount | ExpirePending | EntryCommand):
+    if isinstance(command, OpenAccount | ExpirePending | EntryCommand | PlanCommand):
         return {}
     return command.expected_versions
 
@@ -340,7 +366,9 @@ def transaction_of(command: Command) -> str:
             return command.id
         case AtomicBatch():
             return command.commands[0].id if command.commands else ""
-        case OpenAccount() | CloseAccount():
+        case SetRecurring() | EndRecurring():
+            return command.id
+        case OpenAccount() | CloseAccount() | SetBudget():
             return ""
         case _:
             assert_never(command)
@@ -369,6 +397,8 @@ def _wish(command: Command) -> object:
             return command
         case RecordEntry() | ReplaceEntry() | ReverseEntry():
             return _wish_of_entry(command)
+        case SetBudget() | SetRecurring() | EndRecurring():
+            return wish_of_plan(command)
         case _:
             assert_never(command)
 

@@ -44,6 +44,8 @@ from core.ledger.evolving import Accounts, evolve
 from core.ledger.household import Resolved, resolve
 from core.ledger.limits import amount_of_entry, amount_of_line, beyond, nothing_in_particular, unusable
 from core.ledger.money import fits, format_amount, parse_amount
+from core.ledger.planning import decide_plan
+from core.ledger.plans import EndRecurring, SetBudget, SetRecurring
 from core.ledger.reasons import Reason, Rejection, Slug, reject, within
 
 EVENTS_PER_COMMAND_MAX: Final = 4  # a replacement: the reversal, two accounts of first use, the entry
@@ -86,6 +88,8 @@ def _decide(command: Command, book: Book) -> tuple[Event, ...] | Rejection:
             return _replace(command, book)
         case ReverseEntry():
             return _reverse(command, book)
+        case SetBudget() | SetRecurring() | EndRecurring():
+            return decide_plan(command, book)
         case _:
             assert_never(command)
 

@@ -18,6 +18,7 @@ from core.ledger.commands import Posting, PostTransaction
 from core.ledger.entries import Origin
 from core.ledger.moments import moment_ns, timestamp
 from core.ledger.money import format_amount, parse_amount
+from core.ledger.plans import BudgetSet, PlanEvent, RecurringEnded, RecurringSet, is_readable
 from core.ledger.reasons import Reason
 from core.ledger.upcasting import UPCASTS, Upcasts, raised
 
@@ -156,7 +157,9 @@ class BalanceAsserted(msgspec.Struct, frozen=True, tag_field="kind", tag="balanc
 Booking = TransactionPosted | EntryPosted | TransactionReversed | PendingPosted
 Release = PendingPosted | PendingVoided | PendingExpired
 OfAccount = AccountOpened | AccountClosed
-Event = OfAccount | Booking | TransactionPending | PendingVoided | PendingExpired | BalanceAsserted
+Event = (
+    OfAccount | Booking | TransactionPending | PendingVoided | PendingExpired | BalanceAsserted | PlanEvent
+)
 
 EVENT_VERSION: Final = 1  # of every kind, today
 ENTRY_POSTINGS: Final = 2  # the money, and what it was for
@@ -234,8 +237,10 @@ def accounts_in(event: Event) -> tuple[str, ...]:
     match event:
         case AccountOpened() | AccountClosed():
             return (event.id,)
-        case BalanceAsserted():
+        case BalanceAsserted() | BudgetSet():
             return (event.account,)
+        case RecurringSet() | RecurringEnded():
+            return ()
         case PendingPosted():
             lines = (*event.postings, *event.released)
         case PendingVoided() | PendingExpired():
@@ -249,7 +254,9 @@ def accounts_in(event: Event) -> tuple[str, ...]:
 
 def id_in(event: Event) -> str:
     """Return the id by which an event is told: of its transaction, its account, or what was asserted."""
-    return event.pending if isinstance(event, PendingVoided | PendingExpired) else event.id
+    if isinstance(event, PendingVoided | PendingExpired):
+        return event.pending
+    return event.account if isinstance(event, BudgetSet) else event.id
 
 
 def kind_of(event: Event) -> str:
@@ -287,6 +294,8 @@ def _is_readable(event: Event) -> bool:
     match event:
         case AccountOpened() | AccountClosed():
             return True
+        case BudgetSet() | RecurringSet() | RecurringEnded():
+            return is_readable(event)
         case BalanceAsserted():
             return _are_amounts((event.amount, event.actual), event.currency)
         case PendingPosted():

@@ -27,6 +27,7 @@ from core.ledger.events import (
     postings_of,
     released_by,
 )
+from core.ledger.plans import BudgetSet, RecurringEnded, RecurringSet
 
 Accounts = Mapping[str, Account]
 
@@ -48,7 +49,7 @@ def evolve(accounts: Accounts, event: Event) -> dict[str, Account]:
             return _changed(accounts, postings_of(event), (), released_by(event))
         case PendingVoided() | PendingExpired():
             return _changed(accounts, (), (), released_by(event))
-        case BalanceAsserted():
+        case BalanceAsserted() | BudgetSet() | RecurringSet() | RecurringEnded():
             return {}
         case _:
             assert_never(event)

@@ -11,6 +11,7 @@ import msgspec
 
 from core.ledger.accounts import Account, AccountType
 from core.ledger.book import is_uncategorised
+from core.ledger.budgets import BudgetLine
 from core.ledger.events import Booking, EntryPosted, TransactionReversed
 from core.ledger.household import CATEGORY_TYPES
 from core.ledger.money import format_amount
@@ -82,13 +83,14 @@ class CategoryTotal(msgspec.Struct, frozen=True):
 
 
 class Summary(msgspec.Struct, frozen=True):
-    """A month in sums (by the days of its entries), and what is owned now."""
+    """A month in sums (by the days of its entries), what is owned now, and what was meant to be spent in the month."""
 
     month: str
     net_worth: tuple[CurrencyAmount, ...]
     currencies: tuple[Flow, ...]
     categories: tuple[CategoryTotal, ...]
     accounts: tuple[AccountView, ...]
+    budgets: tuple[BudgetLine, ...]
 
 
 class StandingLine(msgspec.Struct, frozen=True):
@@ -141,6 +143,7 @@ def summarise(
     worth: Mapping[str, int],
     money: Iterable[Account],
     moved: Sequence[tuple[Account, int]],
+    budgets: tuple[BudgetLine, ...] = (),
 ) -> Summary:
     """Return a month in sums; all sums are debit positive, in minor units.
 
@@ -157,6 +160,7 @@ def summarise(
         tuple(_flow(code, totals) for code in sorted({*worth, *(code for _, code in totals)})),
         tuple(_total(account, amount, totals) for account, amount in sorted(moved, key=_largest_first)),
         tuple(view_account(account) for account in money),
+        budgets,
     )
 
 

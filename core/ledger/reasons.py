@@ -40,6 +40,9 @@ class Slug(StrEnum):
     NOT_YET_EXPIRED = "not-yet-expired"
     ACCOUNT_HAS_PENDING = "account-has-pending"
     ACCOUNT_CHANGED = "account-changed"
+    NOT_A_CATEGORY = "not-a-category"
+    RECURRING_NOT_FOUND = "recurring-not-found"
+    RECURRING_ENDED = "recurring-ended"
 
 
 class Reason(StrEnum):

@@ -34,6 +34,7 @@ from core.ledger.events import (
 )
 from core.ledger.moments import timestamp
 from core.ledger.money import format_amount
+from core.ledger.plans import BudgetSet, RecurringEnded, RecurringSet
 
 
 class Place(msgspec.Struct, frozen=True):
@@ -391,6 +392,10 @@ def tell(event: Event, seq: int) -> CommittedEvent:
         case AccountOpened() | AccountClosed() | BalanceAsserted():
             # Who is told of an assertion reads its account anew, which is what it is about.
             return CommittedEvent(seq, kind_of(event), accounts[0], None, "", accounts)
+        case BudgetSet() | RecurringEnded():
+            return CommittedEvent(seq, kind_of(event), id_in(event), None, "", accounts)
+        case RecurringSet():
+            return CommittedEvent(seq, kind_of(event), event.id, None, event.plan.title, accounts)
         case PendingVoided() | PendingExpired():
             return CommittedEvent(seq, kind_of(event), event.pending, "", "", accounts)
         case TransactionPending():

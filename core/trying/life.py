@@ -12,6 +12,7 @@ import socket
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import msgspec
@@ -19,11 +20,12 @@ import uvloop
 from starlette.routing import Route
 
 from core import departure
+from core.admission import Wish
 from core.departure import Departure
 from core.guarded.beacon import Beacon
 from core.guarded.recorder import NoRecorder, Recorder
 from core.imports.desk import Desk
-from core.journal.answers import Answer
+from core.journal.answers import Answer, Order
 from core.journal.store import LEDGER_FILE, WritingEngine, open_reading
 from core.journal.writer import Writer
 from core.ledger.commands import Command, accounts_of, fingerprint_of, transaction_of
@@ -131,6 +133,16 @@ class TriedService(Service):
         return await super().carry_out(
             command, key, digest, command_id, slot, kind=kind, name=name, body_bytes=body_bytes
         )
+
+    async def carry_out_each(
+        self, orders: Sequence[Order], slot: int, wish: Wish | None = None
+    ) -> Sequence[Answer] | None:
+        """Say whose they are and do them."""
+        if wish is None:
+            return None  # one by one, each by its own name
+        accounts = tuple(dict.fromkeys(name for order in orders for name in order.account_ids))
+        self._tell(wish.kind, wish.fingerprint, accounts, orders[0].transaction_id if orders else "")
+        return await super().carry_out_each(orders, slot, wish)
 
     async def exercise(
         self, key: str, digest: bytes, command_id: str, account_id: str, slot: int

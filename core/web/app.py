@@ -16,7 +16,16 @@ from starlette.types import ASGIApp
 
 from core.imports.desk import Desk
 from core.service import Service
-from core.web import entries, exporting, handlers, import_handlers
+from core.web import (
+    assertions,
+    batches,
+    entries,
+    exporting,
+    handlers,
+    import_handlers,
+    plans,
+    two_phases,
+)
 from core.web.asking import Handler, Routes, service_of
 from core.web.door import Door
 from core.web.live import live
@@ -38,6 +47,10 @@ ROUTES: Final[Routes] = {
     "/api/ledger/drill": {"POST": handlers.drill},
     # A key may hold a slash; the path arrives decoded.
     "/api/ledger/commands/{key:path}": {"GET": handlers.look_up},
+    **two_phases.ROUTES,
+    **assertions.ROUTES,
+    **batches.ROUTES,
+    **plans.ROUTES,
     **import_handlers.ROUTES,
     **exporting.ROUTES,
     "/healthz": {"GET": handlers.health},

@@ -7,7 +7,7 @@ every refusal ends the request as a problem, and no handler decides for itself w
 import logging
 from collections.abc import Awaitable, Callable, Container, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Final, TypeVar, assert_never
+from typing import Any, TypeVar, assert_never
 
 import msgspec
 from sqlalchemy import Connection
@@ -45,8 +45,6 @@ Handler = Callable[[Request], Awaitable[Response]]
 Routes = dict[str, dict[str, Handler]]  # path -> method -> who answers
 
 logger = logging.getLogger("core.web")
-
-NAMED_MAX: Final = 128  # characters of somebody's text that a sentence repeats
 
 
 def service_of(request: Request) -> Service:
@@ -150,35 +148,40 @@ def granted(found: T | NoSlot | Draining) -> T:
 
 def respond_with(request: Request, answer: Answer) -> Response:
     """Return the response for what the writer answered."""
+    if not isinstance(answer, Done):
+        raise ProblemError(problem_of(answer))
+    if answer.commit is not None:
+        note_commit(request.scope, answer.commit)
+    headers = {"Idempotent-Replayed": "true"} if answer.replayed else None
+    return Response(answer.body, answer.status, headers, media_type="application/json")
+
+
+def problem_of(answer: Answer) -> Problem:
+    """Return the problem that tells what the writer answered, where that is not that it was carried out."""
     match answer:
-        case Done(status, body, replayed, commit):
-            if commit is not None:
-                note_commit(request.scope, commit)
-            headers = {"Idempotent-Replayed": "true"} if replayed else None
-            return Response(body, status, headers, media_type="application/json")
+        case Done() | Each():
+            raise AssertionError("what was carried out is no problem")
         case Refused(rejection, replayed):
-            raise ProblemError(refusal(rejection, replayed=replayed))
-        case Each():
-            raise AssertionError("commands that were sent together are answered one by one")
+            return refusal(rejection, replayed=replayed)
         case KeyTaken():
-            raise ProblemError(Problem("key-reused"))
+            return Problem("key-reused")
         case KeyUnknown():
-            raise ProblemError(Problem("command-not-found"))
+            return Problem("command-not-found")
         case StoreBusy():
-            raise ProblemError(Problem("store-busy"))
+            return Problem("store-busy")
         case OutcomeUnknown():
-            raise ProblemError(Problem("outcome-unknown"))
+            return Problem("outcome-unknown")
         case Leaving():
-            raise ProblemError(Problem("leaving"))
+            return Problem("leaving")
         case ReadOnly(reason):
-            raise ProblemError(safe_mode(reason))
+            return safe_mode(reason)
         case SetAside():
-            raise ProblemError(set_aside(answer))
+            return set_aside(answer)
         case Limited():
-            raise ProblemError(limited(answer))
+            return limited(answer)
         case DecisionFailed(text):
             logger.error("A command could not be decided: %s", text)
-            raise ProblemError(Problem("internal", outcome=Outcome.NOT_DONE))
+            return Problem("internal", outcome=Outcome.NOT_DONE)
         case _:
             assert_never(answer)
 

@@ -9,14 +9,15 @@ from functools import partial
 from typing import Any, Final
 
 import msgspec
+from sqlalchemy import Connection
 from starlette.requests import Request
 from starlette.responses import Response
 
-from core.journal import queries
-from core.journal.answers import Done, KeyTaken, Refused, status_of
+from core.journal import as_of, queries
+from core.journal.answers import Done, KeyTaken, KeyUnknown, Refused, status_of
 from core.journal.queries import TransactionFilter
 from core.journal.store import StoreError
-from core.ledger.accounts import is_account_id
+from core.ledger.accounts import Account
 from core.ledger.commands import (
     AccountBody,
     NoBody,
@@ -27,8 +28,8 @@ from core.ledger.commands import (
 )
 from core.ledger.views import view_account
 from core.service import DRILL
+from core.web import batches
 from core.web.asking import (
-    NAMED_MAX,
     accepted,
     as_json,
     as_list,
@@ -41,14 +42,18 @@ from core.web.asking import (
     service_of,
 )
 from core.web.intake import (
+    NAMED_MAX,
     Parameters,
+    account_in_path,
     asked_digest,
     check_key,
     decode_body,
     digest_of,
+    expected_version,
     idempotency_key,
     make_cursor,
     read_body,
+    version_tag,
 )
 from core.web.problems import Outcome, Problem, ProblemError, problem_json, refusal
 from frontend.render import language
@@ -59,7 +64,8 @@ DRILL_ACCOUNT: Final = "system:drill"
 DRILL_BYTES_MAX: Final = 255  # its key, so that no two of them have the same digest
 
 _TRANSACTION_PARAMETERS: Final = frozenset({"account", "from", "to", "q", "limit", "cursor"})
-_ACCOUNT_PARAMETERS: Final = frozenset({"limit", "cursor"})
+_ACCOUNT_PARAMETERS: Final = frozenset({"as_of", "limit", "cursor"})
+_AS_OF: Final = frozenset({"as_of"})
 _EVENT_PARAMETERS: Final = frozenset({"after", "limit"})
 
 
@@ -75,15 +81,17 @@ async def close(request: Request) -> Response:
     body = await read_body(request, service_of(request).settings.body_bytes_max)
     if body:
         decode_body(body, NoBody)
-    account_id = _account_in_path(request)
-    return await carry_out(request, "account.close", close_account(account_id), body)
+    account_id, version = account_in_path(request), expected_version(request)
+    seen = {account_id: version} if version is not None else {}
+    return await carry_out(request, "account.close", close_account(account_id, seen), body)
 
 
 async def create_transaction(request: Request) -> Response:
     """POST /api/ledger/transactions."""
     service = service_of(request)
     body = await read_body(request, service.settings.body_bytes_max)
-    command = accepted(post_transaction(decode_body(body, TransactionBody), service.new_id()))
+    said = decode_body(body, TransactionBody)
+    command = accepted(post_transaction(said, service.new_id(), said.expected_versions))
     return await carry_out(request, "transaction.post", command, body)
 
 
@@ -91,22 +99,38 @@ async def list_accounts(request: Request) -> Response:
     """GET /api/ledger/accounts."""
     parameters = Parameters(request, _ACCOUNT_PARAMETERS)
     limit = parameters.limit(queries.ACCOUNTS_MAX, queries.ACCOUNTS_MAX)
-    after = parameters.account("cursor")
+    after, day = parameters.account("cursor"), parameters.day("as_of")
     parameters.check()
-    accounts = await read(request, "read.accounts", lambda c: queries.list_accounts(c, after, limit + 1))
+
+    def ask(connection: Connection) -> list[Account]:
+        if day is not None:
+            return as_of.accounts_as_of(connection, day, after, limit + 1)
+        return queries.list_accounts(connection, after, limit + 1)
+
+    accounts = await read(request, "read.accounts", ask)
     page = [view_account(account) for account in accounts[:limit]]
     return as_json(as_list(page, page[-1].id if len(accounts) > limit else None))
 
 
 async def get_account(request: Request) -> Response:
     """GET /api/ledger/accounts/{id}."""
-    account_id = _account_in_path(request)
-    account = await read(
-        request, "read.account", lambda c: queries.get_account(c, account_id), account_ids=(account_id,)
-    )
+    account_id = account_in_path(request)
+    parameters = Parameters(request, _AS_OF)
+    day = parameters.day("as_of")
+    parameters.check()
+
+    def ask(connection: Connection) -> Account | None:
+        if day is not None:
+            return as_of.account_as_of(connection, account_id, day)
+        return queries.get_account(connection, account_id)
+
+    account = await read(request, "read.account", ask, account_ids=(account_id,))
     if account is None:
         raise ProblemError(Problem("account-not-found", values={"account": account_id}))
-    return as_json(view_account(account))
+    answer = as_json(view_account(account))
+    if day is None:
+        answer.headers["ETag"] = version_tag(account.version)
+    return answer
 
 
 async def list_transactions(request: Request) -> Response:
@@ -173,6 +197,9 @@ async def look_up(request: Request) -> Response:
             status = status_of(rejection.slug)
             lang = language(request.headers.get("accept-language"))
             told = problem_json(refusal(rejection), lang, service.settings)
+        case KeyUnknown() if parts := await batches.recall(request, key, asked_digest(request), slot):
+            # Of a batch each part has its key: it is in the book where its parts are.
+            return as_json({"key": key, "outcome": "done", "status": 200, "answer": parts})
         case _:
             return respond_with(request, answer)
     return as_json({"key": key, "outcome": "done", "status": status, "answer": told})
@@ -212,10 +239,3 @@ async def health(request: Request) -> Response:
             "checkpoint": service.gone_by or None,
         }
     )
-
-
-def _account_in_path(request: Request) -> str:
-    account_id: str = request.path_params["id"]
-    if not is_account_id(account_id):
-        raise ProblemError(Problem("account-not-found", values={"account": account_id[:NAMED_MAX]}))
-    return account_id

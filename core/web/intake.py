@@ -26,6 +26,7 @@ DISCARDED_BYTES_MAX: Final = 8 << 20
 LIMIT_DEFAULT: Final = 50
 LIMIT_MAX: Final = 500
 SEQ_DIGITS_MAX: Final = 18
+NAMED_MAX: Final = 128  # characters of somebody's text that a sentence repeats
 
 _DIGEST: Final = re.compile(r"[0-9a-f]{64}")
 _KEY: Final = re.compile(r"[\x21-\x7e]{1,255}")
@@ -34,6 +35,8 @@ _MEMBER: Final = re.compile(r"Object (missing required|contains unknown) field `
 _PLACE: Final = re.compile(r" - at `\$(.*)`\Z", re.DOTALL)
 _CURSOR: Final = re.compile(r"s([0-9]{1,18})")
 _POSITION: Final = re.compile(r"([0-9]{4}-[0-9]{2}-[0-9]{2})[.]([0-9]{1,18})[.]([0-9]{1,3})")
+_SERVER_ID: Final = re.compile(r"[0-9a-f-]{36}")
+_VERSION: Final = re.compile(r'"([0-9]{1,18})"')
 _MONTH: Final = re.compile(r"[0-9]{4}-[0-9]{2}")
 
 
@@ -94,6 +97,30 @@ def idempotency_key(request: Request) -> str | None:
     if len(keys) > 1:
         raise ProblemError(Problem("invalid-key"))
     return check_key(keys[0])
+
+
+def account_in_path(request: Request) -> str:
+    """Return the account that the path names, or end the request where no account can be called so."""
+    account_id: str = request.path_params["id"]
+    if not is_account_id(account_id):
+        raise ProblemError(Problem("account-not-found", values={"account": account_id[:NAMED_MAX]}))
+    return account_id
+
+
+def version_tag(version: int) -> str:
+    """Return the ETag of an account: its version."""
+    return f'"{version}"'
+
+
+def expected_version(request: Request) -> int | None:
+    """Return the version in `If-Match`, None where none is asked for (`*`: any that there is)."""
+    tags = request.headers.getlist("if-match")
+    if not tags or tags == ["*"]:
+        return None
+    match = _VERSION.fullmatch(tags[0].strip()) if len(tags) == 1 else None
+    if match is None:
+        raise ProblemError(Problem("invalid-parameter", (Fault("If-Match", Reason.MALFORMED),)))
+    return int(match[1])
 
 
 def request_name(request: Request) -> str:
@@ -195,6 +222,20 @@ class Parameters:
         text = self._given.get(name)
         if text is not None and not is_account_id(text):
             self._faults.append(Fault(f"?{name}", Reason.MALFORMED))
+        return text
+
+    def item(self, name: str) -> str | None:
+        """Return an id that the server has given."""
+        text = self._given.get(name)
+        if text is not None and _SERVER_ID.fullmatch(text) is None:
+            self._faults.append(Fault(f"?{name}", Reason.MALFORMED))
+        return text
+
+    def choice(self, name: str, choices: frozenset[str]) -> str | None:
+        """Return one of the words that may stand here."""
+        text = self._given.get(name)
+        if text is not None and text not in choices:
+            self._faults.append(Fault(f"?{name}", Reason.UNKNOWN_VALUE))
         return text
 
     def words(self, name: str) -> str | None:

@@ -29,7 +29,21 @@ from core.web.openapi_imports import (
     MAPPING_REASONS,
     import_paths,
 )
-from core.web.problems import PROBLEM_JSON, PROBLEM_KINDS, Outcome
+from core.web.openapi_plans import BATCH_RESULTS, BUDGETS, SHAPES, plan_paths, two_phase_paths
+from core.web.openapi_words import (
+    AS_OF,
+    IF_MATCH,
+    KEY,
+    PROBLEM_RESPONSE,
+    get_of,
+    limit_of,
+    page_of,
+    path_of,
+    post_of,
+    query_of,
+    ref,
+)
+from core.web.problems import PROBLEM_KINDS, Outcome
 
 API_VERSION: Final = "1.0.0"
 
@@ -121,21 +135,11 @@ _HEALTH: Final[dict[str, Any]] = {
 
 _DRILLED: Final[dict[str, Any]] = {"type": "object", "description": "Nothing was booked."}
 
-_KEY: Final[dict[str, Any]] = {
-    "name": "Idempotency-Key",
-    "in": "header",
-    "description": (
-        "1 to 255 visible ASCII characters, made by the client, once per wish. The same key with the same "
-        "wish gets the same answer with `Idempotent-Replayed: true`; with another wish it gets 422."
-    ),
-    "schema": {"type": "string", "minLength": 1, "maxLength": 255},
-}
-
 
 def document() -> bytes:
     """Return the description as JSON."""
     _, shapes = msgspec.json.schema_components(
-        (*_SHAPES, *IMPORT_SHAPES), ref_template="#/components/schemas/{name}"
+        (*_SHAPES, *SHAPES, *IMPORT_SHAPES), ref_template="#/components/schemas/{name}"
     )
     described = {
         "openapi": "3.1.0",
@@ -155,6 +159,8 @@ def document() -> bytes:
                 "LookUp": _LOOK_UP,
                 "Health": _HEALTH,
                 "Drilled": _DRILLED,
+                "BatchResults": BATCH_RESULTS,
+                "Budgets": BUDGETS,
             },
         },
     }
@@ -164,132 +170,121 @@ def document() -> bytes:
 def _paths() -> dict[str, Any]:
     return {
         "/api/ledger/accounts": {
-            "get": _get("All accounts, by id", _page("AccountView"), _query("cursor"), _limit(10_000)),
-            "post": _post("Open an account", "201", "AccountAnswer", "AccountBody"),
+            "get": get_of(
+                "All accounts, by id; their versions are those of today",
+                page_of("AccountView"),
+                AS_OF,
+                query_of("cursor"),
+                limit_of(10_000),
+            ),
+            "post": post_of("Open an account", {"201": ref("AccountAnswer")}, "AccountBody"),
         },
-        "/api/ledger/accounts/{id}": {"get": _get("One account", _ref("AccountView"), _path("id"))},
+        "/api/ledger/accounts/{id}": {
+            "get": get_of("One account; its `ETag` is its version", ref("AccountView"), path_of("id"), AS_OF)
+        },
         "/api/ledger/accounts/{id}/close": {
-            "post": _post(
-                "Close an account: it takes no more postings", "200", "AccountAnswer", None, _path("id")
+            "post": post_of(
+                "Close an account: it takes no more postings",
+                {"200": ref("AccountAnswer")},
+                None,
+                path_of("id"),
+                IF_MATCH,
             ),
         },
         "/api/ledger/transactions": {
-            "get": _get(
+            "get": get_of(
                 "Transactions, newest first",
-                _page("TransactionView"),
-                _query("account"),
-                _query("from", "First day, YYYY-MM-DD"),
-                _query("to", "Last day, YYYY-MM-DD"),
-                _query("q", "Words in the description"),
-                _query("cursor"),
-                _limit(500),
+                page_of("TransactionView"),
+                query_of("account"),
+                query_of("from", "First day, YYYY-MM-DD"),
+                query_of("to", "Last day, YYYY-MM-DD"),
+                query_of("q", "Words in the description"),
+                query_of("state", "`posted` (as if absent) or `pending`: those that still wait"),
+                query_of("cursor"),
+                limit_of(500),
             ),
-            "post": _post("Book a transaction", "201", "TransactionView", "TransactionBody"),
+            "post": post_of("Book a transaction", {"201": ref("TransactionView")}, "TransactionBody"),
         },
         "/api/ledger/transactions/{id}": {
-            "get": _get("One transaction", _ref("TransactionView"), _path("id")),
+            "get": get_of("One transaction", ref("TransactionView"), path_of("id")),
         },
+        **two_phase_paths(),
         **_household(),
+        **plan_paths(),
         "/api/ledger/events": {
-            "get": _get(
+            "get": get_of(
                 "Events in order; `next_cursor` is the next `after`",
-                _page("EventView"),
-                _query("after", "Begin after this sequence"),
-                _limit(500),
+                page_of("EventView"),
+                query_of("after", "Begin after this sequence"),
+                limit_of(500),
             ),
         },
-        "/api/ledger/verify": {"get": _get("Prove the whole book", _ref("Verdict"))},
+        "/api/ledger/verify": {"get": get_of("Prove the whole book", ref("Verdict"))},
         "/api/ledger/export": {"get": _export()},
         "/api/ledger/drill": {
-            "post": _post(
+            "post": post_of(
                 "The command of a drill, without effect; only the armed key's is there",
-                "200",
-                "Drilled",
+                {"200": ref("Drilled")},
                 None,
             ),
         },
         "/api/ledger/commands/{key}": {
-            "get": _get("What became of a key (404: not done)", _ref("LookUp"), _path("key")),
+            "get": get_of("What became of a key (404: not done)", ref("LookUp"), path_of("key")),
         },
-        **import_paths(_KEY),
-        "/api/openapi.json": {"get": _get("This description", {"type": "object"})},
-        "/healthz": {"get": _get("Epoch and last sequence, without asking the store", _ref("Health"))},
+        **import_paths(KEY),
+        "/api/openapi.json": {"get": get_of("This description", {"type": "object"})},
+        "/healthz": {"get": get_of("Epoch and last sequence, without asking the store", ref("Health"))},
     }
 
 
 def _household() -> dict[str, Any]:
     return {
         "/api/ledger/entries": {
-            "get": _get(
-                "What stands of the household's entries, newest day first", _page("EntryView"), *_LIST
+            "get": get_of(
+                "What stands of the household's entries, newest day first", page_of("EntryView"), *_LIST
             ),
-            "post": _post(
+            "post": post_of(
                 "Write an entry down: minus was spent; accounts named for the first time are opened with it",
-                "201",
-                "EntryView",
+                {"201": ref("EntryView")},
                 "EntryBody",
             ),
         },
         "/api/ledger/entries/{id}": {
-            "get": _get("The newest content of an entry", _ref("EntryView"), _path("id")),
-            "put": _post(
+            "get": get_of("The newest content of an entry", ref("EntryView"), path_of("id")),
+            "put": post_of(
                 "Have an entry say something else: what stood is reversed and kept",
-                "200",
-                "EntryView",
+                {"200": ref("EntryView")},
                 "EntryChangeBody",
-                _path("id"),
+                path_of("id"),
             ),
-            "delete": _post(
+            "delete": post_of(
                 "Reverse an entry: nothing is ever deleted",
-                "200",
-                "EntryReversal",
+                {"200": ref("EntryReversal")},
                 "EntryReversalBody",
-                _path("id"),
+                path_of("id"),
                 body_required=False,
             ),
         },
         "/api/ledger/register": {
-            "get": _get(
+            "get": get_of(
                 "What stands on an account (on all accounts of money), newest day first, with its balance",
-                _page("RegisterLine"),
+                page_of("RegisterLine"),
                 *_LIST,
             ),
         },
         "/api/ledger/summary": {
-            "get": _get(
+            "get": get_of(
                 "A month in sums by the days of its entries, and what is owned now",
-                _ref("Summary"),
-                _query("month", "YYYY-MM; absent: the one of the server's calendar"),
+                ref("Summary"),
+                query_of("month", "YYYY-MM; absent: the one of the server's calendar"),
             ),
         },
         "/api/ledger/categories": {
-            "get": _get("Open categories by id", _page("CategoryView"), _query("cursor"), _limit(10_000)),
+            "get": get_of(
+                "Open categories by id", page_of("CategoryView"), query_of("cursor"), limit_of(10_000)
+            ),
         },
     }
-
-
-def _get(summary: str, shape: dict[str, Any], *parameters: dict[str, Any]) -> dict[str, Any]:
-    responses = {"200": _content("The answer", shape), "default": _PROBLEM_RESPONSE}
-    return {"summary": summary, "parameters": list(parameters), "responses": responses}
-
-
-def _post(
-    summary: str,
-    status: str,
-    answer: str,
-    body: str | None,
-    *parameters: dict[str, Any],
-    body_required: bool = True,
-) -> dict[str, Any]:
-    described: dict[str, Any] = {
-        "summary": summary,
-        "parameters": [*parameters, _KEY],
-        "responses": {status: _content("Done", _ref(answer)), "default": _PROBLEM_RESPONSE},
-    }
-    if body is not None:
-        content = {"application/json": {"schema": _ref(body)}}
-        described["requestBody"] = {"required": body_required, "content": content}
-    return described
 
 
 def _export() -> dict[str, Any]:
@@ -309,53 +304,16 @@ def _export() -> dict[str, Any]:
                     "application/json": {"schema": {"type": "object"}},
                 },
             },
-            "default": _PROBLEM_RESPONSE,
+            "default": PROBLEM_RESPONSE,
         },
     }
-
-
-def _ref(name: str) -> dict[str, Any]:
-    return {"$ref": f"#/components/schemas/{name}"}
-
-
-def _page(item: str) -> dict[str, Any]:
-    return {
-        "type": "object",
-        "required": ["items", "next_cursor"],
-        "properties": {
-            "items": {"type": "array", "items": _ref(item)},
-            "next_cursor": {"type": ["string", "null"]},
-        },
-    }
-
-
-def _path(name: str) -> dict[str, Any]:
-    return {"name": name, "in": "path", "required": True, "schema": {"type": "string"}}
-
-
-def _query(name: str, description: str = "") -> dict[str, Any]:
-    return {"name": name, "in": "query", "description": description, "schema": {"type": "string"}}
-
-
-def _limit(most: int) -> dict[str, Any]:
-    schema = {"type": "integer", "minimum": 1, "maximum": most}
-    return {"name": "limit", "in": "query", "schema": schema}
-
-
-def _content(description: str, shape: dict[str, Any]) -> dict[str, Any]:
-    return {"description": description, "content": {"application/json": {"schema": shape}}}
 
 
 _LIST: Final = (
-    _query("account", "Id of an account"),
-    _query("from", "First day, YYYY-MM-DD"),
-    _query("to", "Last day, YYYY-MM-DD"),
-    _query("q", "Words in the description or the category, or an amount"),
-    _query("cursor"),
-    _limit(500),
+    query_of("account", "Id of an account"),
+    query_of("from", "First day, YYYY-MM-DD"),
+    query_of("to", "Last day, YYYY-MM-DD"),
+    query_of("q", "Words in the description or the category, or an amount"),
+    query_of("cursor"),
+    limit_of(500),
 )
-
-_PROBLEM_RESPONSE: Final = {
-    "description": "A problem",
-    "content": {PROBLEM_JSON: {"schema": _ref("Problem")}},
-}
