@@ -51,6 +51,7 @@ from core.notifier import NOTIFIER, Notifier
 from core.obedience import Obedience
 from core.opening import OpenBook, Telling, Terms, open_book
 from core.opening_to_read import ReadableBook, open_to_read
+from core.recurring import recurring_source
 from core.rulings import Rulings
 from core.safety import Safety
 from core.saying import say
@@ -270,7 +271,7 @@ class Life:
             self._recorder,
             self._settings,
             self._rulings,
-            SOURCES,
+            (*SOURCES, recurring_source(self._rulings)),
             (DailyBackup(self._data, self._settings, failed),),
             self._beacon.cases,
         )

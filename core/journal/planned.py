@@ -6,7 +6,7 @@ item and the day, and what the book keeps under that key is the answer, the reas
 """
 
 import datetime as dt
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Container, Iterable
 from itertools import islice
 from typing import Any, Final
 
@@ -16,6 +16,7 @@ from sqlalchemy import Connection, func, select
 from core.journal import schema
 from core.journal.shelf import account_of, recurring_of
 from core.ledger.budgets import BudgetLine, view_budget
+from core.ledger.fields import is_date
 from core.ledger.overview import category_name
 from core.ledger.plan_views import RecurringBooking, RecurringView, view_recurring
 from core.ledger.planning import days_of, key_of
@@ -23,13 +24,15 @@ from core.ledger.plans import KnownRecurring
 from core.ledger.reasons import Rejection
 
 BOOKINGS_SHOWN: Final = 50
+LOOKED_BACK_DAYS: Final = 400
+_PART: Final = 500
 _HIGH, _LOW = 32, 0xFFFF_FFFF
 
 
 class _Booked(msgspec.Struct, frozen=True):
     """Of a kept answer: what was booked."""
 
-    id: str
+    id: str = ""
 
 
 def budgets_of(connection: Connection, month: str, first_day: str, last_day: str) -> tuple[BudgetLine, ...]:
@@ -89,20 +92,31 @@ def going_on(connection: Connection, parked: Container[int]) -> list[KnownRecurr
     return list(_items(connection, None, parked))
 
 
-def unbooked(
-    connection: Connection, known: KnownRecurring, first: dt.date, last: dt.date, most: int
-) -> list[str]:
-    """Return days of a recurring item between two that nothing is kept of, the oldest first, at most so many."""
+def unbooked(connection: Connection, known: KnownRecurring, today: dt.date, most: int) -> list[str]:
+    """Return days of a recurring item up to today that nothing is kept of, the oldest first, at most so many.
+
+    Days are booked in their order, so nothing is looked for more than a year before the newest one that is kept: else
+    every look at an old item would ask for all the days it ever had.
+    """
+    if most <= 0:
+        return []
+    newest = _newest_kept(connection, known.event.id)
+    first = dt.date.fromordinal(max(1, newest.toordinal() - LOOKED_BACK_DAYS)) if newest else dt.date.min
     found: list[str] = []
-    days = (day.isoformat() for day in days_of(known.event, first, last))
-    for part in _in_parts(days):
+    kept = schema.idempotency.c.key
+    days = (day.isoformat() for day in days_of(known.event, first, today))
+    while part := list(islice(days, _PART)):
         keys = {key_of(known.event.id, day): day for day in part}
-        kept = schema.idempotency.c.key
         seen = set(connection.execute(select(kept).where(kept.in_(list(keys)))).scalars())
         found.extend(day for key, day in keys.items() if key not in seen)
         if len(found) >= most:
             break
     return found[:most]
+
+
+def _newest_kept(connection: Connection, item_id: str) -> dt.date | None:
+    newest = _bookings(connection, item_id, 1)
+    return dt.date.fromisoformat(newest[0].date) if newest and is_date(newest[0].date) else None
 
 
 def _items(connection: Connection, after: str | None, parked: Container[int]) -> Iterable[KnownRecurring]:
@@ -117,14 +131,16 @@ def _items(connection: Connection, after: str | None, parked: Container[int]) ->
             yield known
 
 
-def _bookings(connection: Connection, item_id: str) -> tuple[RecurringBooking, ...]:
+def _bookings(
+    connection: Connection, item_id: str, most: int = BOOKINGS_SHOWN
+) -> tuple[RecurringBooking, ...]:
     kept = schema.idempotency.c
     prefix = key_of(item_id, "")
     query = (
         select(kept.key, kept.seq, kept.reply)
         .where(kept.key >= prefix, kept.key < prefix + "~")  # days are digits, which stand before it
         .order_by(kept.key.desc())
-        .limit(BOOKINGS_SHOWN)
+        .limit(most)
     )
     return tuple(_booking(row, row.key.removeprefix(prefix)) for row in connection.execute(query))
 
@@ -139,14 +155,3 @@ def _booking(row: Any, day: str) -> RecurringBooking:
 def _line(row: Any, moved: int) -> BudgetLine:
     account = account_of(row)
     return view_budget(account, category_name(account), row.amount, row.month, moved)
-
-
-def _in_parts(days: Iterable[str], size: int = 500) -> Iterable[Sequence[str]]:
-    part: list[str] = []
-    for day in days:
-        part.append(day)
-        if len(part) == size:
-            yield part
-            part = []
-    if part:
-        yield part

@@ -56,8 +56,10 @@ def post_of(
         },
     }
     if body is not None:
-        content = {"application/json": {"schema": ref(body)}}
-        described["requestBody"] = {"required": body_required, "content": content}
+        described["requestBody"] = {
+            "required": body_required,
+            "content": {"application/json": {"schema": ref(body)}},
+        }
     return described
 
 
