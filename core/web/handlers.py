@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 from starlette.requests import Request
 from starlette.responses import Response
 
-from core.journal import as_of, queries
+from core.journal import as_of, pendings, queries
 from core.journal.answers import Done, KeyTaken, KeyUnknown, Refused, status_of
 from core.journal.queries import TransactionFilter
 from core.journal.store import StoreError
@@ -26,7 +26,7 @@ from core.ledger.commands import (
     open_account,
     post_transaction,
 )
-from core.ledger.views import view_account
+from core.ledger.views import TransactionView, view_account
 from core.service import DRILL
 from core.web import batches
 from core.web.asking import (
@@ -63,7 +63,8 @@ logger = logging.getLogger("core.web")
 DRILL_ACCOUNT: Final = "system:drill"
 DRILL_BYTES_MAX: Final = 255  # its key, so that no two of them have the same digest
 
-_TRANSACTION_PARAMETERS: Final = frozenset({"account", "from", "to", "q", "limit", "cursor"})
+_TRANSACTION_PARAMETERS: Final = frozenset({"account", "from", "to", "q", "state", "limit", "cursor"})
+_STATES: Final = frozenset({"posted", "pending"})
 _ACCOUNT_PARAMETERS: Final = frozenset({"as_of", "limit", "cursor"})
 _AS_OF: Final = frozenset({"as_of"})
 _EVENT_PARAMETERS: Final = frozenset({"after", "limit"})
@@ -145,9 +146,11 @@ async def list_transactions(request: Request) -> Response:
         before_seq=parameters.cursor(),
         limit=limit + 1,
     )
+    state = parameters.choice("state", _STATES)
     parameters.check()
-    parked = left_out(request)
-    found = await read(request, "read.transactions", lambda c: queries.list_transactions(c, wanted, parked))
+    ask = pendings.list_pendings if state == "pending" else queries.list_transactions
+    question = partial(ask, wanted=wanted, parked=left_out(request))
+    found = await read(request, "read.transactions", question)
     page = found[:limit]
     return as_json(as_list(page, make_cursor(page[-1].seq) if len(found) > limit else None))
 
@@ -155,8 +158,13 @@ async def list_transactions(request: Request) -> Response:
 async def get_transaction(request: Request) -> Response:
     """GET /api/ledger/transactions/{id}."""
     wanted: str = request.path_params["id"]
-    question = partial(queries.get_transaction, transaction_id=wanted, parked=left_out(request))
-    found = await read(request, "read.transaction", question, transaction_id=wanted)
+    parked = left_out(request)
+
+    def ask(connection: Connection) -> TransactionView | None:
+        booked = queries.get_transaction(connection, wanted, parked)
+        return booked or pendings.get_pending(connection, wanted, parked)
+
+    found = await read(request, "read.transaction", ask, transaction_id=wanted)
     if found is None:
         raise ProblemError(Problem("transaction-not-found", values={"transaction": wanted[:NAMED_MAX]}))
     return as_json(found)

@@ -22,7 +22,7 @@ from core.web.problems import Problem, ProblemError
 B = TypeVar("B", bound=msgspec.Struct)
 
 WORDS_CHARACTERS_MAX: Final = 200
-DISCARDED_BYTES_MAX: Final = 8 << 20
+DISCARDED_BYTES_MAX: Final = 16 << 20
 LIMIT_DEFAULT: Final = 50
 LIMIT_MAX: Final = 500
 SEQ_DIGITS_MAX: Final = 18

@@ -307,7 +307,7 @@ GOOD = json.dumps(moving(1, CASH, SHOP))
         (raw(GOOD.replace("moved", "\\ud800")), (400, "malformed-json", [])),
         (GOOD.encode().replace(b"moved", b"\xed\xa0\x80"), (400, "malformed-json", [])),
         (GOOD.encode().replace(b"moved", b"\xff"), (400, "malformed-json", [])),
-        (DEEP, (422, "invalid-body", [""])),
+        (DEEP, (422, "invalid-body", ["/date"])),
         (b"", (400, "malformed-json", [])),
         (b"null", (422, "invalid-body", [""])),
         (b"[]", (422, "invalid-body", [""])),
