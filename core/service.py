@@ -107,7 +107,6 @@ class Service(Slots):
         self.exporter = Exporter(readers, recorder, settings, self.rulings)
         self._tenure = Tenure(epoch, self._stored_epoch, on_fenced) if on_fenced is not None else None
         self._in_line: dict[str, asyncio.Future[Answer]] = {}  # by key: the newest command under it
-        self._laid_down = False
 
     @property
     def head_seq(self) -> int:
@@ -123,11 +122,6 @@ class Service(Slots):
         """Return once this core may answer: at once, or, where it may have been stopped, after a look at the store."""
         if self._tenure is not None:
             await self._tenure.sure()
-
-    @property
-    def is_laid_down(self) -> bool:
-        """Whether this core has let go of its book for good, and only waits to be ended."""
-        return self._laid_down
 
     def lay_down(self) -> None:
         """Take nothing new for good, prove nothing more, and ask no more whose book it is: it is a successor's."""

@@ -51,6 +51,7 @@ class Slots:
         self.rulings = rulings
         self._recorder = recorder
         self._draining = False
+        self._laid_down = False
         self._in_flight = 0
         self._all_answered = asyncio.Event()
         self._all_answered.set()
@@ -65,6 +66,11 @@ class Slots:
     def draining(self) -> bool:
         """Whether nothing new is taken any more."""
         return self._draining
+
+    @property
+    def is_laid_down(self) -> bool:
+        """Whether this core has let go of its book for good, and only waits to be ended."""
+        return self._laid_down
 
     def new_id(self) -> str:
         """Return a new UUIDv7."""
