@@ -9,10 +9,10 @@ of it. Not chosen: a service of the trial's own beside the real one; what it did
 import asyncio
 import os
 import socket
+from collections.abc import Sequence
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from collections.abc import Sequence
 from typing import Any, NoReturn
 
 import msgspec
