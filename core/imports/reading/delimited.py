@@ -15,8 +15,9 @@ from typing import Final
 from core.imports.reading.formats import SCAN_ROWS_MAX, Format
 from core.imports.reading.headers import find_header
 from core.imports.reading.raw import RawTable
-from core.imports.reading.table import CELL_CHARACTERS_MAX, ROWS_MAX, Row, Unreadable, Why
+from core.imports.reading.table import CELL_CHARACTERS_MAX, COLUMNS_MAX, ROWS_MAX, Row, Unreadable, Why
 
+CELLS_MAX: Final = 100 * COLUMNS_MAX  # of one record: no row of delimiters is longer
 DELIMITERS: Final = (",", ";", "\t", "|")
 
 
@@ -46,6 +47,9 @@ def _records(lines: str, delimiter: str) -> Iterator[Row | Unreadable]:
     begun = 1
     try:
         for cells in reader:
+            if len(cells) > CELLS_MAX:
+                yield Unreadable(Why.TOO_MANY_COLUMNS, begun)
+                return
             if any(cell.strip() for cell in cells):
                 yield Row(begun, tuple(cells))
             begun = reader.line_num + 1

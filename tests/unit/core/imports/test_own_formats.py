@@ -82,3 +82,13 @@ def test_an_import_goes_by_the_layout_it_was_looked_at_with_whatever_becomes_of_
     assert known_formats(tmp_path).own == {}
     assert [one.identity for one in rows_of(kept, held) if isinstance(one, Candidate)] == before != []
     assert "xx.plain" in with_own(kept.own_formats)
+
+
+def test_the_layout_that_the_docs_show_is_one_and_reads_its_own_sample(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[4] / "docs" / "imports.md").read_text("utf-8")
+    shown = text.partition("```toml\n")[2].partition("```")[0]
+    (tmp_path / "xx.bank.account.toml").write_text(shown)
+    known = known_formats(tmp_path)
+    assert known.broken == ()
+    layout = known.own["xx.bank.account"]
+    assert propose(table(layout.test[0].input), known.formats).format == layout.id
