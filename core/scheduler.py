@@ -26,6 +26,7 @@ from core.guarded.recorder import FlightRecorder
 from core.journal.answers import Answer, Done, KeyTaken, Refused, SetAside, status_of
 from core.journal.store import beside, snapshot
 from core.ledger.commands import Command, accounts_of, transaction_of
+from core.ledger.reasons import Slug
 from core.rulings import Rulings
 from core.service import Service
 from core.settings import Settings
@@ -194,6 +195,8 @@ class Scheduler:
     def _note_no(self, errand: Errand, answer: Answer) -> None:
         if not isinstance(answer, Refused | KeyTaken | SetAside):
             return
+        if isinstance(answer, Refused) and answer.rejection.slug is Slug.NOT_YET_EXPIRED:
+            return  # the clock was put back in between: it is due again when its time has come
         logger.info("Not done, and not tried again by this core: %s (%s)", errand.key, type(answer).__name__)
         self._answered[errand.key] = None
         for oldest in _first(self._answered, len(self._answered) - ANSWERED_MAX):

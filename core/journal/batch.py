@@ -59,7 +59,7 @@ from core.ledger.events import (
 from core.ledger.evolving import evolve
 from core.ledger.plan_views import answer_plan
 from core.ledger.plans import BudgetSet, KnownRecurring, RecurringEnded, RecurringSet, SetRecurring
-from core.ledger.reasons import Rejection
+from core.ledger.reasons import Rejection, Slug
 from core.ledger.views import (
     Place,
     answer_account,
@@ -124,8 +124,11 @@ class Batch(msgspec.Struct):
         return Refused(decision) if isinstance(decision, Rejection) else decision
 
     def refuse(self, order: Order, refused: Refused) -> None:
-        """Keep a refusal under the key of its command, so that a retry can't be told anything else."""
-        if not refused.replayed:
+        """Keep a refusal under the key of its command, so that a retry can't be told anything else.
+
+        But not that it is too early: the clock alone takes that back, and the same wish must then be done under its key.
+        """
+        if not refused.replayed and refused.rejection.slug is not Slug.NOT_YET_EXPIRED:
             self._keep(order, refused, None)
 
     def take(self, order: Order, events: Sequence[Event], wall_ns: int) -> Done:

@@ -1,5 +1,6 @@
 """Pending transactions, bare reversals, batches and assertions on a real file: rows, answers and proofs."""
 
+import datetime as dt
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import msgspec
 import pytest
 from sqlalchemy.exc import DBAPIError
 
+from core.errands import expiries
 from core.guarded.quarantine import Parked, Quarantine, Rules
 from core.journal import attestation, queries
 from core.journal.answers import Answer, Done, Each, Orders, Refused, SetAside
@@ -134,7 +136,17 @@ def test_what_falls_due_is_found_when_it_does_and_what_comes_next_is_known(tmp_p
         assert due_ns == 1_795_000_010_000_000_000
         assert queries.due_pendings(made.connection, due_ns - 1, 10) == []
         assert queries.due_pendings(made.connection, due_ns, 10) == [held[1].id]
-        assert slug(made.carry_out(ExpirePending(held[1].id))[0]) is Slug.NOT_YET_EXPIRED
+        seen = dt.datetime.fromtimestamp(due_ns // 1_000_000_000, dt.UTC)
+        (errand,) = expiries(made.connection, seen, 10)
+        assert errand.command == ExpirePending(held[1].id)
+        assert slug(made.write(order(errand.command, errand.key))[0]) is Slug.NOT_YET_EXPIRED
+        # The clock was put back in between; the same key does it when its time has come, and once.
+        made.journal._wall_ns = lambda: due_ns
+        assert told(made.write(order(errand.command, errand.key))[0])["state"] == "expired"
+        (again,) = made.write(order(errand.command, errand.key))
+        assert isinstance(again, Done)
+        assert again.replayed
+        assert expiries(made.connection, seen, 10) == []
 
 
 def test_a_batch_is_answered_whole_under_its_one_key_and_told_again(tmp_path: Path) -> None:
