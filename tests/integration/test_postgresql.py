@@ -1,6 +1,7 @@
 """A core whose ledger lies in a PostgreSQL server, as a process: killed, frozen, cut off, and never twice or lost."""
 
 import http.client
+import json
 import signal
 import subprocess
 import sys
@@ -11,13 +12,17 @@ from typing import Any
 
 import pytest
 
+from core.journal.store import LEDGER_FILE
 from core.settings import STORE
+from core.store_file import STORE_FILE
 from tests import postgres
+from tests.integration.house import WITH_SPARE, House, bytes_of
 from tests.integration.lone_core import ROOT, Core, clean_environment, moving, ready, started
 from tests.waiting import WAIT_S, until
 
 CLIENTS = 4
 EACH = 12
+SECRET = "whisperedword"
 FENCED, COMMIT_FAILED, BUSY, CONFIG_INVALID = 75, 74, 69, 78
 _GONE = (OSError, http.client.HTTPException)
 
@@ -57,14 +62,6 @@ def booked_until_done(cores: list[Core], key: str) -> str:
     return found
 
 
-def proven(data: Path, store: str, *more: str) -> "subprocess.CompletedProcess[bytes]":
-    command = [sys.executable, "-m", "core", "verify", "--data", str(data), *more]
-    environment = {**clean_environment(), STORE: store}
-    return subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, timeout=WAIT_S, check=False
-    )
-
-
 def balance(core: Core) -> Any:
     return core.ask("GET", "/api/ledger/accounts/food").body["balances"]["posted"]
 
@@ -85,9 +82,9 @@ def test_what_was_booked_under_load_is_there_once_after_a_kill(tmp_path: Path, s
             assert balance(second) == str(len(keys))
             again = [booked_until_done(cores, key) for key in keys]
             assert again == ids
-    found = proven(data, store)
+    found = run_core("verify", data, store)
     assert found.returncode == 0, found.stderr
-    assert proven(data, store, "--quick").returncode == 0
+    assert run_core("verify", data, store, "--quick").returncode == 0
 
 
 def test_a_core_that_was_frozen_at_work_while_another_took_over_writes_nothing_when_it_thaws(
@@ -135,6 +132,77 @@ def test_a_core_outlives_its_server_and_goes_on_with_it(
         booked_until_done([core], "k")
         booked_until_done([core], "k")
         assert balance(core) == "1"
+
+
+def test_a_household_in_a_server_comes_back_from_a_kill_and_its_password_is_in_one_file_alone(
+    tmp_path: Path, store: str
+) -> None:
+    house = House(tmp_path / "data", WITH_SPARE)
+    house.data.mkdir(mode=0o700)
+    (house.data / STORE_FILE).write_text(store.replace("keeper@", f"keeper:{SECRET}@"))
+    try:
+        house.up()
+        house.open_accounts()
+        assert house.book("before").status == 201
+        house.spared()
+        house.hit("core")
+        assert house.book("after").status == 201
+        assert house.book("before").headers.get("idempotent-replayed") == "true"
+        assert sorted(house.booked()) == ["after", "before"]
+        house.closed(1)
+        done = house.cli("verify")
+        assert done.code == 0, done
+        shown = [
+            path for path in files_of(house.data, house.folders.run) if SECRET.encode() in bytes_of(path)
+        ]
+        assert shown == [house.data / STORE_FILE]
+        assert [pid for pid in house.processes() if SECRET.encode() in told_to(pid)] == []
+    finally:
+        house.end()
+
+
+def files_of(*folders: Path) -> list[Path]:
+    return [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+
+
+def told_to(pid: int) -> bytes:
+    """What a process was told at its start: its arguments and its environment."""
+    return bytes_of(Path(f"/proc/{pid}/cmdline")) + bytes_of(Path(f"/proc/{pid}/environ"))
+
+
+def test_a_ledger_is_carried_out_of_its_server_into_a_file_that_opens_alone(
+    tmp_path: Path, store: str
+) -> None:
+    data, other = tmp_path / "data", tmp_path / "other"
+    with started(data, CORE_STORE=store) as core:
+        opened(core)
+        booked_until_done([core], "k")
+        found = run_core("backup", data, store)
+        assert found.returncode == 0, found.stderr
+        assert run_core("rehearse-restore", data, store).returncode == 0
+    kept = Path(json.loads(run_core("backup", data, store, "--json").stdout)["path"])
+    restored = run_core("restore", other, None, str(kept))
+    assert restored.returncode == 0, restored.stderr
+    with started(other) as alone:
+        assert booked_until_done([ready(alone)], "k")
+        assert balance(alone) == "1"
+
+
+def run_core(verb: str, data: Path, store: str | None, *more: str) -> "subprocess.CompletedProcess[bytes]":
+    command = [sys.executable, "-m", "core", verb, "--data", str(data), *more]
+    environment = clean_environment() | ({STORE: store} if store else {})
+    return subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, timeout=WAIT_S, check=False
+    )
+
+
+def test_a_folder_that_holds_a_file_is_not_started_on_a_server(tmp_path: Path, store: str) -> None:
+    data = tmp_path / "data"
+    data.mkdir()
+    (data / LEDGER_FILE).touch()
+    with started(data, CORE_STORE=store) as core:
+        assert core.ends_with() == CONFIG_INVALID
+        assert "does not move into a server by itself" in core.said()
 
 
 def test_a_server_that_is_away_at_the_start_is_said_with_the_next_step_and_without_its_password(
