@@ -20,13 +20,13 @@ import msgspec
 import uvloop
 
 from core import departure
-from core.departure import ExitCode
+from core.departure import Departure, ExitCode
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import take_instruments
 from core.guarded.recorder import RecorderUnusable
 from core.journal.as_it_stands import open_as_it_stands
 from core.journal.rebuilding import Rebuilding
-from core.journal.store import LEDGER_FILE, StoreError
+from core.journal.store import LEDGER_FILE, Server, StoreError, StoreFault, close_writing, writing
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.keeping.commands import backup, restore
@@ -127,7 +127,7 @@ def verify(data: Path, *, as_json: bool, quick: bool) -> None:
     verdict = verify_book(readers, settings.read_ms_max, lambda: False, Rebuilding(rulings.quarantine))
     assert not isinstance(verdict, GivenUp), "nobody asks this process to leave"
     if isinstance(verdict, StoreError):
-        sys.exit(said(departure.corrupt(f"it can't be read ({verdict.text})")))
+        sys.exit(said(_unread(verdict)))
     if as_json:
         print(msgspec.json.encode(verdict).decode())
     elif verdict.ok:
@@ -140,6 +140,33 @@ def verify(data: Path, *, as_json: bool, quick: bool) -> None:
     if verdict.ok:
         return
     sys.exit(ExitCode.STORE_CORRUPT if as_json else said(departure.corrupt(verdict.reason or "")))
+
+
+def _unread(error: StoreError) -> Departure:
+    """Say why a ledger can't be read: one whose server is away may well be whole."""
+    match error.fault:
+        case StoreFault.AWAY:
+            return departure.away(error.text)
+        case StoreFault.UNFIT:
+            return departure.unfit(error.text)
+        case _:
+            return departure.corrupt(f"it can't be read ({error.text})")
+
+
+@cli.command("look-at-store")
+@click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
+def look_at_store(data: Path) -> None:
+    """Print the version of the server that the ledger lies in, if it can be reached and keeps what it acknowledges."""
+    settings = Settings.read(os.environ, data)
+    if isinstance(settings, list):
+        sys.exit(said(departure.config_invalid(" ".join(settings))))
+    where = settings.ledger(data)
+    connection = writing(where).connect(settings.fence_busy_ms) if isinstance(where, Server) else None
+    if isinstance(connection, StoreError):
+        sys.exit(said(_unread(connection)))
+    if connection is not None:
+        print(connection.exec_driver_sql("SHOW server_version").scalar_one())
+        close_writing(connection)
 
 
 @cli.command("hold-lock")

@@ -6,6 +6,7 @@ one, which is how a test shortens a wait. A configuration file of the core's own
 policy is the file that people edit, and a core run by hand is a moment's affair.
 """
 
+import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any, Final
 import msgspec
 
 from core.journal.store import LEDGER_FILE, Server, Whereabouts, server_at
+from core.journal.stores.postgresql import DRIVER, EXTRA
 from core.store_file import STORE_FILE, stored_address
 
 #: Where the ledger lies, if it is no file: an address that may hold a password, and is shown to nobody.
@@ -153,4 +155,7 @@ def _server(address: str | None, data: Path | None) -> Server | str | None:
             address = stored_address(data)
         except OSError as error:
             return f"{data / STORE_FILE}, which says where the ledger lies, can't be read ({error.strerror})."
-    return server_at(address) if address else None
+    server = server_at(address) if address else None
+    if isinstance(server, Server) and importlib.util.find_spec(DRIVER) is None:
+        return f"The ledger lies in a server, and its driver is not installed: pip install '{EXTRA}'."
+    return server

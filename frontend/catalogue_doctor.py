@@ -159,6 +159,14 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
         "스택을 밖에서 읽을 권한이 없어요 ({why}). 핵심 서버가 스스로 적는 것으로 대신해요. 그대로 두어도 돼요.",
         "Stacks may not be read from outside ({why}); the core prints its own instead. Nothing needs to be done.",
     ),
+    "store": (
+        "장부가 있는 PostgreSQL 서버에 연결돼요 (버전 {version}).",
+        "The PostgreSQL server that the ledger lies in answers (version {version}).",
+    ),
+    "store_away": (
+        "장부가 있는 PostgreSQL 서버를 쓸 수 없어요: {why}",
+        "The PostgreSQL server that the ledger lies in can't be used: {why}",
+    ),
     "image": (
         "메모리 전체를 파일로 남길 수 있어요 (정책의 memory_image를 켜면).",
         "Memory can be written out whole (if the policy's memory_image asks for it).",

@@ -8,6 +8,7 @@ guard does works without what is only worth knowing; a `bad` is what would lose 
 
 import os
 import resource
+import subprocess
 import sys
 import time
 import tomllib
@@ -27,8 +28,11 @@ from hardcore.model.verdicts import Colour
 from hardcore.recovery.policy import Policy, PolicyFault
 from hardcore.recovery.spare import Lack
 from hardcore.snapshot import stacks
+from hardcore.up import STORE_FILE
 
 KERNEL_MIN = (5, 4)
+#: For a program that begins, and a server that answers or does not.
+STORE_S = 15.0
 FREE_BYTES_GOOD = 1 << 30
 FILES_MIN = 1024
 MB = 1 << 20
@@ -94,6 +98,7 @@ def examine(folders: Folders) -> list[Finding]:
     looks: Iterable[Callable[[Folders], Iterable[Finding]]] = (
         _machine,
         _disk,
+        _store,
         _policy,
         _guard,
         _spare,
@@ -152,6 +157,23 @@ def _room(folders: Folders, *, full: bool) -> Finding:
     elif free >= FREE_BYTES_GOOD:
         colour, text = Colour.GREEN, "room"
     return _found("room", colour, text, free_mb=free // MB, floor_mb=policy.disk_floor_mb, path=folders.data)
+
+
+def _store(folders: Folders) -> Iterable[Finding]:
+    """Ask the server that the ledger lies in, by the core's own program: the guard knows no database."""
+    if not (folders.data / STORE_FILE).exists():
+        return
+    argv = [sys.executable, "-I", "-m", "core", "look-at-store", "--data", str(folders.data)]
+    try:
+        done = subprocess.run(argv, capture_output=True, text=True, check=False, timeout=STORE_S)
+    except subprocess.TimeoutExpired:
+        yield _found("store", Colour.RED, "store_away", why=f"{STORE_S:g} s")
+        return
+    if done.returncode == 0:
+        yield _found("store", Colour.GREEN, "store", version=done.stdout.strip())
+        return
+    why = (done.stderr.strip().splitlines() or ["-"])[-1]
+    yield _found("store", Colour.RED, "store_away", why=why)
 
 
 def _policy(folders: Folders) -> Iterable[Finding]:

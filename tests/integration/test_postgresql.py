@@ -150,6 +150,8 @@ def test_a_household_in_a_server_comes_back_from_a_kill_and_its_password_is_in_o
         assert house.book("before").headers.get("idempotent-replayed") == "true"
         assert sorted(house.booked()) == ["after", "before"]
         house.closed(1)
+        examined = house.cli("doctor")
+        assert "PostgreSQL" in examined.out, examined
         done = house.cli("verify")
         assert done.code == 0, done
         shown = [
@@ -213,6 +215,11 @@ def test_a_server_that_is_away_at_the_start_is_said_with_the_next_step_and_witho
         assert core.ends_with() == BUSY
         assert "see that its server runs" in core.said()
         assert "hidden" not in core.said()
+    for verb in ("verify", "look-at-store"):
+        looked = run_core(verb, tmp_path / "data", away)
+        assert looked.returncode == BUSY
+        assert b"can't be reached" in looked.stderr
+        assert b"hidden" not in looked.stderr
 
 
 def test_a_password_is_not_taken_from_the_command_line(tmp_path: Path) -> None:
