@@ -263,7 +263,8 @@ def _first_uses(
 
 
 def _parts(names: Iterable[str]) -> Iterator[list[str]]:
-    distinct = list(dict.fromkeys(names))
+    # A path may name what no ledger holds, and a server takes no text with a NUL in it: nobody is called that.
+    distinct = [name for name in dict.fromkeys(names) if "\0" not in name]
     return (distinct[start : start + VARIABLES_MAX] for start in range(0, len(distinct), VARIABLES_MAX))
 
 

@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from core.journal import queries
-from core.journal.answers import Done, KeyUnknown, OutcomeUnknown, StoreBusy
+from core.journal.answers import Done, KeyUnknown, OutcomeUnknown, Refused, StoreBusy
 from core.journal.append import Committed, Failed, FencedBy, Journal, NotBegun, NotTaken
 from core.journal.fence import Fenced, FenceOutcome, NotOurs, Raised, StoreWentBack
 from core.journal.room import Room
@@ -318,6 +318,13 @@ def test_a_connection_lost_in_commit_leaves_an_unknown_outcome_and_no_more_batch
         assert outcome.answers == (OutcomeUnknown(),)
         with pytest.raises(AssertionError):
             made.journal.write([])
+
+
+def test_a_name_that_no_server_could_hold_is_not_there_and_costs_the_others_nothing(tmp_path: Path) -> None:
+    with pen(tmp_path) as made:
+        refused, done = made.carry_out(books.closing("a\0"), opening("a"))
+        assert isinstance(refused, Refused)
+        assert isinstance(done, Done)
 
 
 def test_a_store_that_was_put_back_while_its_core_lives_is_not_written_on(
