@@ -5,10 +5,13 @@ needs. A text may name values in braces; in Korean no particle stands directly a
 nothing is said to be saved before the ledger has answered so.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
+from frontend.catalogue_books import TEXTS as BOOKS
+
 #: name -> language -> text
-TEXTS: Final[dict[str, dict[str, str]]] = {
+TEXTS: Final[dict[str, Mapping[str, str]]] = {
     "app_name": {"ko": "가계부", "en": "Household ledger"},
     "skip": {"ko": "본문으로 건너뛰기", "en": "Skip to the content"},
     "nav_label": {"ko": "주 메뉴", "en": "Main"},
@@ -374,6 +377,19 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
         "ko": "KRW나 USD 같은 통화 부호를 적어 주세요.",
         "en": "Please write a currency code such as KRW or USD.",
     },
+    "fault_debit_malformed": {
+        "ko": "금액은 숫자로 적어 주세요. 예: 12,000",
+        "en": "Please write the amount in digits, e.g. 1,234.50",
+    },
+    "fault_credit_malformed": {
+        "ko": "금액은 숫자로 적어 주세요. 예: 12,000",
+        "en": "Please write the amount in digits, e.g. 1,234.50",
+    },
+    "fault_debit_missing": {"ko": "금액을 적어 주세요.", "en": "Please type the amount."},
+    "fault_credit_too_many": {
+        "ko": "한 줄에는 한쪽 금액만 적어 주세요.",
+        "en": "Please write one side only in a line.",
+    },
     "fault_missing": {"ko": "적어 주세요.", "en": "Please fill this in."},
     "fault_empty": {"ko": "적어 주세요.", "en": "Please fill this in."},
     "fault_malformed": {"ko": "이렇게는 쓸 수 없어요.", "en": "This cannot be used."},
@@ -395,10 +411,13 @@ TEXTS: Final[dict[str, dict[str, str]]] = {
     "fault_other": {"ko": "확인해 주세요.", "en": "Please check this."},
     # Problems that only a page has
     "problem_home": {"ko": "처음 화면으로", "en": "To the overview"},
+    **BOOKS,
 }
 
 #: What the scripts of the pages need, by the same names.
 SCRIPT_WORDS: Final = (
+    "tx_even",
+    "tx_uneven",
     "sending",
     "waiting",
     "first_saved",

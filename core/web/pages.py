@@ -77,6 +77,7 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
         spent=seen.spent,
         repeated=pages_book.repeated(line.name for line in seen.spent),
         recent=seen.recent,
+        pendings=seen.pendings,
         charts=[(course, chart(course.months)) for course in seen.courses],
         currencies=CURRENCIES,
         currency_here=HOME_CURRENCY[reader.lang],

@@ -27,14 +27,16 @@ from core.journal.register import (
 )
 from core.ledger.accounts import Account, AccountType
 from core.ledger.course import Course, months_until
+from core.ledger.events import PostingLine
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import format_amount
 from core.ledger.overview import CategoryTotal, Flow, RegisterLine, Summary, category_name
-from core.ledger.views import EntryView
+from core.ledger.views import EntryView, TransactionView
 from core.web.intake import make_position, read_position
 
 BARS_MAX: Final = 12
 COURSES_MAX: Final = 3
+PENDINGS_MAX: Final = 5
 # Among these a household's first account is looked for; later ones stand in the order of the list.
 FIRST_RECORDS: Final = 200
 _GROUPS: Final = (*MONEY_TYPES, *CATEGORY_TYPES, AccountType.EQUITY)
@@ -43,7 +45,10 @@ _CREDITS: Final = frozenset({AccountType.INCOME, AccountType.EQUITY})
 
 
 class ShownAccount(msgspec.Struct, frozen=True):
-    """An account as pages show it: `balance` has the sign that people expect of this kind of account."""
+    """An account as pages show it: `balance` has the sign that people expect of this kind of account.
+
+    `pending` and `available` are None where nothing is pending on it.
+    """
 
     id: str
     name: str
@@ -51,6 +56,8 @@ class ShownAccount(msgspec.Struct, frozen=True):
     currency: str
     closed: bool
     balance: str
+    pending: str | None = None
+    available: str | None = None
 
 
 class OverviewPicture(msgspec.Struct, frozen=True):
@@ -68,6 +75,7 @@ class OverviewPicture(msgspec.Struct, frozen=True):
     spent: Sequence[CategoryTotal]
     recent: Sequence[EntryView]
     courses: Sequence[Course]
+    pendings: Sequence[TransactionView]
 
 
 class RegisterPicture(msgspec.Struct, frozen=True):
@@ -77,6 +85,23 @@ class RegisterPicture(msgspec.Struct, frozen=True):
     accounts: Sequence[ShownAccount]
     lines: Sequence[RegisterLine]
     next_cursor: str | None
+
+
+class ShownLine(msgspec.Struct, frozen=True):
+    """One line of a transaction, with what its account is called, on the side where it stands: one of the two is empty."""
+
+    account: str
+    name: str
+    currency: str
+    debit: str
+    credit: str
+
+
+class TransactionPicture(msgspec.Struct, frozen=True):
+    """A transaction, booked or pending, and its lines as the books have them."""
+
+    seen: TransactionView
+    lines: Sequence[ShownLine]
 
 
 class EntryPicture(msgspec.Struct, frozen=True):
@@ -107,6 +132,7 @@ def overview(
         spent=spent[:BARS_MAX],
         recent=list_entries(connection, HouseholdFilter(limit=recent_max), parked),
         courses=courses_of(connection, months_until(last_month))[:COURSES_MAX],
+        pendings=queries.list_pendings(connection, parked, limit=PENDINGS_MAX),
     )
 
 
@@ -148,6 +174,20 @@ def account_groups(connection: Connection) -> list[tuple[str, list[ShownAccount]
 def money_accounts(connection: Connection) -> list[ShownAccount]:
     """Return the open accounts that money moves on."""
     return _money_accounts(_accounts(connection))
+
+
+def transaction(
+    connection: Connection, transaction_id: str, parked: Container[int]
+) -> TransactionPicture | None:
+    """Return a transaction with what its accounts are called; None if none has this id."""
+    seen = queries.get_transaction(connection, transaction_id, parked)
+    if seen is None:
+        return None
+    named = {
+        one: queries.get_account(connection, one)
+        for one in dict.fromkeys(line.account for line in seen.postings)
+    }
+    return TransactionPicture(seen, [_shown_line(line, named[line.account]) for line in seen.postings])
 
 
 def entry(connection: Connection, entry_id: str, parked: Container[int]) -> EntryPicture | None:
@@ -214,9 +254,27 @@ def _category_names(accounts: Sequence[Account]) -> list[str]:
     return sorted({name for name in named if name is not None}, key=str.casefold)
 
 
+def _shown_line(line: PostingLine, account: Account | None) -> ShownLine:
+    name = _shown(account).name if account is not None else line.account
+    is_credit = line.amount.startswith("-")
+    return ShownLine(
+        line.account,
+        name,
+        line.currency,
+        "" if is_credit else line.amount,
+        line.amount.removeprefix("-") if is_credit else "",
+    )
+
+
 def _shown(account: Account) -> ShownAccount:
-    posted = -account.posted if account.type in _CREDITS else account.posted
     # The reserved account has a name for every language at once; pages say it in the reader's.
     name = (category_name(account) if account.type in CATEGORY_TYPES else account.name) or ""
-    balance = format_amount(posted, account.currency)
-    return ShownAccount(account.id, name, account.type.value, account.currency, account.closed, balance)
+    sign = -1 if account.type in _CREDITS else 1
+    told = [
+        format_amount(sign * amount, account.currency)
+        for amount in (account.posted, account.pending, account.available)
+    ]
+    beside = told[1:] if account.has_pending else [None, None]
+    return ShownAccount(
+        account.id, name, account.type.value, account.currency, account.closed, told[0], *beside
+    )

@@ -26,6 +26,7 @@ from frontend.catalogue_pages import TEXTS
 FORM_BYTES_MAX: Final = 64 << 10
 FIELDS_MAX: Final = 40
 KEY_FIELD: Final = "_idempotency_key"
+_NUMBERS: Final = "_0123456789"  # behind the name of a field that stands in several lines
 
 
 class Form(msgspec.Struct, frozen=True):
@@ -136,7 +137,9 @@ def sentences(request: Request, faults: tuple[Fault, ...]) -> dict[str, str]:
         name = fault.pointer.strip("/").partition("/")[0]
         reason = fault.reason.value
         known = next(
-            one for one in (f"fault_{name}_{reason}", f"fault_{reason}", "fault_other") if one in TEXTS
+            one
+            for one in (f"fault_{name.rstrip(_NUMBERS)}_{reason}", f"fault_{reason}", "fault_other")
+            if one in TEXTS
         )
         told.setdefault(name, TEXTS[known][lang])
     return told

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from core.web import pages, pages_imports, pages_wishes, static
+from core.web import pages, pages_imports, pages_transactions, pages_wishes, static
 from core.web.asking import Routes
 
 PAGES: Final[Routes] = {
@@ -13,6 +13,12 @@ PAGES: Final[Routes] = {
     "/entries": {"POST": pages_wishes.write_entry},
     "/entries/{id}": {"GET": pages.entry, "POST": pages_wishes.change_entry},
     "/entries/{id}/delete": {"POST": pages_wishes.delete_entry},
+    "/transactions": {"POST": pages_transactions.write_transaction},
+    "/transactions/new": {"GET": pages_transactions.new_transaction},
+    "/transactions/{id}": {"GET": pages_transactions.transaction},
+    "/transactions/{id}/reverse": {"POST": pages_transactions.reverse},
+    "/transactions/{id}/post": {"POST": pages_transactions.post},
+    "/transactions/{id}/void": {"POST": pages_transactions.void},
     "/import": {"GET": pages_imports.imports},
     "/import/{id}": {"GET": pages_imports.one_import},
     "/start": {"POST": pages_wishes.start},
