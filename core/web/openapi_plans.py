@@ -96,6 +96,15 @@ def two_phase_paths() -> dict[str, Any]:
                 body_required=False,
             ),
         },
+        "/api/ledger/transactions/{id}/expire": {
+            "post": post_of(
+                "Free what a pending transaction holds that has run out",
+                {"200": ref("PendingEnd")},
+                None,
+                path_of("id"),
+                body_required=False,
+            ),
+        },
         "/api/ledger/transactions/{id}/reverse": {
             "post": post_of(
                 "Book the opposite of a transaction, once; nothing is ever deleted",

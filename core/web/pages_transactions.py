@@ -26,7 +26,8 @@ from core.ledger.commands import (
 )
 from core.ledger.reasons import Fault, Reason
 from core.web import pages_book
-from core.web.asking import NAMED_MAX, accepted, left_out, read, service_of
+from core.web.asking import accepted, left_out, read, service_of
+from core.web.intake import NAMED_MAX
 from core.web.pages_answers import reader_of, show
 from core.web.pages_book import TransactionPicture
 from core.web.pages_forms import Drawn, Form, carry_out, go_on, read_form
@@ -134,7 +135,7 @@ async def post(request: Request) -> Response:
 
     async def wish() -> Response:
         command = accepted(post_pending(wanted, PendingPostBody(), service_of(request).new_id()))
-        made = await carry_out(request, form, "transaction.post-pending", command)
+        made = await carry_out(request, form, "pending.post", command)
         return go_on(request, f"/transactions/{made['id']}", "tx_posted", id=made["id"])
 
     return await granted(request, form, wish)
@@ -146,7 +147,7 @@ async def void(request: Request) -> Response:
     wanted: str = request.path_params["id"]
 
     async def wish() -> Response:
-        await carry_out(request, form, "transaction.void", VoidPending(wanted))
+        await carry_out(request, form, "pending.void", VoidPending(wanted))
         return go_on(request, f"/transactions/{wanted}", "tx_voided", id=wanted)
 
     return await granted(request, form, wish)

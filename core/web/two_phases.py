@@ -11,6 +11,8 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from core.ledger.commands import (
+    ExpirePending,
+    NoBody,
     PendingPostBody,
     ReverseTransaction,
     VoidPending,
@@ -40,6 +42,14 @@ async def void(request: Request) -> Response:
     return await carry_out(request, "pending.void", command, body)
 
 
+async def expire(request: Request) -> Response:
+    """POST /api/ledger/transactions/{id}/expire: what has run out is freed, as the scheduler would do it in its next round."""
+    body = await read_body(request, service_of(request).settings.body_bytes_max)
+    if body:
+        decode_body(body, NoBody)
+    return await carry_out(request, "pending-expiry", ExpirePending(_named_in_path(request)), body)
+
+
 async def reverse(request: Request) -> Response:
     """POST /api/ledger/transactions/{id}/reverse: what is booked is taken back by its opposite."""
     service = service_of(request)
@@ -64,5 +74,6 @@ def _named_in_path(request: Request) -> str:
 ROUTES: Final[Routes] = {
     "/api/ledger/transactions/{id}/post": {"POST": post},
     "/api/ledger/transactions/{id}/void": {"POST": void},
+    "/api/ledger/transactions/{id}/expire": {"POST": expire},
     "/api/ledger/transactions/{id}/reverse": {"POST": reverse},
 }
