@@ -56,7 +56,8 @@ def foot(paper: Paper) -> Iterator[str]:
         return
     for account in sorted(paper.accounts.values(), key=lambda one: paper.names.accounts[one.id]):
         name, currency = paper.names.accounts[account.id], paper.names.currencies[account.currency]
-        yield f"{day} balance {name}  {format_amount(account.posted, account.currency)} {currency}\n"
+        # Without a tolerance of its own the smallest unit could be off.
+        yield f"{day} balance {name}  {format_amount(account.posted, account.currency)} ~ 0 {currency}\n"
         if account.closed:
             yield f"{day} close {name}\n"
 

@@ -1,9 +1,8 @@
 """`GET /api/ledger/export`: the whole book as a file, of one moment.
 
-CSV has a line for each posting, for a spreadsheet; JSON has each transaction as the API shows it, for a program; the other two
-are plain-text ledgers (`core/exporting/`). The
-answer is streamed as the client takes it, and it says in a header up to which event it goes. Not chosen: to make the
-file first and send it then; a large book would need the room of a second one.
+CSV has a line for each posting, for a spreadsheet; JSON has each transaction as the API shows it, for a program; the other
+two are plain-text ledgers (`core/exporting/`). The answer is streamed as the client takes it, and it says in a header up to
+which event it goes. Not chosen: to make the file first and send it then; a large book would need the room of a second one.
 """
 
 import csv

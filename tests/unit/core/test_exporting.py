@@ -186,6 +186,29 @@ def test_both_programs_accept_every_kind_of_text_and_agree_on_every_balance(
         agreed(made, tmp_path, tools)
 
 
+def test_a_balance_that_is_off_by_the_smallest_unit_is_refused_by_both_programs(
+    tmp_path: Path, tools: dict[str, str]
+) -> None:
+    with pen(tmp_path) as made:
+        made.carry_out(
+            opening("bank", currency="USD"),
+            opening("food", currency="USD"),
+            moving(1_000, "food", "bank", "USD"),
+        )
+        for printer, name in ((beancount, "beancount"), (hledger, "hledger")):
+            text = written(made, printer)
+            assert text.count("10.00") >= 3
+            head, _, foot = text.rpartition("10.00")
+            file = tmp_path / f"off.{name}"
+            file.write_text(f"{head}10.01{foot}", encoding="utf-8")
+            argv = (
+                [tools[name], str(file)] if name == "beancount" else [tools[name], "-f", str(file), "check"]
+            )
+            assert subprocess.run(argv, capture_output=True, check=False).returncode != 0
+            file.write_text(text, encoding="utf-8")
+            run(*argv)
+
+
 def test_an_empty_book_is_accepted_too(tmp_path: Path, tools: dict[str, str]) -> None:
     with pen(tmp_path) as made:
         agreed(made, tmp_path, tools)
