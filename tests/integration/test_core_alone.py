@@ -130,7 +130,7 @@ def test_refusals_name_the_field_in_the_readers_language(core: Core) -> None:
             "unbalanced",
             "/postings",
         ),
-        ({"state": "pending"}, "invalid-body", "/state"),
+        ({"state": "later"}, "invalid-body", "/state"),
         ({"colour": "red"}, "invalid-body", "/colour"),
         ({"date": None}, "invalid-body", "/date"),
         (
