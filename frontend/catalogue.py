@@ -364,6 +364,8 @@ LABELS: Final[dict[str, tuple[str, str]]] = {
     "dead_letters": ("따로 보관한 요청", "Set aside"),
     "dead_letters_aside": ("{count}건 (`hardcore dlq`로 봐요)", "{count} (see `hardcore dlq`)"),
     "verified": ("장부 확인", "Ledger checked"),
+    "backup": ("백업", "Backup"),
+    "backup_kept": ("{made_at} (모두 {count}개)", "{made_at} ({count} kept)"),
     "safe": ("읽기만 하는 이유", "Reads only"),
     "safe_by": ("안전 모드", "Safe mode"),
     "safe_by_operator": (

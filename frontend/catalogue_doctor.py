@@ -103,6 +103,22 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
         "알림을 꺼 두었어요. 남은 시간: {minutes}분",
         "Alerts are muted for {minutes} more minutes.",
     ),
+    "backups": (
+        "백업 {count}개, 가장 새것은 {hours}시간 전 것이에요. 가끔 다른 디스크에도 두세요 (hardcore backup --to 폴더).",
+        "{count} backups, the newest {hours} hours old. Keep one on another disk too (hardcore backup --to FOLDER).",
+    ),
+    "backups_later": (
+        "백업은 장부를 쓰기 시작하면 날마다 스스로 만들어요.",
+        "Backups are made each day by themselves, once the ledger is in use.",
+    ),
+    "backups_none": (
+        "확인된 백업이 아직 없어요. 지금 `hardcore backup`을 하세요. 날마다 스스로도 만들어요.",
+        "There is no proven backup yet. Run `hardcore backup` now; one is made each day by itself too.",
+    ),
+    "backups_old": (
+        "가장 새 백업이 {days}일 전 것이에요 ({file}). `hardcore backup`을 하고, 안 되면 `hardcore logs`를 보세요.",
+        "The newest backup is {days} days old ({file}). Run `hardcore backup`; if it fails, see `hardcore logs`.",
+    ),
     "checkpoints": (
         "다시 켤 때 쓸 수 있는 장부 확인점: {count}개",
         "Checkpoints of the ledger that a start may go by: {count}",

@@ -22,6 +22,7 @@ from frontend.catalogue import next_step, refused_words, text
 from frontend.catalogue_evidence import in_korean
 from hardcore import status
 from hardcore.control import client
+from hardcore.host import backups
 from hardcore.host.folders import Folders, locate
 from hardcore.lines import wrapped
 from hardcore.model.phases import Wanted
@@ -151,9 +152,10 @@ def operator(command: Callable[..., None]) -> Callable[..., None]:
 def status_of(asked: Asked) -> dict[str, Any]:
     """Return the status, from the guard or from its files when it is gone."""
     try:
-        return status.whole(client.ask(asked.folders.control, {"verb": "status"}))
+        told = status.whole(client.ask(asked.folders.control, {"verb": "status"}))
     except client.Unreachable:
-        return status.from_files(asked.folders)
+        told = status.from_files(asked.folders)
+    return told | {"backup": msgspec.structs.asdict(backups.kept_in(asked.folders.data))}
 
 
 def ask_policy(folders: Folders) -> Policy | None:

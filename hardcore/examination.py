@@ -21,7 +21,7 @@ import msgspec
 from frontend.catalogue_doctor import doctor_text
 from hardcore import standing
 from hardcore.asked import Asked, ask_policy, is_held, operator, status_of
-from hardcore.host import capability, clock, disk, files, memory, muting
+from hardcore.host import backups, capability, clock, disk, files, memory, muting
 from hardcore.host.folders import Folders
 from hardcore.lines import wrapped
 from hardcore.model.verdicts import Colour
@@ -39,6 +39,7 @@ MB = 1 << 20
 DUMP_MS = 1000
 #: None of the guard's own small files is larger.
 OWN_FILE_BYTES_MAX = 4 << 20
+BACKUP_STALE_S = 48 * 3_600  # one is made each day; a day may be missed
 #: The household's own bank formats, beside its ledger; as the ledger bounds them.
 FORMATS = "formats"
 FORMATS_MAX = 200
@@ -104,6 +105,7 @@ def examine(folders: Folders) -> list[Finding]:
         _spare,
         _alerts,
         _checkpoints,
+        _backups,
         _own_files,
         _formats,
         _evidence,
@@ -265,6 +267,23 @@ def _checkpoints(folders: Folders) -> Iterable[Finding]:
     """Count the checkpoints that a start may go by. Whether one is whole is judged by whoever uses it."""
     count = sum(1 for _ in folders.checkpoints.glob("*.json"))
     yield _found("checkpoints", Colour.GREEN, "checkpoints" if count else "checkpoints_none", count=count)
+
+
+def _backups(folders: Folders) -> Iterable[Finding]:
+    """Look whether there is a backup, and a fresh one; where nothing was ever served none is missed."""
+    kept = backups.kept_in(folders.data)
+    age_s = backups.age_s(kept, time.time())
+    if age_s is None:
+        served = folders.generation.exists()
+        yield _found(
+            "backups",
+            Colour.YELLOW if served else Colour.GREEN,
+            "backups_none" if served else "backups_later",
+        )
+    elif age_s > BACKUP_STALE_S:
+        yield _found("backups", Colour.YELLOW, "backups_old", days=int(age_s // 86_400), file=kept.name)
+    else:
+        yield _found("backups", Colour.GREEN, "backups", count=kept.count, hours=max(0, int(age_s // 3_600)))
 
 
 def _own_files(folders: Folders) -> Iterable[Finding]:

@@ -83,6 +83,11 @@ def _shape() -> dict[str, Any]:
         "last_incident": None,
         "dead_letters": 0,  # in force: whose commands and events are set aside now
         "ledger_verified_at": None,
+        "backup": {
+            "name": None,
+            "made_at": None,
+            "count": 0,
+        },  # the newest that was proven; looked up by whoever asks
     }
 
 

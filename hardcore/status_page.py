@@ -48,6 +48,8 @@ def printed_status(told: dict[str, Any], lang: str) -> str:
     if told["dead_letters"]:
         rows.append(("dead_letters", label("dead_letters_aside", lang).format(count=told["dead_letters"])))
     rows.append(("verified", told["ledger_verified_at"] or none))
+    kept = told["backup"]
+    rows.append(("backup", label("backup_kept", lang).format(**kept) if kept["made_at"] else none))
     estimate = told.get("estimate", {})
     if estimate.get("samples"):
         key = "estimate_score" if estimate["scored"] else "estimate_none"

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
+from core.keeping.shelf import newest
 from tests.integration.clients import at_work
 from tests.integration.house import House, run_cli
+from tests.integration.lone_core import ready, started
 from tests.waiting import until
 
 
@@ -34,3 +36,34 @@ def test_a_backup_made_under_load_is_gone_back_to_elsewhere_and_holds_what_was_b
     rehearsed = house.cli("--json", "drill", "restore")
     assert rehearsed.code == 0, rehearsed
     assert rehearsed.told["restore"]["backup"] == Path(made.told["path"]).name
+
+
+def test_a_core_makes_one_backup_a_day_by_itself_and_frees_what_has_run_out(tmp_path: Path) -> None:
+    def lies_there() -> list[str]:
+        folder = tmp_path / "data" / "backups"
+        return [path.name for path in folder.iterdir()] if folder.is_dir() else []
+
+    quick = {"CORE_BACKUP_AFTER_MS": "0", "CORE_SCHEDULE_EVERY_MS": "20"}
+    with started(tmp_path / "data", **quick) as core:
+        ready(core).open("bank")
+        core.open("food", "expense")
+        until(lambda: newest(lies_there()), "the first backup")
+    with started(tmp_path / "data", **quick) as core:
+        lines = [{"account": "food", "amount": "5", "currency": "KRW"}]
+        lines.append({"account": "bank", "amount": "-5", "currency": "KRW"})
+        body = {
+            "date": "2026-11-23",
+            "description": "held",
+            "state": "pending",
+            "timeout_s": 1,
+            "postings": lines,
+        }
+        held = ready(core).ask("POST", "/api/ledger/transactions", body).body["id"]
+        path = f"/api/ledger/transactions/{held}"
+        # By then the scheduler of this life has made its rounds, and freed what has run out.
+        until(
+            lambda: core.ask("GET", path).body["state"] == "expired", "the scheduler to free what has run out"
+        )
+        balances = core.ask("GET", "/api/ledger/accounts/bank").body["balances"]
+    assert balances == {"posted": "0", "pending": "0", "available": "0"}
+    assert len(lies_there()) == 2  # one copy, and what is known of it
