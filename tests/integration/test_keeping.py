@@ -1,5 +1,6 @@
 """Backing up while everything is at work, going back to it, and what is refused on the way."""
 
+from functools import partial
 from pathlib import Path
 
 from core.keeping.shelf import newest
@@ -43,12 +44,12 @@ def test_a_core_makes_one_backup_a_day_by_itself_and_frees_what_has_run_out(tmp_
         folder = tmp_path / "data" / "backups"
         return [path.name for path in folder.iterdir()] if folder.is_dir() else []
 
-    quick = {"CORE_BACKUP_AFTER_MS": "0", "CORE_SCHEDULE_EVERY_MS": "20"}
-    with started(tmp_path / "data", **quick) as core:
+    quick = partial(started, tmp_path / "data", CORE_BACKUP_AFTER_MS="0", CORE_SCHEDULE_EVERY_MS="20")
+    with quick() as core:
         ready(core).open("bank")
         core.open("food", "expense")
         until(lambda: newest(lies_there()), "the first backup")
-    with started(tmp_path / "data", **quick) as core:
+    with quick() as core:
         lines = [{"account": "food", "amount": "5", "currency": "KRW"}]
         lines.append({"account": "bank", "amount": "-5", "currency": "KRW"})
         body = {
