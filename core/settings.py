@@ -153,6 +153,8 @@ def _server(address: str | None, data: Path | None) -> Server | str | None:
     if not address and data is not None:
         try:
             address = stored_address(data)
+        except NotADirectoryError:
+            return None  # there is no such folder, which is for the one to say who makes it
         except OSError as error:
             return f"{data / STORE_FILE}, which says where the ledger lies, can't be read ({error.strerror})."
     server = server_at(address) if address else None
