@@ -6,6 +6,7 @@ like a fault. So a page asks once, on a reader's thread, and gets a picture; how
 """
 
 import calendar
+import datetime as dt
 import urllib.parse
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -15,7 +16,7 @@ from typing import Final
 import msgspec
 from sqlalchemy import Connection
 
-from core.journal import queries
+from core.journal import planned, queries
 from core.journal.register import (
     HouseholdFilter,
     Position,
@@ -26,17 +27,20 @@ from core.journal.register import (
     summary_of,
 )
 from core.ledger.accounts import Account, AccountType
+from core.ledger.budgets import BudgetLine
 from core.ledger.course import Course, months_until
 from core.ledger.events import PostingLine
 from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import format_amount
 from core.ledger.overview import CategoryTotal, Flow, RegisterLine, Summary, category_name
+from core.ledger.plan_views import RecurringView
 from core.ledger.views import EntryView, TransactionView
 from core.web.intake import make_position, read_position
 
 BARS_MAX: Final = 12
 COURSES_MAX: Final = 3
 PENDINGS_MAX: Final = 5
+RECURRING_MAX: Final = 200
 # Among these a household's first account is looked for; later ones stand in the order of the list.
 FIRST_RECORDS: Final = 200
 _GROUPS: Final = (*MONEY_TYPES, *CATEGORY_TYPES, AccountType.EQUITY)
@@ -102,6 +106,16 @@ class TransactionPicture(msgspec.Struct, frozen=True):
 
     seen: TransactionView
     lines: Sequence[ShownLine]
+
+
+class PlansPicture(msgspec.Struct, frozen=True):
+    """A month's budgets, the categories that have none, what comes back, and what the forms can choose from."""
+
+    budgets: Sequence[BudgetLine]
+    free: Sequence[ShownAccount]
+    items: Sequence[RecurringView]
+    money_accounts: Sequence[ShownAccount]
+    categories: Sequence[str]
 
 
 class EntryPicture(msgspec.Struct, frozen=True):
@@ -188,6 +202,31 @@ def transaction(
         for one in dict.fromkeys(line.account for line in seen.postings)
     }
     return TransactionPicture(seen, [_shown_line(line, named[line.account]) for line in seen.postings])
+
+
+def plans(
+    connection: Connection, month: str, days: tuple[str, str], today: dt.date, parked: Container[int]
+) -> PlansPicture:
+    """Return what the page of plans shows of a month, given with its first and last day."""
+    accounts = _accounts(connection)
+    budgets = planned.budgets_of(connection, month, *days)
+    taken = {line.account for line in budgets}
+    kinds = (AccountType.EXPENSE, AccountType.INCOME)
+    free = [one for one in accounts if one.type in kinds and not one.closed and one.id not in taken]
+    return PlansPicture(
+        budgets=budgets,
+        free=[_shown(one) for one in sorted(free, key=_place_in_list)],
+        items=planned.list_recurring(connection, None, RECURRING_MAX, today, parked),
+        money_accounts=_money_accounts(accounts),
+        categories=_category_names(accounts),
+    )
+
+
+def recurring(
+    connection: Connection, item_id: str, today: dt.date, parked: Container[int]
+) -> RecurringView | None:
+    """Return a recurring item with what became of its last days; None if none has this id."""
+    return planned.get_recurring(connection, item_id, today, parked)
 
 
 def entry(connection: Connection, entry_id: str, parked: Container[int]) -> EntryPicture | None:

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from core.web import pages, pages_imports, pages_transactions, pages_wishes, static
+from core.web import pages, pages_imports, pages_plans, pages_transactions, pages_wishes, static
 from core.web.asking import Routes
 
 PAGES: Final[Routes] = {
@@ -19,6 +19,11 @@ PAGES: Final[Routes] = {
     "/transactions/{id}/reverse": {"POST": pages_transactions.reverse},
     "/transactions/{id}/post": {"POST": pages_transactions.post},
     "/transactions/{id}/void": {"POST": pages_transactions.void},
+    "/plans": {"GET": pages_plans.plans},
+    "/plans/budgets": {"POST": pages_plans.budget},
+    "/plans/recurring": {"POST": pages_plans.recurring},
+    "/plans/recurring/{id}": {"GET": pages_plans.one_recurring},
+    "/plans/recurring/{id}/end": {"POST": pages_plans.end_recurring},
     "/import": {"GET": pages_imports.imports},
     "/import/{id}": {"GET": pages_imports.one_import},
     "/start": {"POST": pages_wishes.start},

@@ -14,11 +14,11 @@ from tests.unit.frontend.test_days import TODAY
 ROOT = Path(__file__).parents[3]
 OWN = (
     "base", "parts", "overview", "register", "entry", "accounts", "imports", "import", "problem", "transaction",
-    "transaction_new",
+    "transaction_new", "plans", "recurring",
 )  # fmt: skip
 TEMPLATES = [ROOT / "templates" / f"{name}.html.j2" for name in OWN]
 SCRIPTS = sorted((ROOT / "frontend" / "static").glob("*.js"))
-CSS_GZIP_BYTES_MAX = 5 << 10
+CSS_GZIP_BYTES_MAX = 6 << 10
 SCRIPTS_GZIP_BYTES_MAX = 20 << 10  # both languages, and those of the import page and of the full form
 
 
