@@ -105,6 +105,8 @@ async def recurring(request: Request) -> Response:
     async def wish() -> Response:
         amount = read_amount(form.text("money")) or NO_AMOUNT
         every = form.text("every")
+        # The choice of an account says its currency too (`bank KRW`).
+        account, _, currency = form.text("from").partition(" ")
         fits = every.isascii() and every.isdigit() and len(every) <= EVERY_DIGITS_MAX
         body = RecurringBody(
             title=form.text("title"),
@@ -113,7 +115,8 @@ async def recurring(request: Request) -> Response:
             end=form.text("end") or None,
             entry=EntryTemplate(
                 amount if form.text("kind") == "in" else f"-{amount}",
-                account=form.text("from") or None,
+                currency=currency or None,
+                account=account or None,
                 category=form.text("category") or None,
                 description=form.text("title"),
             ),

@@ -58,7 +58,7 @@ def test_what_comes_back_is_booked_on_its_days_and_each_of_them_is_told(
 ) -> None:
     start = dt.date.today() - dt.timedelta(days=1)  # noqa: DTZ011  the core goes by the same calendar
     wish = {
-        "title": "신문", "kind": "out", "money": "1,500", "from": ids["생활비 통장"], "category": "여가",
+        "title": "신문", "kind": "out", "money": "1,500", "from": f"{ids['생활비 통장']} KRW", "category": "여가",
         "unit": "day", "every": "1", "start": start.isoformat(), "end": "",
     }  # fmt: skip
     assert post(core, "/plans/recurring", wish).status == 303
@@ -69,6 +69,7 @@ def test_what_comes_back_is_booked_on_its_days_and_each_of_them_is_told(
     )
     listed = words(get(core, "/plans", Accept_Language="ko").text)
     assert "신문 날마다 · 다음" in listed
+    assert "−1,500원" in listed
     assert post(core, f"{path}/end", {}).headers["location"] == "/plans"
     assert "신문" not in words(get(core, "/plans", Accept_Language="ko").text)
     assert "끝냈어요" in get(core, path, Accept_Language="ko").text
@@ -90,7 +91,7 @@ def test_a_fault_is_told_at_its_field(
 ) -> None:
     fields = {
         "month": "2026-11", "budget_account": ids["교통"], "budget_amount": "5", "title": "월세", "kind": "out",
-        "money": "10", "from": ids["현금"], "unit": "month", "every": "1", "start": "2026-11-01", "end": "",
+        "money": "10", "from": f"{ids['현금']} KRW", "unit": "month", "every": "1", "start": "2026-11-01", "end": "",
     }  # fmt: skip
     page = post(core, path, fields | changed, Accept_Language="ko")
     assert page.status == 422, page.text
