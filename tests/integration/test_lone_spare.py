@@ -12,6 +12,7 @@ from websockets.sync.client import ClientConnection, unix_connect
 from websockets.typing import Subprotocol
 
 from core.build import own_build
+from core.journal.schema import SCHEMA_VERSION
 from hardcore.model.recorder import LifeState
 from tests.integration.lone_core import verify
 from tests.integration.test_imports import form, statement
@@ -68,7 +69,7 @@ def test_a_spare_says_what_it_is_and_serves_nothing_before_it_is_promoted(
         "X_SPARE": "1",
         "X_BUILD": own_build(),
         "X_CONTROL": "2",
-        "X_SCHEMA": "4",
+        "X_SCHEMA": str(SCHEMA_VERSION),
     }
     assert spare.state() is LifeState.SPARE
     assert spare.page().beats.epoch == 0
