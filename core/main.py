@@ -29,7 +29,7 @@ from core.journal.rebuilding import Rebuilding
 from core.journal.store import LEDGER_FILE, Server, StoreError, StoreFault, close_writing, writing
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
-from core.keeping.commands import backup, restore
+from core.keeping.commands import backup, log, restore
 from core.lifetime import Life, said
 from core.lock_holder import SECONDS_MAX, hold_lock
 from core.quick_verdict import verify_quickly
@@ -184,6 +184,7 @@ def hold_ledger(data: Path, seconds: int) -> NoReturn:
 cli.add_command(try_cases)
 cli.add_command(rehearse_restore)
 cli.add_command(backup)
+cli.add_command(log)
 cli.add_command(restore)
 
 

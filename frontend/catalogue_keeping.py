@@ -29,6 +29,19 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
         "이 폴더의 장부가 켜져 있어요. 먼저 `hardcore down`으로 끄고 폴더를 옮겨 두세요.",
         "The ledger of this folder is running. Stop it with `hardcore down` and move the folder aside first.",
     ),
+    "log_export_begun": ("기록 전체를 쓰고 있어요.", "Writing the whole log."),
+    "log_written": (
+        "기록 전체를 썼어요: {file}\n돌아올 때는: hardcore --data 빈폴더 log import 파일",
+        "The whole log is in {file}\nTo come back with it: hardcore --data EMPTY log import FILE",
+    ),
+    "log_import_begun": (
+        "기록을 읽으며 하나하나 확인하고 있어요.",
+        "Reading the log and proving every link of it.",
+    ),
+    "log_taken": (
+        "기록에서 장부를 만들었어요: {data} (기록 {events}건, 모두 확인했어요)\n시작하려면: {command} up",
+        "The log is a ledger now, in {data}: {events} events, all proven.\nTo start it: {command} up",
+    ),
     "failed": ("하지 못했어요: {why}", "It could not be done: {why}"),
     "no_answer": (
         "작업이 답 없이 끝났어요 (종료 코드 {code}). `hardcore doctor`를 해 보세요.",

@@ -68,6 +68,40 @@ def restore(asked: Asked, file: Path) -> None:
     _say(asked, "restored", events=found["events"], data=asked.data.absolute(), command=asked.command)
 
 
+@click.group()
+def log() -> None:
+    """Take the whole log along, or begin with one.
+
+    The log is everything: each event with its hash, each key with its answer, as lines of JSON that any program can read and
+    prove. It is also the way from a file into a server's ledger and back (docs/leaving.md).
+    """
+
+
+@log.command("export")
+@click.option(
+    "--out", type=click.Path(path_type=Path, dir_okay=False), help="A file; else the log is printed."
+)
+@operator
+def export_log(asked: Asked, out: Path | None) -> None:
+    """Write the whole log, of this moment; the ledger goes on working meanwhile."""
+    if out is None:
+        argv = [sys.executable, "-I", "-m", "core", "log", "export", "--data", str(asked.folders.data)]
+        sys.exit(subprocess.run(argv, check=False).returncode)
+    _done(asked, "log_export", "--out", str(out.absolute()))
+    _say(asked, "log_written", file=out.absolute())
+
+
+@log.command("import")
+@click.argument("file", type=click.Path(path_type=Path))
+@operator
+def import_log(asked: Asked, file: Path) -> None:
+    """Make a ledger out of a log, in a data folder that holds none. Every link is proven on the way."""
+    if is_kept(asked.folders):
+        asked.fail(keeping_text("runs", asked.lang))
+    found = _done(asked, "log_import", "--", str(file.absolute()))
+    _say(asked, "log_taken", events=found["events"], data=asked.data.absolute(), command=asked.command)
+
+
 def _say(asked: Asked, key: str, **values: object) -> None:
     if not asked.json:
         click.echo(keeping_text(key, asked.lang, **values))
@@ -75,7 +109,7 @@ def _say(asked: Asked, key: str, **values: object) -> None:
 
 def _done(asked: Asked, word: str, *words: str) -> dict[str, Any]:
     """Have it done by the ledger's side and return what came of it; a no ends the command."""
-    argv = [sys.executable, "-I", "-m", "core", word, "--data", str(asked.folders.data), "--json"]
+    argv = [sys.executable, "-I", "-m", "core", *word.split("_"), "--data", str(asked.folders.data), "--json"]
     if not asked.json:
         _say(asked, f"{word}_begun")
     try:

@@ -151,6 +151,14 @@ class Batch(msgspec.Struct):
         self._keep(order, answer, place.seq)
         return answer
 
+    def follow(self, row: EventRow, event: Event) -> None:
+        """Take in an event of another book as it stands there, with its number, its epoch and its hash."""
+        self.events.append(msgspec.structs.asdict(row))
+        self.epoch, self.head_seq, self.head_hash = row.epoch, row.seq, row.hash
+        self.happened.append((row.seq, event))
+        self.book.update(evolve(self.book.accounts, event))
+        self._project(event, row.seq)
+
     @property
     def is_empty(self) -> bool:
         """Whether there is nothing to write."""

@@ -25,7 +25,12 @@ from core.settings import Settings
 
 TOLD_EVERY_S: Final = 0.2
 POLITE: Final = 19
-_DOING: Final = {"copying": "Copying the ledger", "proving": "Proving the copy"}
+_DOING: Final = {
+    "copying": "Copying the ledger",
+    "proving": "Proving the copy",
+    "taking": "Taking the log in",
+    "telling": "Writing the log",
+}
 
 
 @click.command("backup")
@@ -100,6 +105,60 @@ def restore(data: Path, file: Path, *, as_json: bool) -> None:
         click.echo(msgspec.json.encode({"ok": True, **msgspec.to_builtins(found)}).decode())
     else:
         click.echo(f"The ledger is back in {data}: {found.events} events, proven, head {found.head}.")
+
+
+@click.group("log")
+def log() -> None:
+    """The whole log out and in, as lines of JSON."""
+
+
+@log.command("export")
+@click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
+@click.option("--out", type=click.Path(path_type=Path, dir_okay=False, allow_dash=True), default="-")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object; needs --out.")
+def export_log(data: Path, out: Path, *, as_json: bool) -> None:
+    """Write the whole log of a ledger, at work or at rest: each event with its hash, and each key."""
+    data = data.absolute()
+    settings = Settings.read(os.environ, data)
+    if isinstance(settings, list):
+        _refuse(" ".join(settings), ExitCode.CONFIG_INVALID, as_json=as_json)
+    where = settings.ledger(data)
+    if isinstance(where, Path) and not where.is_file():
+        _refuse(
+            f"There is no ledger in {data}: name its folder with --data.",
+            ExitCode.CONFIG_INVALID,
+            as_json=as_json,
+        )
+    writing = importlib.import_module("core.keeping.writing_out")
+    told = _progress()
+    written = _ended_cleanly(
+        lambda: writing.write_log(where, out, lambda seq, of: told("telling", 100 * seq // max(1, of)))
+    )
+    _clear()
+    if isinstance(written, str):
+        _refuse(written, ExitCode.CONFIG_INVALID, as_json=as_json)
+    if as_json:
+        click.echo(msgspec.json.encode({"ok": True, "path": str(out), "bytes": written}).decode())
+
+
+@log.command("import")
+@click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+@click.argument("file", type=click.Path(path_type=Path))
+def import_log(data: Path, file: Path, *, as_json: bool) -> None:
+    """Make a ledger out of a whole log, in a folder that holds none; every link is proven on the way."""
+    restoring = importlib.import_module("core.keeping.restoring")
+    told = _progress()
+    found = _ended_cleanly(lambda: restoring.restore_log(file.absolute(), data.absolute(), LEDGER_FILE, told))
+    _clear()
+    if isinstance(found, restoring.NotRestored):
+        _refuse(found.sentence, ExitCode.CONFIG_INVALID, as_json=as_json)
+    if as_json:
+        click.echo(msgspec.json.encode({"ok": True, **msgspec.to_builtins(found)}).decode())
+    else:
+        click.echo(
+            f"The ledger of {data} holds what the log says: {found.events} events, proven, head {found.head}."
+        )
 
 
 def _ended_cleanly(work: Callable[[], Any]) -> Any:

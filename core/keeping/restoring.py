@@ -8,17 +8,20 @@ as ever. Nothing is ever written over: going back beside a ledger that lives wou
 
 import os
 import shutil
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 import msgspec
 
 from core.departure import Departure
 from core.guarded.recorder import NoRecorder
 from core.journal import disk, schema
+from core.journal.log_lines import LINE_BYTES_MAX
+from core.journal.log_out import Unusable, take_in
 from core.journal.room import ROOM_BYTES_MIN, free_bytes
-from core.journal.store import StoreFault, copy_beside_work, settle
+from core.journal.store import StoreError, StoreFault, copy_beside_work, settle
 from core.keeping.making import Told, prove
 from core.keeping.shelf import SUFFIX, Note
 from core.rulings import RULES, Rulings
@@ -26,7 +29,6 @@ from core.settings import Settings
 from core.trying.life import open_copy
 
 PLACE: Final = ".restoring"
-_OLDER: Final = "schema_version"
 
 
 class NotRestored(msgspec.Struct, frozen=True):
@@ -37,7 +39,19 @@ class NotRestored(msgspec.Struct, frozen=True):
 
 def restore(copy: Path, data: Path, ledger_name: str, settings: Settings, told: Told) -> Note | NotRestored:
     """Lay a copy down as the ledger of a folder, and return what it holds. Blocks, for minutes perhaps."""
-    refused = _refusal(copy, data, ledger_name)
+    return _in_place(copy, data, ledger_name, lambda target: _restored(copy, data, target, settings, told))
+
+
+def restore_log(log: Path, data: Path, ledger_name: str, told: Told) -> Note | NotRestored:
+    """Make the ledger of a folder out of a whole log, and return what it holds. Blocks, for minutes perhaps."""
+    return _in_place(log, data, ledger_name, lambda target: _taken_in(log, data, target, told))
+
+
+def _in_place(
+    source: Path, data: Path, ledger_name: str, make: Callable[[Path], Note | NotRestored]
+) -> Note | NotRestored:
+    """Have a ledger made in a place of its own within a folder that has none; nothing else of it is left."""
+    refused = _refusal(source, data, ledger_name)
     if refused is not None:
         return refused
     place = data / PLACE
@@ -46,7 +60,7 @@ def restore(copy: Path, data: Path, ledger_name: str, settings: Settings, told: 
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(mode=0o700)
         try:
-            return _restored(copy, data, place / ledger_name, settings, told)
+            return make(place / ledger_name)
         finally:
             shutil.rmtree(place, ignore_errors=True)
     except OSError as error:
@@ -57,7 +71,7 @@ def restore(copy: Path, data: Path, ledger_name: str, settings: Settings, told: 
 
 def _refusal(copy: Path, data: Path, ledger_name: str) -> NotRestored | None:
     if not copy.is_file():
-        return NotRestored(f"There is no file {copy}: name a backup, such as one in DATA/backups.")
+        return NotRestored(f"There is no file {copy}: name a backup, such as one in DATA/backups, or a log.")
     if (data / ledger_name).exists() or (data / RULES).exists():
         return NotRestored(
             f"There is a ledger in {data}, and nothing is written over it: give an empty folder with --data, or move"
@@ -95,6 +109,27 @@ def _restored(copy: Path, data: Path, target: Path, settings: Settings, told: To
         return NotRestored(f"{copy} can't be gone back to: {found}. Choose another backup.")
     _lay_down(target, data, rules)
     return found
+
+
+def _taken_in(log: Path, data: Path, target: Path, told: Told) -> Note | NotRestored:
+    with log.open("rb") as lines:
+        made = take_in(_bounded(lines), target, lambda seq, of: told("taking", 100 * seq // max(1, of)))
+    if isinstance(made, StoreError):
+        return NotRestored(f"The ledger could not be written ({made.text}).")
+    if isinstance(made, Unusable):
+        where = f"line {made.line} of {log}" if made.line else str(log)
+        return NotRestored(f"Nothing was taken in: {where}: {made.why}. Export the log once more.")
+    found = prove(target, Rulings().rebuilding, told)
+    if isinstance(found, str):
+        return NotRestored(f"Nothing was taken in: what came of {log} does not hold: {found}.")
+    _lay_down(target, data, None)
+    return found
+
+
+def _bounded(lines: IO[bytes]) -> Iterator[bytes]:
+    """Give the lines of a file, none longer than one may be: a stranger's file may have no end of line at all."""
+    while line := lines.readline(LINE_BYTES_MAX):
+        yield line
 
 
 def _rules_beside(copy: Path) -> str | None:

@@ -45,6 +45,7 @@ CORE_FILE_ROOMS: Final = {
     "core/journal/lock.py": "ledger.lock, the start guard beside the ledger's file",
     "core/keeping/daily.py": "none: it lists the folder of backups",
     "core/keeping/making.py": "copies in the folder of backups, once SQLite is done with them",
+    "core/keeping/writing_out.py": "the file of a log that is written out",
     "core/keeping/restoring.py": "a copy in a folder that has no ledger yet",
     "core/store_file.py": "the address of a server, which the data folder keeps",
     "core/trying/asking.py": "none: it has the bytes of an answer read as if they came from one",
