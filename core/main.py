@@ -10,6 +10,7 @@ import gc
 import logging
 import os
 import signal
+import sqlite3
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -27,6 +28,7 @@ from core.guarded.recorder import RecorderUnusable
 from core.journal.as_it_stands import open_as_it_stands
 from core.journal.rebuilding import Rebuilding
 from core.journal.store import LEDGER_FILE, Server, StoreError, StoreFault, close_writing, writing
+from core.journal.stores.sqlite import has_reset_race
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
 from core.keeping.commands import backup, log, restore
@@ -156,7 +158,9 @@ def _unread(error: StoreError) -> Departure:
 @cli.command("look-at-store")
 @click.option("--data", type=click.Path(path_type=Path), envvar="HARDCORE_DATA", required=True)
 def look_at_store(data: Path) -> None:
-    """Print the version of the server that the ledger lies in, if it can be reached and keeps what it acknowledges."""
+    """Print what the ledger lies in: the version of its server, if that can be reached and keeps what it acknowledges; of a
+    file that of SQLite, and `race` where it is one with the fault of the log's reset.
+    """
     settings = Settings.read(os.environ, data)
     if isinstance(settings, list):
         sys.exit(said(departure.config_invalid(" ".join(settings))))
@@ -167,6 +171,9 @@ def look_at_store(data: Path) -> None:
     if connection is not None:
         print(connection.exec_driver_sql("SHOW server_version").scalar_one())
         close_writing(connection)
+    else:
+        version = sqlite3.sqlite_version
+        print(f"sqlite {version}{' race' if has_reset_race(sqlite3.sqlite_version_info) else ''}")
 
 
 @cli.command("hold-lock")

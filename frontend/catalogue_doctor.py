@@ -103,6 +103,17 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
         "알림을 꺼 두었어요. 남은 시간: {minutes}분",
         "Alerts are muted for {minutes} more minutes.",
     ),
+    "sqlite": ("SQLite {version}", "SQLite {version}"),
+    "sqlite_race": (
+        (
+            "SQLite {version}: 두 프로그램이 한꺼번에 쓰면 파일이 상할 수 있는 버전이에요. 장부는 한 곳에서만 써서 괜찮지만, 다른 도구로는 켜져 있는"
+            " 장부를 열지 마세요. 3.51.3부터 고쳐졌어요."
+        ),
+        (
+            "SQLite {version} may damage a file that two programs write at one moment. The ledger has one writer only and is safe;"
+            " open it with no other tool while it runs. Mended from 3.51.3 on."
+        ),
+    ),
     "backups": (
         "백업 {count}개, 가장 새것은 {hours}시간 전 것이에요. 가끔 다른 디스크에도 두세요 (hardcore backup --to 폴더).",
         "{count} backups, the newest {hours} hours old. Keep one on another disk too (hardcore backup --to FOLDER).",

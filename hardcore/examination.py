@@ -28,7 +28,6 @@ from hardcore.model.verdicts import Colour
 from hardcore.recovery.policy import Policy, PolicyFault
 from hardcore.recovery.spare import Lack
 from hardcore.snapshot import stacks
-from hardcore.up import STORE_FILE
 
 KERNEL_MIN = (5, 4)
 #: For a program that begins, and a server that answers or does not.
@@ -162,9 +161,7 @@ def _room(folders: Folders, *, full: bool) -> Finding:
 
 
 def _store(folders: Folders) -> Iterable[Finding]:
-    """Ask the server that the ledger lies in, by the core's own program: the guard knows no database."""
-    if not (folders.data / STORE_FILE).exists():
-        return
+    """Ask what the ledger lies in, by the core's own program: the guard knows no database."""
     argv = [sys.executable, "-I", "-m", "core", "look-at-store", "--data", str(folders.data)]
     try:
         done = subprocess.run(argv, capture_output=True, text=True, check=False, timeout=STORE_S)
@@ -172,7 +169,19 @@ def _store(folders: Folders) -> Iterable[Finding]:
         yield _found("store", Colour.RED, "store_away", why=f"{STORE_S:g} s")
         return
     if done.returncode == 0:
-        yield _found("store", Colour.GREEN, "store", version=done.stdout.strip())
+        kind, _, version = done.stdout.strip().partition(" ")
+        if kind != "sqlite":
+            yield _found("store", Colour.GREEN, "store", version=done.stdout.strip())
+            return
+        race = version.endswith(" race")
+        version = version.removesuffix(" race")
+        # A note: nothing of ours can bring it about, but a tool that somebody opens the file with can.
+        yield _found(
+            "store",
+            Colour.YELLOW if race else Colour.GREEN,
+            "sqlite_race" if race else "sqlite",
+            version=version,
+        )
         return
     why = (done.stderr.strip().splitlines() or ["-"])[-1]
     yield _found("store", Colour.RED, "store_away", why=why)

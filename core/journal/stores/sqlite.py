@@ -224,6 +224,17 @@ def copy_beside_work(ledger: Path, into: Path, tick: Callable[[], object]) -> St
     return None
 
 
+def has_reset_race(version: tuple[int, ...]) -> bool:
+    """Whether this version of SQLite may damage a file when two connections write or checkpoint at one moment.
+
+    SQLite 3.7.0 to 3.51.2, but not 3.44.6 and 3.50.7, which were mended later ("WAL-reset bug", sqlite.org/wal.html). Here only the
+    writer writes and checkpoints, and every reader is opened read only, so nothing of ours can bring it about.
+    """
+    if version[:2] in {(3, 44), (3, 50)}:
+        return version[2] < {(3, 44): 6, (3, 50): 7}[version[0], version[1]]
+    return (3, 7, 0) <= version[:3] <= (3, 51, 2)
+
+
 def settle(copy: Path) -> StoreError | None:
     """Make one file of a copy that needs no log and no index beside it; return what failed. Nobody else has it open."""
     try:
