@@ -27,6 +27,7 @@ from bench import (
     forecasts,
     gateway_lost,
     imports,
+    ledger,
     losses,
     peace,
     poison_row,
@@ -166,6 +167,11 @@ LONG: dict[str, Part] = {
         "100,000 rows of a bank's file, and what others wait meanwhile (2 minutes)",
         lambda folder: imports.measure(folder, rows=100_000, one_by_one=10_000, say=note),
         lambda folder: imports.measure(folder, rows=2_000, one_by_one=500, say=note),
+    ),
+    "ledger": Part(
+        "the book itself: commits, batches, opening and proving a book of a million events (4 minutes)",
+        lambda folder: ledger.measure(folder / "ledger", seconds=5.0, events=1_000_000, rounds=3, say=note),
+        lambda folder: ledger.measure(folder / "ledger", seconds=0.3, events=2_000, rounds=1, say=note),
     ),
     "forecasts": Part(
         "leaks told of before their limit, and false alarms in a thousand healthy hours (2 minutes)",
