@@ -61,7 +61,7 @@ class Exporter:
 
     async def now(self) -> Moment | StoreError:
         """Return the moment that an export begun now is of."""
-        return await self._ask(moment)
+        return await self._ask(partial(moment, parked=self._rulings.quarantine.rules.parked))
 
     async def slices(self, of: Moment, is_leaving: Callable[[], bool]) -> AsyncIterator[list[Exported]]:
         """Give all transactions up to a moment, slice by slice; raises ExportBrokenError where that can't be done."""

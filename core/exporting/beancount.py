@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from core.exporting.paper import Paper, one_line
+from core.exporting.paper import Paper, one_line, waiting
 from core.ledger.money import format_amount
 from core.ledger.views import TransactionView
 
@@ -50,7 +50,8 @@ def transaction(paper: Paper, seen: TransactionView, payment_method: str | None)
 
 
 def foot(paper: Paper) -> Iterator[str]:
-    """Give the balances at the end, and which accounts are closed."""
+    """Give what waits, the balances at the end, and which accounts are closed."""
+    yield from waiting(paper)
     day = paper.day_after
     if day is None:
         return

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from core.exporting.paper import Paper, one_line
+from core.exporting.paper import Paper, one_line, waiting
 from core.ledger.accounts import AccountType
 from core.ledger.money import digits_of, format_amount
 from core.ledger.views import TransactionView
@@ -55,7 +55,8 @@ def transaction(paper: Paper, seen: TransactionView, payment_method: str | None)
 
 
 def foot(paper: Paper) -> Iterator[str]:
-    """Give the balances at the end, as postings of nothing that assert them."""
+    """Give what waits, and the balances at the end as postings of nothing that assert them."""
+    yield from waiting(paper)
     if paper.day_after is None or not paper.accounts:
         return
     yield f"{paper.day_after} * The balances after record {paper.seq}\n"

@@ -5,7 +5,7 @@ the tables (the accounts and their names) is read once, in the moment that fixes
 every rebuild is drawn from the readings, as everywhere.
 """
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -18,12 +18,13 @@ from core.ledger.events import Booking, EntryPosted
 from core.ledger.views import Place, TransactionView, view_transaction
 
 SLICE_BOOKINGS: Final = 500
+PENDINGS_MAX: Final = 1_000
 
 
 class Moment(msgspec.Struct, frozen=True):
     """The moment an export is of: the last event in it, the epoch, the accounts by id, and the first and last day booked on.
 
-    The days are None in a book in which nothing was booked.
+    The days are None in a book in which nothing was booked. `pendings`: what waits, the newest of it.
     """
 
     seq: int
@@ -31,6 +32,7 @@ class Moment(msgspec.Struct, frozen=True):
     accounts: Mapping[str, Account]
     first_day: str | None
     last_day: str | None
+    pendings: Sequence[TransactionView] = ()
 
 
 class Exported(msgspec.Struct, frozen=True):
@@ -41,12 +43,13 @@ class Exported(msgspec.Struct, frozen=True):
     payment_method: str | None
 
 
-def moment(connection: Connection) -> Moment:
+def moment(connection: Connection, parked: Container[int] = ()) -> Moment:
     """Return the present moment of the book."""
     head = queries.head(connection)
     days = connection.execute(select(func.min(schema.booking.c.date), func.max(schema.booking.c.date))).one()
     accounts = {account.id: account for account in queries.all_accounts(connection)}
-    return Moment(head.head_seq, head.epoch, accounts, *days)
+    waiting = queries.list_pendings(connection, parked, limit=PENDINGS_MAX)
+    return Moment(head.head_seq, head.epoch, accounts, *days, waiting)
 
 
 def slice_after(

@@ -131,7 +131,7 @@ async def _printed(
 ) -> AsyncIterator[bytes]:
     """Give a book as one of the two printers writes it."""
     days = of.first_day or NO_DAY, of.last_day or NO_DAY
-    paper = Paper(of.seq, of.accounts, names_of(of.accounts.values()), *days)
+    paper = Paper(of.seq, of.accounts, names_of(of.accounts.values()), *days, of.pendings)
     yield "".join(printer.head(paper)).encode()
     async for some in slices:
         yield "".join(

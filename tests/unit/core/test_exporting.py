@@ -102,7 +102,12 @@ def test_every_name_is_legal_and_no_two_are_alike(accounts: list[Account]) -> No
 def written(made: Pen, printer: ModuleType) -> str:
     of = moment(made.connection)
     paper = Paper(
-        of.seq, of.accounts, names_of(of.accounts.values()), of.first_day or NO_DAY, of.last_day or NO_DAY
+        of.seq,
+        of.accounts,
+        names_of(of.accounts.values()),
+        of.first_day or NO_DAY,
+        of.last_day or NO_DAY,
+        of.pendings,
     )
     parts, seq = list(printer.head(paper)), 0
     while some := slice_after(made.connection, seq, of.seq, ()):
@@ -207,6 +212,16 @@ def test_a_balance_that_is_off_by_the_smallest_unit_is_refused_by_both_programs(
             assert subprocess.run(argv, capture_output=True, check=False).returncode != 0
             file.write_text(text, encoding="utf-8")
             run(*argv)
+
+
+def test_what_waits_is_told_and_counts_in_neither(tmp_path: Path, tools: dict[str, str]) -> None:
+    lines = (Posting("food", 700, "KRW"), Posting("bank", -700, "KRW"))
+    with pen(tmp_path) as made:
+        made.carry_out(opening("bank"), opening("food"), moving(5, "food", "bank"))
+        made.carry_out(PostTransaction("p", "2026-11-21", "hotel; held", (), lines, pending=True))
+        for printer in (beancount, hledger):
+            assert "hotel; held" in written(made, printer)
+        agreed(made, tmp_path, tools)
 
 
 def test_an_empty_book_is_accepted_too(tmp_path: Path, tools: dict[str, str]) -> None:
