@@ -20,6 +20,7 @@ from pathlib import Path
 
 from bench.figures import Baseline, Figure, Target
 from bench.instance import ACCOUNTS, Watched, fill
+from bench.rates import PUSHERS, rate
 from core.guarded.recorder import NoRecorder
 from core.journal.answers import Order
 from core.journal.append import Committed, Journal
@@ -52,6 +53,8 @@ CLIENTS = 256
 BUSY_MS = 5_000
 PAGE_BYTES = 4096
 BATCH = 8_000
+CONNECTIONS = 32  # of each pusher
+WITHOUT_DATABASE = 0.35  # of what the same stack answers without one, at least
 COMMITS_LEAST = 8_000.0  # durable commits a second, in process
 BATCHED_LEAST = 10_000.0  # transactions a second through the batch endpoint
 OPENED_MS = 5.0
@@ -89,7 +92,7 @@ def measure(
             )
         else:
             say("  no PostgreSQL here: make venv-dev installs one for tests")
-    figures += _batched(folder / "house", rounds)
+    figures += _over_the_wire(folder / "house", seconds, rounds)
     return figures + _long_book(folder / "long.db", events, rounds, say)
 
 
@@ -176,11 +179,15 @@ async def _commits(where: Whereabouts, seconds: float) -> float:
     return count / passed
 
 
-def _batched(folder: Path, rounds: int) -> list[Figure]:
+def _over_the_wire(folder: Path, seconds: float, rounds: int) -> list[Figure]:
     told: dict[bool, list[float]] = {True: [], False: []}
+    booked, bare = [], []
     with Watched(folder) as instance:
         fill(instance, 0)
         host, port = instance.address
+        for number in range(rounds):
+            bare.append(rate("health", f"{host}:{port}", seconds, "", CONNECTIONS))
+            booked.append(rate("book", f"{host}:{port}", seconds, f"book-{number}", CONNECTIONS))
         for _ in range(rounds):
             for atomic, rates in told.items():
                 lines = [{"account": ACCOUNTS[0], "amount": "1", "currency": "KRW"}]
@@ -194,6 +201,19 @@ def _batched(folder: Path, rounds: int) -> list[Figure]:
                 with urllib.request.urlopen(asked) as answer:
                     answer.read()
                 rates.append(BATCH / (time.monotonic() - began))
+    return [
+        Figure(
+            f"durable bookings through the gateway, {PUSHERS * CONNECTIONS} connections",
+            "/s",
+            tuple(booked),
+            Baseline("the same way without a database", tuple(bare)),
+            Target(WITHOUT_DATABASE, of_ratio=True, least=True),
+        ),
+        *_batches(told),
+    ]
+
+
+def _batches(told: dict[bool, list[float]]) -> list[Figure]:
     return [
         Figure(name, "/s", tuple(told[atomic]), None, Target(BATCHED_LEAST, least=True))
         for atomic, name in (

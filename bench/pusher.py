@@ -2,7 +2,7 @@
 
 Run as a process of its own (two of them load two cores), so that the client is not what is measured. Each
 connection asks again when it has its answer. It prints what it counted as JSON.
-Usage: `python -m bench.pusher read|book ADDRESS CONNECTIONS SECONDS NAME`; an address is host:port or a path.
+Usage: `python -m bench.pusher read|health|book ADDRESS CONNECTIONS SECONDS NAME`; an address is host:port or a path.
 """
 
 import json
@@ -17,6 +17,7 @@ from bench.instance import ONE_ACCOUNT, TRANSACTIONS, transaction
 
 _LENGTH = re.compile(rb"\r\ncontent-length: *([0-9]+)", re.IGNORECASE)
 _CHUNK_BYTES = 1 << 16
+HEALTH = "/healthz"  # answered by the core, and asks no database
 
 
 @dataclass(slots=True)
@@ -40,7 +41,13 @@ class Connection:
     def ask(self, kind: str, name: str) -> None:
         """Send the next request; one always fits into an empty socket."""
         self.sent += 1
-        self.plug.sendall(_read() if kind == "read" else _book(f"{name}-{self.number}-{self.sent}"))
+        match kind:
+            case "read":
+                self.plug.sendall(_get(ONE_ACCOUNT))
+            case "health":
+                self.plug.sendall(_get(HEALTH))
+            case _:
+                self.plug.sendall(_book(f"{name}-{self.number}-{self.sent}"))
 
     def answer(self) -> bytes | None:
         """Take in what has come; return the answer's status once it is whole."""
@@ -53,8 +60,8 @@ class Connection:
         return head[9:12]
 
 
-def _read() -> bytes:
-    return f"GET {ONE_ACCOUNT} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
+def _get(path: str) -> bytes:
+    return f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
 
 
 def _book(key: str) -> bytes:

@@ -26,10 +26,10 @@ def measure(folder: Path, *, rounds: int, seconds: float) -> list[Figure]:
         instance.quiet()
         gateway, core = "{}:{}".format(*instance.address), str(instance.core_socket())
         for number in range(rounds):
-            straight.append(_rate("read", core, seconds, ""))
-            through.append(_rate("read", gateway, seconds, ""))
-            straight_booked.append(_rate("book", core, seconds, f"straight-{number}"))
-            booked.append(_rate("book", gateway, seconds, f"through-{number}"))
+            straight.append(rate("read", core, seconds, ""))
+            through.append(rate("read", gateway, seconds, ""))
+            straight_booked.append(rate("book", core, seconds, f"straight-{number}"))
+            booked.append(rate("book", gateway, seconds, f"through-{number}"))
     beside = "straight to the core"
     return [
         Figure("reads through the gateway", "/s", tuple(through), Baseline(beside, tuple(straight))),
@@ -37,8 +37,9 @@ def measure(folder: Path, *, rounds: int, seconds: float) -> list[Figure]:
     ]
 
 
-def _rate(kind: str, address: str, seconds: float, name: str) -> float:
-    argv = [sys.executable, "-m", "bench.pusher", kind, address, str(CONNECTIONS), str(seconds)]
+def rate(kind: str, address: str, seconds: float, name: str, connections: int = CONNECTIONS) -> float:
+    """Return how many requests of a kind a second are answered well, over so many connections of each pusher."""
+    argv = [sys.executable, "-m", "bench.pusher", kind, address, str(connections), str(seconds)]
     pushers = [
         subprocess.Popen([*argv, f"{name}-{number}"], stdout=subprocess.PIPE, start_new_session=True)
         for number in range(PUSHERS)

@@ -38,6 +38,7 @@ ELSEWHERE: Final = {
     "doctor": ("hardcore.examination", "doctor"),
     "drill": ("hardcore.drilling", "drill"),
     "incidents": ("hardcore.looking_back", "incidents"),
+    "journal": ("hardcore.journals.words", "journal"),
     "log": ("hardcore.keeping_words", "log"),
     "logs": ("hardcore.log_words", "logs"),
     "policy": ("hardcore.policy_words", "policy"),

@@ -1,0 +1,1 @@
+"""Plain-text journals of other programs, on their way into the ledger."""
