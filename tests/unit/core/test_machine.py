@@ -83,18 +83,18 @@ class Machine(RuleBasedStateMachine):
         for name in NAMES[1:]:  # the bank comes when it comes
             self.opens(name)
 
-    def said(self, command: Command, expected: bool, key: str | None = None) -> None:
+    def _said(self, command: Command, expected: bool, key: str | None = None) -> None:
         (answer,) = self.pen.write(order(command, key))
         assert isinstance(answer, Done if expected else Refused), (command, answer)
 
-    def transaction(self, to: str, source: str, amount: int, *, pending: bool = False) -> PostTransaction:
+    def _transaction(self, to: str, source: str, amount: int, *, pending: bool = False) -> PostTransaction:
         lines = (Posting(to, amount, "KRW"), Posting(source, -amount, "KRW"))
         return PostTransaction(f"t{next(self.numbers)}", "2026-11-21", "", (), lines, pending=pending)
 
     @rule(name=st.just("bank"))
     def opens(self, name: str) -> None:
         is_new = name not in self.model.posted
-        self.said(OpenAccount(name, name, KINDS[name], "KRW", name in GUARDED), is_new)
+        self._said(OpenAccount(name, name, KINDS[name], "KRW", name in GUARDED), is_new)
         if is_new:
             for sums in (self.model.posted, self.model.debit, self.model.credit):
                 sums[name] = 0
@@ -105,7 +105,7 @@ class Machine(RuleBasedStateMachine):
             return
         holds = self.model.debit.get(name) or self.model.credit.get(name)
         may = self.model.takes(name) and not holds
-        self.said(CloseAccount(name), may)
+        self._said(CloseAccount(name), may)
         if may:
             self.model.closed.add(name)
 
@@ -114,10 +114,10 @@ class Machine(RuleBasedStateMachine):
         may = self.model.may_move(to, source, amount)
         if to == source:
             return ""
-        command, key = self.transaction(to, source, amount), f"k{next(self.numbers)}"
-        self.said(command, may, key)
+        command, key = self._transaction(to, source, amount), f"k{next(self.numbers)}"
+        self._said(command, may, key)
         if again:  # the same wish under its key: the same answer, and nothing happens
-            self.said(command, may, key)
+            self._said(command, may, key)
         if may:
             self.model.move(to, source, amount)
             self.model.booked[command.id] = (to, source, amount)
@@ -128,15 +128,15 @@ class Machine(RuleBasedStateMachine):
         if to == source:
             return ""
         may = self.model.may_move(to, source, amount)
-        command = self.transaction(to, source, amount, pending=True)
-        self.said(command, may)
+        command = self._transaction(to, source, amount, pending=True)
+        self._said(command, may)
         if may:
             self.model.debit[to] += amount
             self.model.credit[source] += amount
             self.model.held[command.id] = (to, source, amount)
         return command.id
 
-    def release(self, name: str) -> tuple[str, str, int]:
+    def _release(self, name: str) -> tuple[str, str, int]:
         to, source, amount = self.model.held.pop(name)
         self.model.debit[to] -= amount
         self.model.credit[source] -= amount
@@ -148,18 +148,18 @@ class Machine(RuleBasedStateMachine):
         may = name in self.model.held and part <= amount and self.model.takes(to, source)
         lines = (Posting(to, part, "KRW"), Posting(source, -part, "KRW"))
         made = f"t{next(self.numbers)}"
-        self.said(PostPending(made, name, lines), may)
+        self._said(PostPending(made, name, lines), may)
         if may:
-            self.release(name)
+            self._release(name)
             self.model.move(to, source, part)
             self.model.booked[made] = (to, source, part)
 
     @rule(name=consumes(held))
     def voids(self, name: str) -> None:
         may = name in self.model.held
-        self.said(VoidPending(name), may)
+        self._said(VoidPending(name), may)
         if may:
-            self.release(name)
+            self._release(name)
 
     @rule(name=moved)
     def reverses(self, name: str) -> None:
@@ -170,7 +170,7 @@ class Machine(RuleBasedStateMachine):
             and self.model.takes(to, source)
             and self.model.covers(to, amount)
         )
-        self.said(ReverseTransaction(name, f"t{next(self.numbers)}"), may)
+        self._said(ReverseTransaction(name, f"t{next(self.numbers)}"), may)
         if may:
             self.model.reversed.add(name)
             self.model.move(source, to, amount)
@@ -184,7 +184,7 @@ class Machine(RuleBasedStateMachine):
             may = may and self.model.may_move(to, source, amount)
             if may:
                 self.model.move(to, source, amount)
-        self.said(AtomicBatch(tuple(self.transaction(*one) for one in wishes)), may)
+        self._said(AtomicBatch(tuple(self._transaction(*one) for one in wishes)), may)
         if not may:
             self.model.posted = before
 
