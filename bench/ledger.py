@@ -186,7 +186,7 @@ def _over_the_wire(folder: Path, seconds: float, rounds: int) -> list[Figure]:
         fill(instance, 0)
         host, port = instance.address
         for number in range(rounds):
-            bare.append(rate("health", f"{host}:{port}", seconds, "", CONNECTIONS))
+            bare.append(rate("refused", f"{host}:{port}", seconds, f"bare-{number}", CONNECTIONS))
             booked.append(rate("book", f"{host}:{port}", seconds, f"book-{number}", CONNECTIONS))
         for _ in range(rounds):
             for atomic, rates in told.items():

@@ -2,7 +2,7 @@
 
 Run as a process of its own (two of them load two cores), so that the client is not what is measured. Each
 connection asks again when it has its answer. It prints what it counted as JSON.
-Usage: `python -m bench.pusher read|health|book ADDRESS CONNECTIONS SECONDS NAME`; an address is host:port or a path.
+Usage: `python -m bench.pusher read|refused|book ADDRESS CONNECTIONS SECONDS NAME`; an address is host:port or a path.
 """
 
 import json
@@ -17,7 +17,8 @@ from bench.instance import ONE_ACCOUNT, TRANSACTIONS, transaction
 
 _LENGTH = re.compile(rb"\r\ncontent-length: *([0-9]+)", re.IGNORECASE)
 _CHUNK_BYTES = 1 << 16
-HEALTH = "/healthz"  # answered by the core, and asks no database
+#: A booking whose lines do not add up: taken apart and refused like any other, and the book is never asked.
+UNEVEN = "1"
 
 
 @dataclass(slots=True)
@@ -44,8 +45,8 @@ class Connection:
         match kind:
             case "read":
                 self.plug.sendall(_get(ONE_ACCOUNT))
-            case "health":
-                self.plug.sendall(_get(HEALTH))
+            case "refused":
+                self.plug.sendall(_book(f"{name}-{self.number}-{self.sent}", UNEVEN))
             case _:
                 self.plug.sendall(_book(f"{name}-{self.number}-{self.sent}"))
 
@@ -64,8 +65,11 @@ def _get(path: str) -> bytes:
     return f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
 
 
-def _book(key: str) -> bytes:
-    body = json.dumps(transaction(key)).encode()
+def _book(key: str, amount: str | None = None) -> bytes:
+    wish = transaction(key)
+    if amount is not None:
+        wish["postings"][0]["amount"] = amount
+    body = json.dumps(wish).encode()
     head = f"POST {TRANSACTIONS} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
     return f"{head}Idempotency-Key: {key}\r\nContent-Length: {len(body)}\r\n\r\n".encode() + body
 
@@ -93,8 +97,9 @@ def push(kind: str, address: str, connections: int, seconds: float, name: str) -
             for key, _events in selector.select(seconds - passed):
                 status = key.data.answer()
                 if status is not None:
-                    counted.good += status.startswith(b"2")
-                    counted.bad += not status.startswith(b"2")
+                    is_good = status.startswith(b"422" if kind == "refused" else b"2")
+                    counted.good += is_good
+                    counted.bad += not is_good
                     key.data.ask(kind, name)
         counted.seconds = time.monotonic() - began
         for key in list(selector.get_map().values()):

@@ -10,6 +10,7 @@ exact float, and a reader could not tell what was meant.
 """
 
 import re
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Final
 
@@ -19,6 +20,9 @@ INT64_MAX: Final = 2**63 - 1
 INT64_MIN: Final = -(2**63)
 AMOUNT_CHARACTERS_MAX: Final = 40
 OTHER_DIGITS: Final = 6
+KNOWN_MAX: Final = (
+    4_096  # amounts that are remembered; none is longer than AMOUNT_CHARACTERS_MAX once it is one
+)
 
 _ISO_4217: Final[dict[int, str]] = {
     0: "BIF BYR CLP DJF GNF ISK JPY KMF KRW PYG RWF UGX UYI VND VUV XAF XOF XPF",
@@ -51,10 +55,11 @@ def digits_of(code: str) -> int:
     return ISO_4217_DIGITS.get(code, OTHER_DIGITS)
 
 
+@lru_cache(maxsize=KNOWN_MAX)
 def parse_amount(text: str, code: str) -> int | Reason:
     """Return `text` in minor units of `code`, or why it is no amount of that currency.
 
-    Fewer digits than the currency has are fine ("12" dollars); more are refused, also when they are zeros,
+    What was read last is remembered: one event is read by whoever decides, follows, tells and proves it. Fewer digits than the currency has are fine ("12" dollars); more are refused, also when they are zeros,
     because nobody can have meant them.
     """
     if len(text) > AMOUNT_CHARACTERS_MAX:
