@@ -139,4 +139,15 @@ TEXTS: Final[Mapping[str, Mapping[str, str]]] = {
     "recurring_end_truth": {"ko": "이미 적은 내역은 그대로 남아요.", "en": "What it has booked stays."},
     "recurring_end_do": {"ko": "그만하기", "en": "End it"},
     "recurring_ended": {"ko": "그만 되풀이해요", "en": "It comes back no more"},
+    # What the bank says
+    "bank_title": {"ko": "은행이 말한 잔액", "en": "What the bank says"},
+    "bank_day": {"ko": "그날까지", "en": "By the end of"},
+    "bank_do": {"ko": "장부와 맞춰 보기", "en": "Compare"},
+    "bank_agrees": {"ko": "장부와 맞아요. 기록해 뒀어요.", "en": "The ledger agrees. It is noted."},
+    "bank_differs": {
+        "ko": "장부와 달라요. 빠졌거나 두 번 적은 것이 있는지 보세요.",
+        "en": "The ledger says something else. Look for what is missing, or there twice.",
+    },
+    "bank_agreed": {"ko": "장부와 맞았어요", "en": "the ledger agreed"},
+    "bank_was": {"ko": "장부에는 {much}", "en": "the ledger had {much}"},
 }

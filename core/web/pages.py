@@ -6,6 +6,7 @@ must be readable at once, without scripts, and on the slowest phone in the house
 """
 
 import functools
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
@@ -39,6 +40,7 @@ EMPTY_FORM: Final[MappingProxyType[str, str]] = MappingProxyType(
     }
 )  # fmt: skip
 PLAIN: Final = Drawn(EMPTY_FORM)
+_ASKED: Final = ("account", "q", "from", "to", "cursor")
 
 
 async def overview(request: Request) -> Response:
@@ -86,8 +88,17 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
 
 async def register(request: Request) -> Response:
     """GET /register."""
-    asked = {name: request.query_params.get(name, "") for name in ("account", "q", "from", "to", "cursor")}
-    _refuse_strange(asked)
+    given = {name: request.query_params.get(name, "") for name in _ASKED}
+    _refuse_strange(given)
+    form = Drawn({"date": reader_of(request).today.isoformat(), "amount": ""})
+    return await draw_register(request, given, form, 200, None)
+
+
+async def draw_register(
+    request: Request, given: Mapping[str, str], form: Drawn, status: int, key: str | None
+) -> Response:
+    """Return a page of the register as it was asked for; `form`: the state of what the bank says of its account."""
+    asked = {name: given.get(name, "") for name in _ASKED}
     seq = service_of(request).head_seq
     question = functools.partial(
         pages_book.register, asked=asked, limit=PAGE_LINES_MAX, parked=left_out(request)
@@ -98,6 +109,10 @@ async def register(request: Request) -> Response:
         request,
         "register.html.j2",
         "/register",
+        status=status,
+        key=key,
+        form=form,
+        said_before=seen.asserted,
         seq=seq,
         asked={**asked, "any": any(asked.values())},
         account=seen.account,

@@ -34,13 +34,14 @@ from core.ledger.household import CATEGORY_TYPES, MONEY_TYPES
 from core.ledger.money import format_amount
 from core.ledger.overview import CategoryTotal, Flow, RegisterLine, Summary, category_name
 from core.ledger.plan_views import RecurringView
-from core.ledger.views import EntryView, TransactionView
+from core.ledger.views import AssertionView, EntryView, TransactionView
 from core.web.intake import make_position, read_position
 
 BARS_MAX: Final = 12
 COURSES_MAX: Final = 3
 PENDINGS_MAX: Final = 5
 RECURRING_MAX: Final = 200
+ASSERTED_MAX: Final = 3
 # Among these a household's first account is looked for; later ones stand in the order of the list.
 FIRST_RECORDS: Final = 200
 _GROUPS: Final = (*MONEY_TYPES, *CATEGORY_TYPES, AccountType.EQUITY)
@@ -89,6 +90,7 @@ class RegisterPicture(msgspec.Struct, frozen=True):
     accounts: Sequence[ShownAccount]
     lines: Sequence[RegisterLine]
     next_cursor: str | None
+    asserted: Sequence[AssertionView] = ()
 
 
 class ShownLine(msgspec.Struct, frozen=True):
@@ -174,6 +176,9 @@ def register(
         next_cursor=make_position(lines[-1].date, lines[-1].seq, lines[-1].line)
         if len(found) > limit
         else None,
+        asserted=queries.list_assertions(connection, parked, account.id, limit=ASSERTED_MAX)
+        if account
+        else (),
     )
 
 

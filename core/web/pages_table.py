@@ -2,13 +2,22 @@
 
 from typing import Final
 
-from core.web import pages, pages_imports, pages_plans, pages_transactions, pages_wishes, static
+from core.web import (
+    pages,
+    pages_assertions,
+    pages_imports,
+    pages_plans,
+    pages_transactions,
+    pages_wishes,
+    static,
+)
 from core.web.asking import Routes
 
 PAGES: Final[Routes] = {
     "/": {"GET": pages.overview},
     "/register": {"GET": pages.register},
     "/accounts": {"GET": pages.accounts, "POST": pages_wishes.add_account},
+    "/accounts/{id}/balance": {"POST": pages_assertions.say_balance},
     "/accounts/{id}/close": {"POST": pages_wishes.shut_account},
     "/entries": {"POST": pages_wishes.write_entry},
     "/entries/{id}": {"GET": pages.entry, "POST": pages_wishes.change_entry},

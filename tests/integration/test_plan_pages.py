@@ -104,3 +104,17 @@ def test_a_fault_is_told_at_its_field(
 def test_a_month_or_an_item_that_is_not_there_is_a_calm_page(core: Core) -> None:
     assert get(core, "/plans?month=2026-13").status == 404
     assert get(core, "/plans/recurring/none").status == 404
+
+
+def test_what_the_bank_says_is_held_against_the_book_and_remembered(core: Core, ids: dict[str, str]) -> None:
+    account = ids["신용카드"]
+    spent = {"date": "2026-11-05", "amount": "-7000", "account": account, "category": "외식"}
+    assert core.ask("POST", "/api/ledger/entries", spent).status == 201
+    path, back = f"/accounts/{account}/balance", f"/register?account={account}"
+    assert post(core, path, {"date": "2026-11-30", "amount": "-7,000"}).headers["location"] == back
+    assert "장부와 맞았어요" in words(get(core, back, Accept_Language="ko").text)
+    post(core, path, {"date": "2026-11-30", "amount": "-8000"})
+    assert "장부에는 −7,000원" in words(get(core, back, Accept_Language="ko").text)
+    wrong = post(core, path, {"date": "2026-02-30", "amount": "1"}, Accept_Language="ko")
+    assert wrong.status == 422
+    assert "달력에 있는 날짜" in wrong.text
