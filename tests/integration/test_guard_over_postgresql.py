@@ -1,0 +1,78 @@
+"""What the guard promises holds over a PostgreSQL server too: struck under load, one after the other, in one household."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from hardcore.up import STORE_FILE
+from tests import postgres
+from tests.integration.clients import assert_exactly_once, at_work
+from tests.integration.conftest import SHARED
+from tests.integration.house import WITH_SPARE, House
+from tests.waiting import until
+
+#: Each has its incident; what is promised of each is held by the drill itself.
+POLICY = {**WITH_SPARE, "max_restart_count": 100}
+FAULTS = ("crash", "freeze", "block", "deadlock", "segv")
+
+
+@pytest.fixture(scope="module")
+def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    """A household whose ledger lies in a server, with a spare."""
+    with postgres.served() as server:
+        SHARED.add(server.folder)  # its sessions come and go with the cores
+        made = House(tmp_path_factory.mktemp("server") / "data", POLICY)
+        made.data.mkdir(mode=0o700)
+        (made.data / STORE_FILE).write_text(server.place(), encoding="utf-8")
+        try:
+            made.up()
+            made.open_accounts()
+            yield made
+        finally:
+            made.end()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_a_drill_promises_comes_so_and_every_booking_is_there_once(house: House, fault: str) -> None:
+    house.spared()
+    count = len(house.incidents())
+    with at_work(house, 2, fault) as clients:
+        until(lambda: len(clients.told) > 3, "the load to run")
+        struck = house.cli("--json", "drill", fault, "--yes")
+        assert struck.code == 0, struck
+        told = len(clients.told)
+        until(lambda: len(clients.told) > told + 3, "answers of the next core")
+    house.closed(count + 1)
+    assert_exactly_once(house, clients)
+
+
+def test_a_switch_under_load_fails_nobody(house: House) -> None:
+    house.spared()
+    with at_work(house, 2, "switch", patient=False) as clients:
+        until(lambda: len(clients.told) > 3, "the load to run")
+        done = house.cli("--json", "restart")
+        assert done.code == 0, done
+        told = len(clients.told)
+        until(lambda: len(clients.told) > told + 3, "answers of the new core")
+    assert {one.status for one in clients.told} == {201}
+    assert_exactly_once(house, clients)
+
+
+@pytest.mark.parametrize("who", ["sentinel", "gateway"])
+def test_the_ledger_goes_on_over_the_death_of_who_stands_around_it(house: House, who: str) -> None:
+    house.running()
+    epoch = house.status()["core"]["epoch"]
+    with at_work(house, 2, who) as clients:
+        until(lambda: len(clients.told) > 3, "the load to run")
+        house.hit(who)
+        told = len(clients.told)
+        until(lambda: len(clients.told) > told + 3, "answers after the death")
+    house.running()
+    assert house.status()["core"]["epoch"] == epoch
+    assert_exactly_once(house, clients)
+
+
+def test_after_all_of_it_the_whole_book_is_proven(house: House) -> None:
+    house.running()
+    proven = house.cli("--json", "verify")
+    assert proven.told["ok"], proven
