@@ -8,10 +8,12 @@ it is begun anew. It is a question and changes nothing, so who waits for it wait
 
 import asyncio
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Final
 
+import msgspec
 from sqlalchemy import Engine
 
 from core.alone import LeftBehindError, Turns
@@ -25,6 +27,13 @@ from core.slots import Draining, NoSlot
 WAITING_MAX: Final = 16
 AUDITOR: Final = "auditor"  # its name on the recorder page
 SILENT_MS_MAX: Final = 30_000  # for a slice, or for the readings of the whole book behind the last one
+
+
+class Proven(msgspec.Struct, frozen=True):
+    """A proof that found the book whole: when it ended (monotonic ns), and how many events there were."""
+
+    at_ns: int
+    events: int
 
 
 class Auditor:
@@ -48,6 +57,7 @@ class Auditor:
         self._next: asyncio.Task[Verdict | StoreError | GivenUp] | None = None
         self._waiting = 0
         self._drills: set[asyncio.Task[object]] = set()
+        self.proven: Proven | None = None  # the newest proof of this core that found the book whole
 
     async def verify(self) -> Verdict | StoreError | NoSlot | Draining:
         """Prove the whole book as it stands after this call."""
@@ -67,7 +77,12 @@ class Auditor:
         rest_s = self._settings.verify_rest_ms / 1000
         gives_way = partial(self._replay, lambda: self._leaving.wait(0.0 if self._waiting else rest_s))
         async with self._proving:
-            return await self._turns.do(gives_way)
+            return self._noted(await self._turns.do(gives_way))
+
+    def _noted(self, found: Verdict | StoreError | GivenUp) -> Verdict | StoreError | GivenUp:
+        if isinstance(found, Verdict) and found.ok:
+            self.proven = Proven(time.monotonic_ns(), found.events)
+        return found
 
     def begin_anew(self) -> None:
         """Leave a proof that hangs behind; whoever waits for it gets another."""
@@ -88,7 +103,7 @@ class Auditor:
     async def _prove(self) -> Verdict | StoreError | GivenUp:
         async with self._proving:
             self._next = None  # who asks from now on needs another one
-            return await self._turns.do(partial(self._replay, self._leaving.is_set))
+            return self._noted(await self._turns.do(partial(self._replay, self._leaving.is_set)))
 
     def _replay(
         self, is_leaving: Callable[[], bool], go_on: Callable[[], None]

@@ -150,4 +150,21 @@ TEXTS: Final[Mapping[str, Mapping[str, str]]] = {
     },
     "bank_agreed": {"ko": "장부와 맞았어요", "en": "the ledger agreed"},
     "bank_was": {"ko": "장부에는 {much}", "en": "the ledger had {much}"},
+    # The proof of the whole ledger
+    "proof_runs": {
+        "ko": "장부를 첫 기록부터 확인하고 있어요.",
+        "en": "The ledger is being proven from its first record.",
+    },
+    "proof_now": {
+        "ko": "방금 장부를 모두 확인했어요. 기록: {events}건",
+        "en": "The whole ledger was proven just now: {events} records.",
+    },
+    "proof_was": {
+        "ko": "장부를 모두 확인한 지 {n}분 됐어요. 기록: {events}건",
+        "en": "The whole ledger was proven {n} minutes ago: {events} records.",
+    },
+    "proof_was_one": {
+        "ko": "장부를 모두 확인한 지 {n}분 됐어요. 기록: {events}건",
+        "en": "The whole ledger was proven {n} minute ago: {events} records.",
+    },
 }

@@ -6,6 +6,7 @@ must be readable at once, without scripts, and on the slowest phone in the house
 """
 
 import functools
+import time
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
@@ -30,6 +31,7 @@ from frontend.render import Language
 
 RECENT_MAX: Final = 8
 PAGE_LINES_MAX: Final = 50
+MINUTE_NS: Final = 60_000_000_000
 CURRENCIES: Final = ("KRW", "USD", "EUR", "JPY", "GBP", "CNY")
 HOME_CURRENCY: Final[MappingProxyType[Language, str]] = MappingProxyType({"ko": "KRW", "en": "USD"})
 TYPES: Final = (AccountType.ASSET, AccountType.LIABILITY, AccountType.EXPENSE, AccountType.INCOME)
@@ -80,6 +82,7 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
         repeated=pages_book.repeated(line.name for line in seen.spent),
         recent=seen.recent,
         pendings=seen.pendings,
+        proven=_proven(request),
         charts=[(course, chart(course.months)) for course in seen.courses],
         currencies=CURRENCIES,
         currency_here=HOME_CURRENCY[reader.lang],
@@ -191,6 +194,14 @@ async def draw_entry(
         accounts=seen.accounts,
         categories=seen.categories,
     )
+
+
+def _proven(request: Request) -> tuple[int, int] | None:
+    """Return how many minutes ago this core has proven the whole book, and how many events that were; None: not yet."""
+    proven = service_of(request).auditor.proven
+    if proven is None:
+        return None
+    return (time.monotonic_ns() - proven.at_ns) // MINUTE_NS, proven.events
 
 
 def _fresh(request: Request) -> Drawn:

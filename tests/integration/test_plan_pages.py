@@ -118,3 +118,10 @@ def test_what_the_bank_says_is_held_against_the_book_and_remembered(core: Core, 
     wrong = post(core, path, {"date": "2026-02-30", "amount": "1"}, Accept_Language="ko")
     assert wrong.status == 422
     assert "달력에 있는 날짜" in wrong.text
+
+
+def test_the_overview_says_when_the_whole_ledger_was_proven(core: Core) -> None:
+    until(lambda: "장부를 모두 확인" in get(core, "/", Accept_Language="ko").text, "the proof to be told")
+    assert core.ask("GET", "/api/ledger/verify").body["ok"]
+    events = core.ask("GET", "/healthz").body["seq"]
+    assert f"just now: {events} records" in words(get(core, "/", Accept_Language="en").text)

@@ -43,6 +43,7 @@ def test_in_korean_only_a_counter_stands_directly_after_a_value(name: str) -> No
         "줄",
         "건",
         "건은",
+        "분",
         "건 중",
     }
 
