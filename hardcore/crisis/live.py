@@ -204,12 +204,14 @@ class Live:
             self._timer = None
         if self._outage is not None:
             due_ms = face.due_ms(self._outage, self._pace, self._now_ns())
-            wait_ms = self._beat_ms if due_ms is None else min(due_ms, self._beat_ms)
-            self._timer = self._loop.call_later(wait_ms / 1000, self._ring)
+            beat = due_ms is None or due_ms > self._beat_ms
+            wait_ms = self._beat_ms if due_ms is None or beat else due_ms
+            self._timer = self._loop.call_later(wait_ms / 1000, self._ring, beat)
 
-    def _ring(self) -> None:
+    def _ring(self, beat: bool) -> None:
+        # A loop that counts whole milliseconds may ring before a change is due. That is no news: it is set again.
         self._timer = None
-        self._tell_state(beat=self._alarmed)
+        self._tell_state(beat=beat and self._alarmed)
 
     def close(self) -> None:
         """The gateway ends."""

@@ -28,6 +28,10 @@ _OPEN_FILES_MAX: Final = 64
 _NICE: Final = 10
 _OOM_SCORE: Final = "900"
 _GRACE_S: Final = 1
+# Given back when memory ends, so that there is some left to say so: what was read is still held by the traceback.
+_LAST_WORDS_BYTES: Final = 4 << 20
+# A library that finds no room to be mapped into is told as one that can't be imported. Made early: that takes memory.
+_NO_ROOM: Final = (MemoryError, ImportError)
 
 
 def main() -> None:
@@ -64,13 +68,15 @@ def _limit(limits: ReadingLimits) -> None:
 
 
 def _answer(request: Request) -> Answer:
+    kept = bytearray(_LAST_WORDS_BYTES)
     try:
         return _read(request)
-    # A library that finds no room to be mapped into is told as one that can't be imported.
-    except (MemoryError, ImportError):
+    except _NO_ROOM:
+        kept.clear()
         return Unreadable(Why.OUT_OF_MEMORY)
     # Also what isn't an Exception: a panic of the workbook reader comes as a BaseException of its own.
     except BaseException:  # noqa: BLE001 - the reason stands above
+        kept.clear()
         return Unreadable(Why.UNREADABLE)
 
 
