@@ -204,14 +204,19 @@ class Live:
             self._timer = None
         if self._outage is not None:
             due_ms = face.due_ms(self._outage, self._pace, self._now_ns())
-            beat = due_ms is None or due_ms > self._beat_ms
-            wait_ms = self._beat_ms if due_ms is None or beat else due_ms
-            self._timer = self._loop.call_later(wait_ms / 1000, self._ring, beat)
+            if due_ms is None or due_ms > self._beat_ms:
+                self._timer = self._loop.call_later(self._beat_ms / 1000, self._beat)
+            else:
+                self._timer = self._loop.call_later(due_ms / 1000, self._change)
 
-    def _ring(self, beat: bool) -> None:
-        # A loop that counts whole milliseconds may ring before a change is due. That is no news: it is set again.
+    def _beat(self) -> None:
         self._timer = None
-        self._tell_state(beat=beat and self._alarmed)
+        self._tell_state(beat=self._alarmed)
+
+    def _change(self) -> None:
+        # A loop that counts whole milliseconds may ring before the change is due. That is no news: it is set again.
+        self._timer = None
+        self._tell_state(beat=False)
 
     def close(self) -> None:
         """The gateway ends."""
