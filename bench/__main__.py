@@ -17,7 +17,6 @@ from pathlib import Path
 
 from bench import (
     bench_gateway,
-    bench_page,
     crowd,
     culprits,
     dashboard,
@@ -35,6 +34,7 @@ from bench import (
     promises,
     rates,
     restarts,
+    screen,
     switches,
     tabs,
     watchers,
@@ -110,10 +110,10 @@ PARTS: dict[str, Part] = {
         lambda folder: tabs.measure(folder, tabs=1000, kills=5),
         lambda folder: tabs.measure(folder, tabs=100, kills=1),
     ),
-    "page": Part(
-        "what a person at the page waits for",
-        lambda folder: bench_page.measure(folder, kills=20, slow_starts=10, reloads=5),
-        lambda folder: bench_page.measure(folder, kills=1, slow_starts=1, reloads=1),
+    "screen": Part(
+        "what stands on a person's screen in an outage, and when; what the pages weigh (4 minutes)",
+        lambda folder: screen.measure(folder, rounds=20, visits=20),
+        lambda folder: screen.measure(folder, rounds=1, visits=1),
     ),
     "watchers": Part(
         "the guard itself is lost, until it is watched again",
