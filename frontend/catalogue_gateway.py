@@ -306,4 +306,74 @@ PROBLEMS: dict[str, dict[str, tuple[str, str]]] = {
             "Whether what was asked for has begun is not known. Please open the page again to see.",
         ),
     },
+    "sign-in-needed": {
+        "ko": (
+            "로그인해 주세요",
+            "이 가계부는 비밀번호로 지키고 있어요. 로그인한 뒤에 다시 시도해 주세요. 이 요청은 처리되지 않았어요.",
+        ),
+        "en": (
+            "Please sign in",
+            "This ledger is kept behind a password. Sign in and try again. This request was not done.",
+        ),
+    },
+    "token-wrong": {
+        "ko": (
+            "이 토큰으로는 들어올 수 없어요",
+            "토큰이 틀렸거나 지워졌어요. 서버 관리자가 새로 만들 수 있어요: hardcore token add 이름",
+        ),
+        "en": (
+            "This token opens nothing",
+            "It is wrong, or was removed. Whoever runs the server can make a new one: hardcore token add NAME",
+        ),
+    },
+    "not-allowed": {
+        "ko": (
+            "이 작업은 허락되지 않았어요",
+            "서버를 돌보는 사람만 할 수 있는 일이거나, 보기만 하는 토큰이에요. 이 요청은 처리되지 않았어요.",
+        ),
+        "en": (
+            "You may not do this",
+            "It is for whoever looks after the server, or this token may only look. This request was not done.",
+        ),
+    },
+    "try-later": {
+        "ko": (
+            "잠시 뒤에 다시 시도해 주세요",
+            "비밀번호가 여러 번 틀렸어요. 조금 기다렸다가 다시 입력해 주세요.",
+        ),
+        "en": (
+            "Please try again in a moment",
+            "The password was wrong several times. Wait a little and try again.",
+        ),
+    },
+    "around-the-proxy": {
+        "ko": (
+            "이 길로는 들어올 수 없어요",
+            "이 서버는 앞에 둔 프록시를 거쳐야 열려요. 서버 관리자에게 주소를 물어봐 주세요.",
+        ),
+        "en": (
+            "Not served this way",
+            "This server is opened through the proxy in front of it. Please ask whoever runs it for the address.",
+        ),
+    },
+    "no-password-set": {
+        "ko": (
+            "아직 비밀번호가 없어요",
+            "다른 기기에서 열려면 서버에서 먼저 비밀번호를 정해 주세요: hardcore passwd",
+        ),
+        "en": (
+            "No password is set",
+            "To be opened from other devices, the server needs one first: hardcore passwd",
+        ),
+    },
+    "access-unreadable": {
+        "ko": (
+            "지금은 로그인할 수 없어요",
+            "들어올 수 있는 사람의 목록을 읽지 못했어요. 서버에서 비밀번호를 다시 정해 주세요: hardcore passwd",
+        ),
+        "en": (
+            "Nobody can sign in now",
+            "The list of who may come in cannot be read. On the server, set the password again: hardcore passwd",
+        ),
+    },
 }

@@ -21,6 +21,7 @@ import msgspec
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from frontend.catalogue_crisis import LANGUAGES, words
+from frontend.catalogue_gate import GATE
 from frontend.catalogue_receipts import RECEIPTS
 from frontend.render import Language
 
@@ -32,8 +33,15 @@ Outcome = Literal["get", "not_done", "unknown", "keepable", "doubtful"]
 #: What became of a request that was promised (docs/wires.md, section 9).
 Settled = Literal["waiting", "done", "already_done", "not_done", "refused", "set_aside", "ask", "unknown"]
 
+#: What a page at the gate is for, and what it says of the try before: `in` and `unsent` (a form was sent without a
+#: session) ask to sign in, `again` asks for the password of who is in, `invited` for a new one.
+Gate = Literal[
+    "in", "unsent", "wrong", "wait", "again", "again_wrong", "invited", "short", "differ", "not_kept", "gone"
+]
+
 KINDS: Final[tuple[Kind, ...]] = ("recovering", "planned", "stopped_trying", "off")
 OUTCOMES: Final[tuple[Outcome, ...]] = ("get", "not_done", "unknown", "keepable", "doubtful")
+GATE_KINDS: Final[tuple[Gate, ...]] = get_args(Gate)
 RECEIPT_OUTCOMES: Final[tuple[Settled, ...]] = get_args(Settled)
 
 #: What the gateway puts its own into: the hidden fields of a kept form; a receipt's key, number and the ledger's word.
@@ -42,10 +50,14 @@ KEY_MARK: Final = "<!--key-->"
 NUMBER_MARK: Final = "<!--id-->"
 LETTER_MARK: Final = "<!--letter-->"
 WHY_MARK: Final = "<!--why-->"
+#: Where a page at the gate leads to (or the key of an invitation), and for whom it is.
+TO_MARK: Final = "<!--to-->"
+WHO_MARK: Final = "<!--who-->"
 
 #: The modules of the recovery page and of a living page, each after those it imports from.
 PAGE_MODULES: Final = ("channel.js", "outage.js", "wording.js", "card.js", "recovery.js")
 RECEIPT_MODULES: Final = ("receipt.js",)
+GATE_MODULES: Final = ("gate.js",)
 CLIENT_MODULES: Final = (
     *PAGE_MODULES[:-1],
     "place.js",
@@ -150,6 +162,28 @@ def receipt_page(lang: Language, outcome: Settled) -> Page:
         marks={"key": KEY_MARK, "id": NUMBER_MARK, "why": WHY_MARK, "letter": LETTER_MARK},
         style=_verbatim(style, "</style"),
         script=_verbatim(script, "</script"),
+    )
+    return Page(body.encode(), csp_hash(script), csp_hash(style))
+
+
+@functools.cache
+def gate_page(lang: Language, kind: Gate) -> Page:
+    """Return a page at which somebody signs in, types a password again, or chooses one. It works without scripts."""
+    script = "\n" + _modules(GATE_MODULES)
+    style = "\n" + _style("client.css") + _style("recovery.css") + _style("gate.css")
+    which = LANGUAGES.index(lang)
+    body = (
+        _environment()
+        .get_template("gate.html.j2")
+        .render(
+            lang=lang,
+            kind=kind,
+            w={code: texts[which] for code, texts in GATE.items()},
+            to=TO_MARK,
+            who=WHO_MARK,
+            style=_verbatim(style, "</style"),
+            script=_verbatim(script, "</script"),
+        )
     )
     return Page(body.encode(), csp_hash(script), csp_hash(style))
 

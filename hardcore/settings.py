@@ -89,6 +89,15 @@ class Limits:
     keepalive_ms: int = setting(
         75_000, "an idle client connection is closed after this", low=10, high=3_600_000
     )
+    session_idle_ms: int = setting(
+        1_800_000,
+        "who was signed in and did nothing for so long signs in again",
+        low=1_000,
+        high=2_592_000_000,
+    )
+    session_longest_ms: int = setting(
+        43_200_000, "a session lasts no longer, used or not", low=1_000, high=2_592_000_000
+    )
     drain_ms: int = setting(5_000, "how long a leaving gateway finishes what it has", low=0, high=600_000)
     receipts_max: int = setting(1000, "requests promised to run later, at a time", low=0, high=100_000)
     receipts_per_browser_max: int = setting(100, "of them, promised to one browser", low=0, high=100_000)

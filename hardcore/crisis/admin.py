@@ -1,8 +1,9 @@
 """The way to the investigators: passes `/admin` on to their process, in every phase, also while no core lives.
 
-Only from this machine: a direct connection from loopback, under one of this machine's own names, and with no word of
-having been forwarded. Nothing of it is the ledger's: it is never held for a core, never counted, never repeated. Who
-asks while nobody listens there is held while the guard starts them, for as long as a person waits anyway. Letting the
+Only from this machine (a direct connection from loopback, under one of its own names, with no word of having been
+forwarded), unless a password is set: then for its owner, from wherever he has signed in. Nothing of it is the ledger's: it
+is never held for a core, never counted, never repeated. Who asks while nobody listens there is held while the guard
+starts them, for as long as a person waits anyway. Letting the
 guard's process pass the bytes was not chosen: the one that watches must not carry traffic.
 """
 
@@ -17,7 +18,7 @@ from hardcore.crisis import pages
 from hardcore.crisis.census import is_near
 from hardcore.crisis.exchange import Exchange
 from hardcore.crisis.feed import Teller, investigate_line
-from hardcore.crisis.heads import AnswerHead, RequestHead, host_name, request_bytes
+from hardcore.crisis.heads import AnswerHead, Header, RequestHead, host_name, request_bytes
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.mishap import contained
 from hardcore.crisis.problems import Outcome, Problem
@@ -131,7 +132,7 @@ class AdminDoor:
         head = exchange.head
         if self._pool is None:
             self._refuse(exchange, Problem.NOT_FOUND)
-        elif not is_local(exchange.client.address, head):
+        elif exchange.visitor.proven is None and not is_local(exchange.client.address, head):
             self._refuse(exchange, Problem.ADMIN_LOCAL)
         elif exchange.streamed or not exchange.whole:
             self._refuse(exchange, Problem.BODY_TOO_LARGE)
@@ -153,7 +154,7 @@ class AdminDoor:
         else:
             course.connection = connection
             course.exchange.client.limit.set(self._limits.upstream_deadline_ms)
-            data = request_bytes(head, length=len(body), own=((b"X-Admin", b"1"),)) + body
+            data = request_bytes(head, length=len(body), own=_own(course.exchange)) + body
             connection.ask(_Answer(self, course), data, no_body=head.method == "HEAD", whole=True)
 
     async def _connected(self, pool: Pool, course: _Course) -> UpstreamConnection | None:
@@ -318,6 +319,14 @@ class AdminDoor:
         self._tasks.discard(task)
         if not task.cancelled():
             contained("passing a page of the investigators on", task.result)
+
+
+def _own(exchange: Exchange) -> tuple[Header, ...]:
+    """What the gateway says of who asks: that he may, and where a password is set whether he typed it just now."""
+    proven = exchange.visitor.proven
+    if proven is None:
+        return ((b"X-Admin", b"1"),)
+    return (b"X-Admin", b"1"), (b"X-Proven", b"1" if proven else b"0")
 
 
 def is_local(address: str, head: RequestHead) -> bool:

@@ -19,16 +19,21 @@ from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import uvloop
 
+from hardcore.access.doorway import Doorway, Names
+from hardcore.access.files import read_doorway
 from hardcore.crisis import agent, log_lines
 from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
 from hardcore.crisis.client import ClientConnection
 from hardcore.crisis.desk import Desk
 from hardcore.crisis.drills import DrillDoor
+from hardcore.crisis.encryption import certificate
 from hardcore.crisis.feed import stats_line
+from hardcore.crisis.gate import Gate
 from hardcore.crisis.history import History
 from hardcore.crisis.limits import GatewayLimits, limits_from
 from hardcore.crisis.link import FeedLink
@@ -72,6 +77,7 @@ class Gateway:
         receipts: Path | None = None,
         state: Path | None = None,
         investigator: Path | None = None,
+        own_door: Path | None = None,
         recording: Recording = NOBODYS,
     ) -> None:
         self._loop = loop
@@ -82,15 +88,29 @@ class Gateway:
         self._leaving = asyncio.Event()
         self._all_gone = asyncio.Event()
         self._stats: tuple[int, int, int, int] | None = None
-        names = frozenset(name.lower() for name in (*LOOPBACK_NAMES, *_address(listener), *hosts))
+        doorway = read_doorway(state) if state is not None else Doorway()
+        given = (*LOOPBACK_NAMES, *_address(listener), *hosts, *doorway.names)
+        names = Names(given, addresses=doorway.open)
+        self._tls = certificate(doorway)
+        self._own_door = own_door
         self._census = Census(
             names, time.monotonic_ns, self._connections_changed, Burden(limits.answers_bytes_max)
         )
         self._link = FeedLink(loop, control, os.getpid(), limits)
         drills = DrillDoor(loop, control) if demo else None
         self._history = History(loop, recoveries)
+        gate = Gate(loop, limits, state, time.monotonic_ns, doorway)
         self._desk = Desk(
-            loop, limits, self._link, time.monotonic_ns, drills, self._history, receipts, state, investigator
+            loop,
+            limits,
+            self._link,
+            time.monotonic_ns,
+            drills,
+            self._history,
+            receipts,
+            state,
+            investigator,
+            gate,
         )
         self._desk.connections = lambda: len(self._census.connections)
 
@@ -102,7 +122,9 @@ class Gateway:
             lambda: ClientConnection(self._loop, self._desk, self._census, self._recording),
             sock=self._listener,
             backlog=BACKLOG,
+            **self._encryption(),
         )
+        own = await self._open_own_door()
         self._desk.promises.start()
         self._desk.moves.dock.cases.start()
         self._link.start(self._desk.heard)
@@ -111,15 +133,44 @@ class Gateway:
         await self._leaving.wait()
         stocking.cancel()
         server.close()
+        if own is not None:
+            own.close()
         await self._drain()
         upkeep.cancel()
         self._desk.live.close()
         self._desk.admin.close()
         self._link.close()
+        await self._desk.gate.finish()
         await self._desk.promises.finish()
         await self._desk.moves.dock.cases.finish()
         await self._desk.moves.barrier.finish()
         await self._history.finish()
+
+    def _encryption(self) -> dict[str, Any]:
+        if self._tls is None:
+            return {}
+        return {"ssl": self._tls.context, "ssl_handshake_timeout": self._limits.tls_handshake_ms / 1000}
+
+    async def _open_own_door(self) -> asyncio.Server | None:
+        """Listen for the owner's own programs, on a socket that nobody else may open."""
+        if self._own_door is None:
+            return None
+        made = self._own_door.with_name(f"{self._own_door.name}.{os.getpid()}")
+        listener = socket.socket(socket.AF_UNIX)
+        try:
+            made.unlink(missing_ok=True)
+            listener.bind(str(made))
+            made.chmod(0o600)
+            made.replace(self._own_door)  # the one of the gateway before leads to nobody any more
+        except OSError as error:
+            listener.close()
+            _LOG.error("the owner's own door can't be opened: %s", error)
+            return None
+        return await self._loop.create_unix_server(
+            lambda: ClientConnection(self._loop, self._desk, self._census, self._recording),
+            sock=listener,
+            backlog=BACKLOG,
+        )
 
     async def _stock(self) -> None:
         """Render the gateway's own pages and files: once the first requests are served, or if one asks for a file.
@@ -168,6 +219,8 @@ class Gateway:
         while True:
             await asyncio.sleep(self._limits.stats_ms / 1000)
             self._desk.upkeep()
+            if self._tls is not None:
+                self._tls.upkeep()
             held, forwarded = self._desk.moves.counts()
             now = (held, len(self._census.connections), len(self._desk.sockets), forwarded)
             if now != self._stats or loop.time() - said_s >= STATS_AGAIN_S:
@@ -194,6 +247,9 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--receipts", type=Path, help="where promised requests are kept")
     parser.add_argument("--state", type=Path, help="where rules of the quarantine and cases of suspects lie")
     parser.add_argument("--investigator", type=Path, help="where the investigators listen")
+    parser.add_argument(
+        "--own-door", type=Path, help="where the owner's own programs ask, without a password"
+    )
     parser.add_argument("--page", type=Path, help="the page on which the guard looks for our beats")
     parser.add_argument("--agents", type=Path, help="what the sentinel has left word of for its agents")
     parser.add_argument("--demo", action="store_true", help="let pages of this address break the core")
@@ -250,6 +306,7 @@ def main(arguments: Sequence[str]) -> int:
             receipts=options.receipts,
             state=options.state,
             investigator=options.investigator,
+            own_door=options.own_door,
             recording=recording,
         )
         await gateway.serve()

@@ -5,6 +5,7 @@ the other devices. What clients leave unread is weighed here too, all of them to
 """
 
 import asyncio
+import socket
 from collections.abc import Callable, Collection
 from typing import Protocol
 
@@ -15,6 +16,8 @@ from hardcore.crisis.limits import GatewayLimits
 
 #: The address of whoever has none, or takes no place of its own.
 NOWHERE = ""
+#: The address of whoever came by the socket that only the owner of the data may open.
+AT_HOME = "at home"
 
 
 class Caller(Protocol):
@@ -34,12 +37,14 @@ class Guest(Protocol):
 def address_of(transport: asyncio.BaseTransport) -> str:
     """The address at the other end."""
     peer = transport.get_extra_info("peername")
+    if transport.get_extra_info("socket").family == socket.AF_UNIX:
+        return AT_HOME
     return str(peer[0]) if isinstance(peer, tuple) and peer else NOWHERE
 
 
 def is_near(address: str) -> bool:
     """Whether an address is one of this machine itself."""
-    return address.removeprefix("::ffff:").startswith("127.") or address == "::1"
+    return address.removeprefix("::ffff:").startswith("127.") or address in {"::1", AT_HOME}
 
 
 class Census(msgspec.Struct):

@@ -112,10 +112,10 @@ class ClientConnection(asyncio.BufferedProtocol):
         self._guarded(self._advance)
 
     def eof_received(self) -> bool:
-        """The client says no more. What it asked for is still answered: it may be reading."""
+        """The client says no more. What it asked for is still answered: it may be reading (TLS knows no half ends)."""
         self._eof = True
         self._guarded(self._client_ends)
-        return True
+        return self._transport is None or self._transport.get_extra_info("sslcontext") is None
 
     def pause_writing(self) -> None:
         """The client takes its answer slowly: what waits for it counts."""
@@ -292,7 +292,7 @@ class ClientConnection(asyncio.BufferedProtocol):
         transport, self._transport = self._transport, None
         assert transport is not None, "nothing is started on a connection that is gone"
         self._over()
-        self._desk.sockets.arrived(transport, item.head, self._census)
+        self._desk.sockets.arrived(transport, item.head, self._census, self.address)
         self.connection_lost(None)
 
     def _call_for_body(self, item: Exchange) -> None:

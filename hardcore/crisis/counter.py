@@ -7,6 +7,7 @@ it is told of the core. How many may wait is bounded by the connections.
 """
 
 import asyncio
+from collections.abc import Callable
 from functools import partial
 from typing import assert_never
 
@@ -40,14 +41,24 @@ class Counter:
         self._doors = doors
         self._drills = drills  # in a demo only
         self.wanted = asyncio.Event()  # somebody asks for what is on the shelf
-        self._early: list[Exchange] | None = []  # ask for what is not on the shelf yet; None: all of it is
+        self._early: (
+            list[Callable[[], None]] | None
+        ) = []  # wait for what is not on the shelf; None: all of it is
 
     def stocked(self, shelf: Shelf) -> None:
         """All that can be shown was rendered: whoever asked for it too early is answered now."""
         self._moves.shelf = shelf
         early, self._early = self._early or [], None
-        for exchange in early:
-            contained("answering who asked early", partial(self._give, exchange, Route.OWN))
+        for then in early:
+            contained("answering who asked early", then)
+
+    def when_stocked(self, then: Callable[[], None]) -> None:
+        """Do `then` once all that can be shown was rendered."""
+        if self._early is None:
+            then()
+            return
+        self._early.append(then)
+        self.wanted.set()
 
     def asked(self, exchange: Exchange, way: Route) -> None:
         """Answer it, now or as soon as there is something to answer with."""
@@ -71,9 +82,8 @@ class Counter:
         elif way is Route.STATUS:
             self._live.when_known(partial(self._give, exchange, way))
             return
-        elif way is Route.OWN and self._early is not None:
-            self._early.append(exchange)  # a module that is not there is never asked for again
-            self.wanted.set()
+        elif way is Route.OWN:  # a module that is not there is never asked for again
+            self.when_stocked(partial(self._give, exchange, way))
             return
         else:
             self._give(exchange, way)

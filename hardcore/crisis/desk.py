@@ -27,6 +27,7 @@ from hardcore.crisis.feed import (
     Teller,
     VerdictHeard,
 )
+from hardcore.crisis.gate import Gate
 from hardcore.crisis.heads import RequestHead, browser_of
 from hardcore.crisis.history import History
 from hardcore.crisis.holding import OVER, WAITING, Life, Trigger, WaitingRoom
@@ -38,6 +39,7 @@ from hardcore.crisis.problems import Problem
 from hardcore.crisis.receipts import Receipt
 from hardcore.crisis.receipts_form import form_in
 from hardcore.crisis.routing import Route
+from hardcore.crisis.sign_in import SignIn
 from hardcore.crisis.sockets import Sockets
 from hardcore.crisis.standing import Standing
 from hardcore.model.phases import Face
@@ -60,6 +62,7 @@ class Desk:
         receipts: Path | None = None,
         state: Path | None = None,
         investigator: Path | None = None,
+        gate: Gate | None = None,
     ) -> None:
         self.limits = limits
         self.moves = Moves(loop, limits, teller, now_ns, receipts, state)
@@ -70,12 +73,20 @@ class Desk:
         waiting, on_trial = self.moves.waiting, lambda: _by_browser(self.moves.dock.waiting())
         self.live = Live(loop, limits, self.history, waiting, on_trial, now_ns, self.promises, demo=demo)
         self.promises.told = self._told
-        self.sockets = Sockets(loop, outlook, self.live, limits, now_ns)
+        self.gate = gate or Gate(loop, limits, state, now_ns)
+        self.sockets = Sockets(loop, outlook, self.live, limits, now_ns, self.gate)
         outlook.watch = self._look
         self.promises.shelf = lambda: self.moves.shelf
         self.connections: Callable[[], int] = lambda: 0  # how many clients are connected: the gateway says
         self.doors = Doors(lambda: outlook.standing, self._traffic, teller, limits.feed_silence_ms, now_ns)
         self.counter = Counter(self.moves, self.live, self.doors, drills)
+        self.sign_in = SignIn(
+            loop,
+            self.gate,
+            limits,
+            lambda kind, tongue: self.moves.shelf.gate(kind, tongue),  # noqa: PLW0108  # the shelf is another one later
+            self.counter.when_stocked,
+        )
 
     @property
     def room(self) -> WaitingRoom:
@@ -86,6 +97,10 @@ class Desk:
         """A request is here (whole, or to be streamed): decide its way."""
         exchange.browser = browser_of(exchange.head.cookie)
         way = self.moves.way(exchange.head.path)
+        if (problem := self.gate.enters(exchange, way)) is not None:
+            self._is_ours(exchange)
+            self.sign_in.turned_away(exchange, problem)
+            return
         if way in _TO_CORE:
             _read_key(exchange)
             if self._comes_early(exchange):
@@ -105,6 +120,9 @@ class Desk:
             case Route.ADMIN:
                 self._is_ours(exchange)
                 self.admin.asked(exchange)
+            case Route.GATE:
+                self._is_ours(exchange)
+                self.sign_in.asked(exchange)
             case Route.RECEIPT:
                 self._is_ours(exchange)
                 self.promises.asked(exchange)
@@ -236,6 +254,7 @@ class Desk:
 
     def upkeep(self) -> None:
         """What is due now and then."""
+        self.gate.upkeep()
         self.moves.outlook.upkeep()
         self.moves.dock.departed.upkeep()
         self.moves.dock.cases.upkeep()

@@ -13,6 +13,7 @@ from hardcore.crisis.problems import Problem
 from hardcore.crisis.quarantine import Refusal
 from hardcore.crisis.recording import NOBODYS, Place
 from hardcore.crisis.upstream import UpstreamConnection
+from hardcore.crisis.visitors import THE_OWNER
 
 #: Pieces of a body kept apart.
 PIECES_MAX = 256
@@ -79,6 +80,7 @@ class Exchange:
         "started",
         "streamed",
         "upstream",
+        "visitor",
         "waiting_ns",
         "whole",
     )
@@ -100,6 +102,7 @@ class Exchange:
         self.called = False  # its body was called for (Expect: 100-continue)
         self.closes = False  # the connection ends with the answer that was begun
         self.started = False  # the desk has it
+        self.visitor = THE_OWNER  # who asks, once the gate has let it in
         self.digest: RequestDigest | None = None  # of a streamed body, as far as a core was given it
         self.digested = ""  # the name of its bytes, once it was asked for: a whole body is read for it
         self.fault: Problem | None = None

@@ -49,6 +49,7 @@ _NOT_TO_CORE = _HOP_BY_HOP | {
     b"host",
     b"x-actor",
     b"x-admin",
+    b"x-proven",
     b"x-real-ip",
     b"x-request-name",
 }
@@ -81,7 +82,8 @@ class RequestHead(msgspec.Struct, frozen=True):
     client gave none (or one that nobody could look up). `navigation`: a person waits before an empty tab for
     it; `gzip`: the answer may be compressed; `accept_language` is what the pages' own switch says, else the
     client's header; `respond_async`: the client takes a promise for an answer (RFC 7240); `forwarded`: it says that
-    it comes from elsewhere than its connection does.
+    it comes from elsewhere than its connection does, `forwarded_for` and `forwarded_proto` in which words;
+    `own_page`: a browser says that a page of this very origin sends it.
     """
 
     method: str
@@ -101,6 +103,10 @@ class RequestHead(msgspec.Struct, frozen=True):
     handshake: Handshake | None = None
     respond_async: bool = False
     forwarded: bool = False
+    forwarded_for: bytes = b""
+    forwarded_proto: bytes = b""
+    authorization: bytes = b""
+    own_page: bool = False
 
     @property
     def safe(self) -> bool:
@@ -154,6 +160,9 @@ class _Facts(msgspec.Struct):
     ws_version: tuple[bytes, ...] = ()
     ws_protocols: tuple[bytes, ...] = ()
     forwarded: bool = False
+    forwarded_for: bytes = b""
+    forwarded_proto: bytes = b""
+    authorization: bytes = b""
     named_by_connection: frozenset[bytes] = frozenset()
 
 
@@ -203,6 +212,12 @@ def _gather(lines: Iterable[Header]) -> tuple[_Facts, list[tuple[bytes, bytes, b
                 facts.ws_protocols += tuple(value.split(b","))
             case b"forwarded" | b"via" | b"x-real-ip":
                 facts.forwarded = True
+            case b"x-forwarded-for":
+                facts.forwarded, facts.forwarded_for = True, facts.forwarded_for + b"," + value
+            case b"x-forwarded-proto":
+                facts.forwarded, facts.forwarded_proto = True, value
+            case b"authorization":
+                facts.authorization = value.strip()
             case b"sec-fetch-site":
                 facts.fetch_site = value.strip().lower()
             case b"sec-fetch-mode":
@@ -282,6 +297,10 @@ def read_request(
         handshake=handshake,
         respond_async=bool(facts.prefer) and b"respond-async" in _tokens(facts.prefer),
         forwarded=facts.forwarded,
+        forwarded_for=facts.forwarded_for,
+        forwarded_proto=facts.forwarded_proto,
+        authorization=facts.authorization,
+        own_page=_is_from_an_own_page(facts),
     )
 
 
@@ -343,6 +362,14 @@ def _from_a_foreign_page(facts: _Facts) -> bool:
         return True
     _scheme, _, authority = facts.origin.partition(b"://")
     return bool(facts.origin) and authority != facts.host.lower()
+
+
+def _is_from_an_own_page(facts: _Facts) -> bool:
+    """Whether a browser says in so many words that it is ours: what a cookie opens, silence must not use."""
+    if facts.fetch_site:
+        return facts.fetch_site == b"same-origin"
+    _scheme, _, authority = facts.origin.partition(b"://")
+    return bool(facts.origin) and authority == facts.host.lower()
 
 
 def host_name(host: bytes) -> str:

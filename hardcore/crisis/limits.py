@@ -67,6 +67,13 @@ class GatewayLimits(Limits):
         64 << 20, "kept and untaken of all answers together", low=1 << 10, high=1 << 34
     )
     client_stall_ms: int = setting(30_000, "a client takes nothing for so long", low=10, high=3_600_000)
+    session_proven_ms: int = setting(
+        300_000, "a password that was typed counts as just typed", low=1, high=86_400_000
+    )
+    sign_in_tries_max: int = setting(5, "passwords that one address may try at once", low=1, high=1000)
+    sign_in_every_ms: int = setting(12_000, "and one more after this", low=1, high=3_600_000)
+    access_look_ms: int = setting(500, "changes of who may come in are seen after this", low=5, high=60_000)
+    tls_handshake_ms: int = setting(5_000, "a client has agreed on encryption by then", low=10, high=60_000)
     flush_ms: int = setting(500, "at the end: how long the last answers may leave", low=0, high=60_000)
     linger_ms: int = setting(2_000, "hears a client out that says nothing more", low=10, high=60_000)
     linger_total_ms: int = setting(60_000, "hears a client out that still sends", low=10, high=3_600_000)

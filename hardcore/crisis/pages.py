@@ -15,6 +15,7 @@ from typing import Final, assert_never
 from urllib.parse import urlsplit
 
 import msgspec
+from msgspec import structs
 
 from frontend.catalogue_gateway import DOUBTFUL, NUMBER, PROBLEMS
 from frontend.render import language
@@ -89,6 +90,16 @@ def problem(
         extra.append((b"Allow", ALLOW.encode()))
     body = json.dumps(fields, ensure_ascii=False).encode()
     return whole(status, b"application/problem+json", body, extra)
+
+
+def with_headers(answer: Answer, extra: Sequence[Header]) -> Answer:
+    """The same answer, and these headers."""
+    return Answer(structs.replace(answer.head, headers=(*answer.head.headers, *extra)), answer.body)
+
+
+def elsewhere(to: str, extra: Sequence[Header] = ()) -> Answer:
+    """Lead a tab to another page of ours, which it asks for with GET."""
+    return whole(303, b"text/plain", b"", [(b"Location", to.encode("ascii", "replace")), *extra])
 
 
 def _words(what: Problem, tongue: str, outcome: Outcome | None) -> tuple[str, str]:
@@ -174,9 +185,9 @@ def _packed(sheet: Sheet, head: RequestHead, extra: list[Header]) -> bytes:
     return sheet.zipped
 
 
-def filled(sheet: Sheet, head: RequestHead, body: bytes) -> Answer:
+def filled(sheet: Sheet, head: RequestHead, body: bytes, status: int = 200) -> Answer:
     """A page of the gateway's own with what is this reader's alone put into it, as `body`."""
-    return whole(200, sheet.kind, body, _of_a_page(language(head.accept_language), sheet.policy))
+    return whole(status, sheet.kind, body, _of_a_page(language(head.accept_language), sheet.policy))
 
 
 def own_page(sheet: Sheet, head: RequestHead) -> Answer:

@@ -44,6 +44,13 @@ class Problem(StrEnum):
     ADMIN_LOCAL = "admin-local"
     ADMIN_AWAY = "admin-away"
     ADMIN_BROKEN = "admin-broken"
+    SIGN_IN_NEEDED = "sign-in-needed"
+    NOT_ALLOWED = "not-allowed"
+    TOKEN_WRONG = "token-wrong"  # noqa: S105  # a problem's name
+    TRY_LATER = "try-later"
+    AROUND_THE_PROXY = "around-the-proxy"
+    NO_PASSWORD_SET = "no-password-set"  # noqa: S105  # as above
+    ACCESS_UNREADABLE = "access-unreadable"
 
 
 class Outcome(StrEnum):
@@ -87,6 +94,13 @@ STATUS: dict[Problem, int] = {
     Problem.ADMIN_LOCAL: 403,
     Problem.ADMIN_AWAY: 503,
     Problem.ADMIN_BROKEN: 502,
+    Problem.SIGN_IN_NEEDED: 401,
+    Problem.NOT_ALLOWED: 403,
+    Problem.TOKEN_WRONG: 401,
+    Problem.TRY_LATER: 429,
+    Problem.AROUND_THE_PROXY: 403,
+    Problem.NO_PASSWORD_SET: 403,
+    Problem.ACCESS_UNREADABLE: 503,
 }
 
 #: Seconds after which asking again makes sense; a problem not named here carries no `Retry-After`.
@@ -103,6 +117,8 @@ RETRY_AFTER_S: dict[Problem, int] = {
     Problem.RECEIPTS_AWAY: 2,
     Problem.SOURCE_STOPPED: 60,  # unless it is known better
     Problem.ADMIN_AWAY: 5,
+    Problem.TRY_LATER: 12,  # unless it is known better
+    Problem.ACCESS_UNREADABLE: 30,
 }
 
 #: Problems that say enough by themselves: a request that could not be read was not done.
@@ -115,5 +131,11 @@ PLAIN = frozenset(
         Problem.METHOD_NOT_ALLOWED,
         Problem.EXPECTATION_FAILED,
         Problem.HEAD_TOO_LARGE,
+        Problem.SIGN_IN_NEEDED,
+        Problem.NOT_ALLOWED,
+        Problem.TOKEN_WRONG,
+        Problem.AROUND_THE_PROXY,
+        Problem.NO_PASSWORD_SET,
+        Problem.ACCESS_UNREADABLE,
     }
 )

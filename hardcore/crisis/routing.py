@@ -22,6 +22,7 @@ class Route(Enum):
     OWN = "answer with a file or a page of our own"
     RECEIPT = "tell of a promise, take one up, or hear a person's word on it"
     ADMIN = "pass it on to the investigators"
+    GATE = "sign somebody in or out"
     DRILL = "ask the guard to break the core, in a demo"
     FORWARD = "send it to the serving core"
     HOLD = "keep it until a core serves"
@@ -43,6 +44,11 @@ OWN_PREFIX = b"/__hc/"
 DRILL_PREFIX = b"/__hc/drill/"
 RECEIPT_PREFIX = b"/__hc/receipts/"
 KEEP_PATH = b"/__hc/keep"
+SIGN_IN_PATH = b"/__hc/sign-in"
+SIGN_OUT_PATH = b"/__hc/sign-out"
+INVITED_PATH = b"/__hc/invited"
+ME_PATH = b"/__hc/me"
+_GATE = frozenset({SIGN_IN_PATH, SIGN_OUT_PATH, INVITED_PATH, ME_PATH})
 #: The investigators' pages, and everything under them.
 ADMIN_PATH = b"/admin"
 
@@ -59,6 +65,8 @@ def route(path: bytes, posture: Face, *, leaving: bool) -> Route:
     if path.startswith(OWN_PREFIX):
         if path == KEEP_PATH or path.startswith(RECEIPT_PREFIX):
             return Route.RECEIPT
+        if path in _GATE:
+            return Route.GATE
         return Route.DRILL if path.startswith(DRILL_PREFIX) else Route.OWN
     if is_admin(path):
         return Route.ADMIN

@@ -29,6 +29,8 @@ KEY_MARK: Final = b"<!--key-->"
 NUMBER_MARK: Final = b"<!--id-->"
 LETTER_MARK: Final = b"<!--letter-->"
 WHY_MARK: Final = b"<!--why-->"
+TO_MARK: Final = b"<!--to-->"
+WHO_MARK: Final = b"<!--who-->"
 
 _COMMON_POLICY = "base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
 _DEMO_POLICY = (
@@ -53,13 +55,14 @@ class Sheet(msgspec.Struct, frozen=True):
 
 class Shelf(msgspec.Struct, frozen=True):
     """All sheets: files by path, recovery pages by language and cover, receipts' pages by language and outcome, the
-    demo's page by language.
+    demo's page by language, pages to sign in by language and kind.
     """
 
     files: Mapping[bytes, Sheet] = msgspec.field(default_factory=dict)
     covers: Mapping[tuple[str, Cover], Sheet] = msgspec.field(default_factory=dict)
     receipts: Mapping[tuple[str, str], Sheet] = msgspec.field(default_factory=dict)
     demo: Mapping[str, Sheet] = msgspec.field(default_factory=dict)
+    gates: Mapping[tuple[str, str], Sheet] = msgspec.field(default_factory=dict)
 
     def cover(self, told: Cover, accept_language: str) -> Sheet | None:
         """The recovery page that says so to this reader; None if none was rendered."""
@@ -68,6 +71,10 @@ class Shelf(msgspec.Struct, frozen=True):
     def receipt(self, outcome: str, accept_language: str) -> Sheet | None:
         """The page of a receipt with this outcome; None if none was rendered."""
         return self.receipts.get((language(accept_language), outcome))
+
+    def gate(self, kind: str, accept_language: str) -> Sheet | None:
+        """A page at which somebody signs in; None if none was rendered."""
+        return self.gates.get((language(accept_language), kind))
 
     def own(self, path: bytes, accept_language: str) -> Sheet | None:
         """What stands under a path of the gateway's own, or None."""
@@ -96,7 +103,11 @@ def stock(*, demo: bool) -> Shelf:
     for lang, settled in product(_LANGUAGES, paper.RECEIPT_OUTCOMES):
         page = paper.receipt_page(lang, settled)
         receipts[lang, settled] = _sheet(page.body, HTML, _policy(page.script_hash, page.style_hash))
-    shelf = Shelf(files, covers, receipts)
+    gates: dict[tuple[str, str], Sheet] = {}
+    for lang, asked in product(_LANGUAGES, paper.GATE_KINDS):
+        page = paper.gate_page(lang, asked)
+        gates[lang, asked] = _sheet(page.body, HTML, _policy(page.script_hash, page.style_hash))
+    shelf = Shelf(files, covers, receipts, gates=gates)
     return _with_demo(shelf) if demo else shelf
 
 

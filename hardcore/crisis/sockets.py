@@ -9,11 +9,13 @@ import asyncio
 from collections.abc import Callable
 from functools import partial
 
+from hardcore.access.sessions import Session
 from hardcore.crisis import pages
 from hardcore.crisis.browser_socket import BrowserSocket
 from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
 from hardcore.crisis.core_socket import CoreSocket, NotTaken
+from hardcore.crisis.gate import Entered, Gate
 from hardcore.crisis.heads import RequestHead
 from hardcore.crisis.lifeline import TRY_LATER, Line, Pull
 from hardcore.crisis.limits import GatewayLimits
@@ -21,10 +23,12 @@ from hardcore.crisis.live import LIVE_PATH, Live
 from hardcore.crisis.mishap import contained
 from hardcore.crisis.outlook import Outlook
 from hardcore.crisis.problems import Outcome, Problem
-from hardcore.crisis.routing import OWN_PREFIX, is_admin
+from hardcore.crisis.routing import OWN_PREFIX, Route, is_admin
 from hardcore.crisis.tunnel import Tunnel
 from hardcore.model.phases import Face
 
+#: Whoever was let in by a session that is over.
+SIGNED_OUT = 4401
 #: Why a socket that waits is turned away.
 _TURNED_AWAY = {Face.REFUSE: Problem.NOT_SERVING, Face.CLOSED: Problem.SHUTTING_DOWN}
 
@@ -39,8 +43,11 @@ class Sockets:
         live: Live,
         limits: GatewayLimits,
         now_ns: Callable[[], int],
+        gate: Gate,
     ) -> None:
         self.leaving = False
+        self._gate = gate
+        self._guests: dict[BrowserSocket, Session] = {}  # who came in with a session that may end
         self._loop = loop
         self._outlook = outlook
         self._live = live
@@ -59,16 +66,21 @@ class Sockets:
         """How many there are."""
         return len(self._all)
 
-    def arrived(self, transport: asyncio.Transport, head: RequestHead, census: Census) -> None:
+    def arrived(self, transport: asyncio.Transport, head: RequestHead, census: Census, address: str) -> None:
         """A client's connection is to become a socket; what it may be was judged with its head."""
-        if not contained("a socket's beginning", lambda: self._begin(transport, head, census)):
+        if not contained("a socket's beginning", lambda: self._begin(transport, head, census, address)):
             transport.abort()  # whoever brought it has let go of it: nobody else would
 
-    def _begin(self, transport: asyncio.Transport, head: RequestHead, census: Census) -> None:
+    def _begin(self, transport: asyncio.Transport, head: RequestHead, census: Census, address: str) -> None:
+        entry = self._gate.entry(head, address, Route.STATUS if head.path == LIVE_PATH else Route.FORWARD)
+        head = entry.head if isinstance(entry, Entered) else head
         socket = BrowserSocket(self._loop, transport, head, census, self._limits, self._burden)
         assert head.handshake is not None, "only a handshake is handed over"
         if self.leaving:
             socket.refuse(pages.problem(Problem.SHUTTING_DOWN, head.accept_language, Outcome.NOT_DONE))
+            return
+        if isinstance(entry, Problem):
+            socket.refuse(self._gate.refusal(entry, head))
             return
         if len(self._all) >= self._limits.sockets_max:
             # Accepted first: a page is not told why a handshake failed, but it can read a code.
@@ -77,6 +89,9 @@ class Sockets:
             return
         self._all.add(socket)
         socket.gone.append(self._all.discard)
+        if entry.visitor.session is not None:
+            self._guests[socket] = entry.visitor.session
+            socket.gone.append(self._forget_guest)
         if head.path == LIVE_PATH:
             self._live.join(socket)
             return
@@ -87,6 +102,9 @@ class Sockets:
         self._tunnels[tunnel] = None
         tunnel.start()
 
+    def _forget_guest(self, socket: BrowserSocket) -> None:
+        self._guests.pop(socket, None)
+
     def look(self) -> None:
         """Something was learned about the core."""
         epoch = self._outlook.epoch
@@ -96,7 +114,10 @@ class Sockets:
         self._pump()
 
     def upkeep(self) -> None:
-        """Now and then: ask those who say nothing whether they are still there."""
+        """Now and then: see off those whose session is over, ask those who say nothing whether they are still there."""
+        for socket, session in list(self._guests.items()):
+            if not self._gate.is_open(session):
+                socket.close(SIGNED_OUT, "signed out")
         if self._loop.time() >= self._asks_at:
             self._asks_at = self._loop.time() + self._limits.socket_ping_ms / 1000
             for socket in list(self._all):

@@ -66,7 +66,7 @@ _FILE_MODULES: Final = frozenset({"shutil", "mmap", "fcntl", "tempfile", "io"})
 _MEMORY_ALONE: Final = frozenset({"io.StringIO", "io.BytesIO"})
 
 # Distributions that are imported by another name than their own.
-_IMPORTED_AS: Final = {"msoffcrypto-tool": "msoffcrypto"}
+_IMPORTED_AS: Final = {"argon2-cffi": "argon2", "msoffcrypto-tool": "msoffcrypto"}
 
 # Methods whose names a library has chosen: a protocol has as many as asyncio and httptools call.
 _CALLED_BY_A_LIBRARY: Final = re.compile(

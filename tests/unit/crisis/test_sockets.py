@@ -8,6 +8,7 @@ from typing import Any, cast
 
 from hardcore.crisis.burden import Burden
 from hardcore.crisis.census import Census
+from hardcore.crisis.gate import Gate
 from hardcore.crisis.heads import RequestHead, read_request
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.live import LIVE_PATH, Live
@@ -53,7 +54,9 @@ def _sockets(live: object = None) -> Sockets:
     serving = SimpleNamespace(epoch=1, socket="/nowhere/core.sock")
     outlook: Any = SimpleNamespace(standing=SimpleNamespace(serving=serving))
     loop = asyncio.get_running_loop()
-    return Sockets(loop, cast("Outlook", outlook), cast("Live", live), GatewayLimits(), time.monotonic_ns)
+    limits, now_ns = GatewayLimits(), time.monotonic_ns
+    gate = Gate(loop, limits, None, now_ns)
+    return Sockets(loop, cast("Outlook", outlook), cast("Live", live), limits, now_ns, gate)
 
 
 def test_a_bug_with_a_core_that_cannot_be_reached_ends_that_socket() -> None:
@@ -76,7 +79,7 @@ async def _begin_badly() -> None:
     transport, _ = await loop.connect_accepted_socket(asyncio.Protocol, ours)
     census = Census(set(), time.monotonic_ns, lambda: None, Burden(0))
     sockets = _sockets(Faulty())
-    sockets.arrived(transport, _head(LIVE_PATH), census)
+    sockets.arrived(transport, _head(LIVE_PATH), census, "127.0.0.1")
     with theirs:
         assert await asyncio.wait_for(loop.sock_recv(theirs, 1), 20) == b""
     assert not census.connections

@@ -1,0 +1,73 @@
+"""Where it is kept who may come in: three small files of the owner's alone, in the data's state folder.
+
+`access.json` is written by `hardcore passwd` and `token`, and by the gateway when an invitation is used; `doorway.json` by
+`hardcore up`; `sessions.json` by the gateway. Each is replaced whole. One that can't be read is told as such: a file of
+people that is damaged must not open the door.
+"""
+
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from hardcore.access.doorway import Doorway
+from hardcore.access.people import People
+from hardcore.access.sessions import Session
+from hardcore.host import files
+
+PEOPLE: Final = "access.json"
+DOORWAY: Final = "doorway.json"
+SESSIONS: Final = "sessions.json"
+
+
+class Unreadable(msgspec.Struct, frozen=True):
+    """Why a file says nothing."""
+
+    why: str
+
+
+class _Kept(msgspec.Struct, frozen=True):
+    boot: str
+    sessions: tuple[Session, ...]
+
+
+def read_people(state: Path) -> People | Unreadable:
+    """Who may come in; nobody, where nothing was set."""
+    try:
+        return msgspec.json.decode((state / PEOPLE).read_bytes(), type=People)
+    except FileNotFoundError:
+        return People()
+    except (OSError, msgspec.DecodeError) as error:
+        return Unreadable(str(error))
+
+
+def write_people(state: Path, people: People) -> None:
+    """Keep who may come in. OSError where the disk refuses it."""
+    files.write_whole(state / PEOPLE, msgspec.json.encode(people))
+
+
+def read_doorway(state: Path) -> Doorway:
+    """What `up` was told; nothing where it is not known: then only this machine is served."""
+    try:
+        return msgspec.json.decode((state / DOORWAY).read_bytes(), type=Doorway)
+    except (OSError, msgspec.DecodeError):
+        return Doorway()
+
+
+def write_doorway(state: Path, doorway: Doorway) -> None:
+    """Keep what `up` was told."""
+    files.write_whole(state / DOORWAY, msgspec.json.encode(doorway))
+
+
+def read_sessions(state: Path, boot: str) -> tuple[Session, ...]:
+    """Who was signed in when the last gateway ended, in this boot of the machine."""
+    try:
+        kept = msgspec.json.decode((state / SESSIONS).read_bytes(), type=_Kept)
+    except (OSError, msgspec.DecodeError):
+        return ()
+    return kept.sessions if kept.boot == boot else ()
+
+
+def write_sessions(state: Path, boot: str, sessions: tuple[Session, ...]) -> None:
+    """Keep who is signed in."""
+    files.write_whole(state / SESSIONS, msgspec.json.encode(_Kept(boot, sessions)))

@@ -1,0 +1,190 @@
+"""The gate: whoever comes in by the gateway has been seen here first, in every phase of a crisis.
+
+Sessions are the gateway's own, so nobody is signed out by a core that dies; they are kept on disk, so the next gateway
+knows them too. What opened the door goes no further: the core hears a name (`X-Actor`), on its own socket. While no password
+is set nothing of this is asked, and only this machine is served. Who may come in is written by the owner's command line
+and read again when the file changes; a file that can't be read lets nobody in.
+"""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from hardcore.access import files
+from hardcore.access.doorway import Client, Doorway, Proxies
+from hardcore.access.people import People
+from hardcore.access.sessions import Session, Sessions, Spans
+from hardcore.crisis import pages
+from hardcore.crisis.census import AT_HOME, is_near
+from hardcore.crisis.exchange import Exchange
+from hardcore.crisis.heads import RequestHead
+from hardcore.crisis.limits import GatewayLimits
+from hardcore.crisis.mishap import contained
+from hardcore.crisis.problems import Problem
+from hardcore.crisis.routing import Route
+from hardcore.crisis.visitors import PUBLIC, THE_OWNER, Visitor, judged, visitor_of, without_credentials
+from hardcore.host import clock
+
+_MS: Final = 1_000_000
+
+
+class Entered(msgspec.Struct, frozen=True):
+    """Somebody may come in: the request as it goes on, and who it is."""
+
+    head: RequestHead
+    visitor: Visitor
+
+
+class Gate:
+    """Who may come in, and who is in."""
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        limits: GatewayLimits,
+        state: Path | None,
+        now_ns: Callable[[], int],
+        doorway: Doorway | None = None,
+    ) -> None:
+        """`state`: where it is kept; without it no password can be set."""
+        self._loop = loop
+        self._limits = limits
+        self._state = state
+        self.now_ns = now_ns
+        self._boot = clock.boot_id()
+        self.people: People | files.Unreadable = People()
+        self._stamp: object = None
+        self._looked_ns = 0
+        self.doorway = doorway or Doorway()
+        self._proxies = Proxies(self.doorway.proxies)
+        spans = Spans(
+            limits.session_idle_ms * _MS, limits.session_longest_ms * _MS, limits.session_proven_ms * _MS
+        )
+        before = files.read_sessions(state, self._boot) if state is not None else ()
+        self.sessions = Sessions(spans, before)
+        self.sessions.changed = self._keep_soon
+        self._keeping: asyncio.Task[None] | None = None
+        self._changed = False
+        self.look()
+
+    @property
+    def closed(self) -> bool:
+        """Whether one has to sign in."""
+        return isinstance(self.people, files.Unreadable) or self.people.closed
+
+    # -- who comes -------------------------------------------------------------------------------------
+
+    def enters(self, exchange: Exchange, way: Route) -> Problem | None:
+        """Let a request in, as who it is; or say why not."""
+        made = self.entry(exchange.head, exchange.client.address, way)
+        if isinstance(made, Problem):
+            return made
+        exchange.head, exchange.visitor = made.head, made.visitor
+        return None
+
+    def entry(self, head: RequestHead, address: str, way: Route) -> Entered | Problem:
+        """Who asks, and the request as it goes on; or why it does not."""
+        came = self.client(head, address)
+        at_home = address == AT_HOME
+        near = is_near(address) and not head.forwarded
+        if came.refused:
+            return Problem.AROUND_THE_PROXY
+        if at_home or not self.closed:
+            # A password that was taken away again must not open the door to a whole network.
+            return Entered(head, THE_OWNER) if near or not self.doorway.open else Problem.NO_PASSWORD_SET
+        if way in PUBLIC:
+            return Entered(head, THE_OWNER)
+        if isinstance(self.people, files.Unreadable):
+            return Problem.ACCESS_UNREADABLE
+        now_ns = self.now_ns()
+        visitor = visitor_of(head, self.people, self.sessions, now_ns, https=came.https)
+        if isinstance(visitor, Problem):
+            return visitor
+        if (problem := judged(visitor, head, way)) is not None:
+            return problem
+        if visitor.session is not None and way is not Route.STATUS:  # a page asks that by itself
+            visitor.session.seen_ns = now_ns
+        own = ((b"X-Actor", visitor.name.encode()),)
+        return Entered(without_credentials(head, own), visitor)
+
+    def client(self, head: RequestHead, address: str) -> Client:
+        """Where a request comes from, behind whatever stands before us."""
+        tls = bool(self.doorway.tls_cert)
+        if self._proxies:
+            behind = self._proxies.client(address, head.forwarded_for, head.forwarded_proto)
+            if behind is not None:
+                return behind
+        around = bool(self._proxies) and not (tls or self.doorway.insecure_lan or is_near(address))
+        return Client(address, tls, refused=around and self.doorway.open)
+
+    def is_open(self, session: Session | None) -> bool:
+        """Whether whoever came in with this session is still in. None: he needed none."""
+        if session is None:
+            return True
+        people = self.people
+        return isinstance(people, People) and self.sessions.is_open(session, people, self.now_ns())
+
+    def refusal(self, problem: Problem, head: RequestHead) -> pages.Answer:
+        """What somebody is told who may not come in, where no page of ours is asked for."""
+        extra = ((b"WWW-Authenticate", b"Bearer"),) if problem is Problem.TOKEN_WRONG else ()
+        made = pages.problem(problem, head.accept_language)
+        return pages.with_headers(made, extra)
+
+    # -- what is kept ----------------------------------------------------------------------------------
+
+    def upkeep(self) -> None:
+        """Now and then: see whether who may come in has changed, and forget sessions that are over."""
+        now_ns = self.now_ns()
+        if now_ns - self._looked_ns >= self._limits.access_look_ms * _MS:
+            self._looked_ns = now_ns
+            contained("looking who may come in", self.look)
+            if isinstance(self.people, People):
+                self.sessions.prune(self.people, now_ns)
+
+    def look(self) -> None:
+        """Read who may come in, if that was written since."""
+        if self._state is None:
+            return
+        try:
+            told = (self._state / files.PEOPLE).stat()
+            stamp: object = (told.st_ino, told.st_mtime_ns, told.st_size)
+        except FileNotFoundError:
+            stamp = None
+        if stamp != self._stamp:
+            self.people, self._stamp = files.read_people(self._state), stamp
+
+    async def set_people(self, people: People) -> bool:
+        """Keep who may come in; False where the disk refuses it."""
+        assert self._state is not None, "nobody is invited where nothing is kept"
+        try:
+            await self._loop.run_in_executor(None, files.write_people, self._state, people)
+        except OSError:
+            return False
+        self.look()
+        return True
+
+    def _keep_soon(self) -> None:
+        self._changed = True
+        if self._state is not None and self._keeping is None:
+            self._keeping = self._loop.create_task(self._keep(self._state))
+
+    async def _keep(self, state: Path) -> None:
+        """Write who is signed in: for the next gateway. Where the disk refuses it, they sign in again then."""
+        while self._changed:
+            self._changed = False
+            kept = tuple(self.sessions)
+            try:
+                await self._loop.run_in_executor(None, files.write_sessions, state, self._boot, kept)
+            except OSError:
+                break
+        self._keeping = None
+
+    async def finish(self) -> None:
+        """The gateway ends: the last times of use are kept too."""
+        if self.closed:
+            self._keep_soon()
+        if self._keeping is not None:
+            await self._keeping
