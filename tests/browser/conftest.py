@@ -34,6 +34,9 @@ LEAVING_S: Final = 5.0
 #: What a page may take to show what is waited for, on a machine that does much else.
 PATIENCE_MS: Final = 20_000
 
+#: The house of the module whose tests are running, if they use one.
+_standing: Final[list[House]] = []
+
 MakeHouse = houses.MakeHouse
 OpenTab = Callable[..., Page]
 
@@ -80,17 +83,16 @@ def scriptless(chromium: Browser, browser_path: str) -> Iterator[Browser]:
 
 
 @pytest.fixture(autouse=True)
-def nothing_is_left_behind(
-    request: pytest.FixtureRequest, chromium: Browser, shared_house: House
-) -> Iterator[None]:
-    """As for all tests, but the browser's own processes and the house that a module shares stay."""
+def nothing_is_left_behind(request: pytest.FixtureRequest, chromium: Browser) -> Iterator[None]:
+    """As for all tests, but the browser's own processes and the house that a module shares stay. That house is not
+    asked for here: a module that needs none is spared the start of one."""
     assert chromium.is_connected()
     folder = request.getfixturevalue("tmp_path") if "tmp_path" in request.fixturenames else None
     yield
 
     def left() -> set[Process]:
         found = leftovers.children() | (leftovers.at_work_in(folder) if folder else set())
-        stays = leftovers.at_work_in(shared_house.data)
+        stays = {process for one in _standing for process in leftovers.at_work_in(one.data)}
         return {process for process in found - stays if not _is_the_browsers(process)}
 
     try:
@@ -106,10 +108,12 @@ def shared_house(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
     at, because the next core is one that a test can stop."""
     policy = getattr(request.module, "POLICY", {"spare": False})
     house = House(tmp_path_factory.mktemp("house") / "data", policy)
+    _standing.append(house)
     try:
         yield house.up()
     finally:
         house.end()
+        _standing.remove(house)
 
 
 @pytest.fixture
