@@ -114,6 +114,7 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
         "관리자: 서버에서 hardcore incidents 명령으로 이유를 보고, hardcore resume 명령으로 다시 켜요.",
         "Administrator: on the server, hardcore incidents says why and hardcore resume tries again.",
     ),
+    "R8.admin": ("관리자 화면", "Administrator"),
     "OFF": ("서버가 꺼져 있어요", "The server is switched off"),
     "OFF.line": (
         "관리자가 껐어요. 이미 저장된 내역은 디스크에 남아 있어요.",

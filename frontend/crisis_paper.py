@@ -86,8 +86,12 @@ _AROUND: Final = re.compile(r"^ +|  +// .*$| +$|(?<=\)) (?=[{]$)", flags=re.MULT
 #: Spaces around an operator; none of our strings has one (a test sees to it).
 OPERATOR: Final = re.compile(r" (=>|[=!]==|&&|\|\||\?\?|[<>]=?|[-+]=|[=?:*/]) ")
 _LOOSE: Final = re.compile(r"(?<=[;,{}])\s+|;?\s+(?=})|\s+(?={)|(?<=\w:) ")
-#: Spaces inside braces and behind words that a bracket follows; none of our strings has one either.
-BRACKET: Final = re.compile(r"(?<={) (?=[a-z.])|(?<=[a-z;)\"]) (?=})|(?<=\bif) (?=\()|(?<=\bfor) (?=\()")
+#: Spaces inside braces, behind a comma and behind words that a bracket follows; none of our strings has one either.
+BRACKET: Final = re.compile(
+    r"(?<={) (?=[a-z.])|(?<=[a-z;)\"]) (?=})|(?<=\bif) (?=\()|(?<=\bfor) (?=\()|(?<=,) "
+)
+#: Ends of lines where a statement can't be meant to end: behind what opens or separates, before what closes.
+_JOINED: Final = re.compile(r"(?<=[;,{(\[])\n|\n(?=[})\]])")
 _GAP: Final = re.compile(r"\n{2,}")
 _COMMENT: Final = re.compile(r"^ *//[^\n]*\n|^ */\*.*?\*/ *\n", flags=re.MULTILINE | re.DOTALL)
 
@@ -205,7 +209,7 @@ def _page_script() -> str:
 
 
 def _modules(names: Iterable[str]) -> str:
-    return in_one("\n" + _tight(_source(name)) for name in names)
+    return _JOINED.sub("", in_one("\n" + _tight(_source(name)) for name in names))
 
 
 def _tight(script: str) -> str:

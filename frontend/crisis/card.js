@@ -78,7 +78,9 @@ export function makeCard(pressed) {
   const keep = button("", pressed.keep);
   const close = button("", pressed.close);
   const other = button("plain", pressed.other);
-  const acts = make("div", "acts", close, keep);
+  const admin = make("a", "button");
+  admin.href = "/admin/";
+  const acts = make("div", "acts", close, keep, admin);
   const byHand = make("textarea", "");
   byHand.readOnly = true;
   byHand.hidden = true;
@@ -104,6 +106,7 @@ export function makeCard(pressed) {
     sayLines(more, card.details);
     say(close, card.closes ? words.close : null);
     say(keep, keeps ? words[kept] : null);
+    say(admin, card.admin);
     acts.hidden = [...acts.children].every((child) => child.hidden);
     say(other, words.other);
   }

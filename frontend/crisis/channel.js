@@ -152,6 +152,7 @@ export function openChannel(hear) {
   }
 
   document.addEventListener("visibilitychange", () => { if (!document.hidden) wake(); });
+  document.addEventListener("resume", wake);  // frozen, and never hidden
   addEventListener("online", wake);
   addEventListener("offline", wake);
   addEventListener("pagehide", leave);  // an open socket would keep the page out of the back-forward cache

@@ -129,19 +129,18 @@ function nameTab(sign) {
   if (document.title !== shownTitle) document.title = shownTitle;
 }
 
-// Good news waits for the reader: nothing goes away by itself in a tab that nobody sees, or under the pointer.
+// Good news waits for the reader: nothing goes away by itself in a tab that nobody sees, or under the pointer. It is
+// looked every second whether somebody does, because whoever has just come back has half of the time still to read.
 function arm(now_ms) {
   clearTimeout(timer);
-  const isRead = !document.hidden && !screen.card.element.matches(":hover, :focus-within");
   if (view.mode === "card") timer = setTimeout(() => { paint(); arm(performance.now()); }, TICK_MS);
-  else if (view.mode === "sign" || isRead) {
-    if (view.due_ms !== Infinity) timer = setTimeout(() => hear({ type: "tick" }), Math.max(0, view.due_ms - now_ms));
-  } else if (view.due_ms !== Infinity) {
-    timer = setTimeout(() => {
-      view = { ...view, due_ms: performance.now() + RESULT_STAY_MS / 2 };
-      arm(performance.now());
-    }, TICK_MS);
-  }
+  else if (view.due_ms !== Infinity) timer = setTimeout(stay, Math.min(TICK_MS, Math.max(0, view.due_ms - now_ms)));
+}
+
+function stay() {
+  const isRead = !document.hidden && !screen.card.element.matches(":hover,:focus-within");
+  if (view.mode !== "sign" && !isRead) view = { ...view, due_ms: performance.now() + RESULT_STAY_MS / 2 };
+  hear({ type: "tick" });
 }
 
 async function keep() {

@@ -115,14 +115,14 @@ function downCard(view, facts, now_ms, words) {
     status: [headOf(frame, words), ...(final ? promises(frame, words) : stageNow(frame, words)),
       ...(final || elapsed_s < STATUS_EVERY_S ? [] : [
         fill(words.elapsed, { t: elapsed_s - (elapsed_s % STATUS_EVERY_S) })])].join(" "),
-    closes: final,
+    closes: final, admin: frame.text === "R8" ? words["R8.admin"] : null,
     tone: isLate(frame) || final ? "warn" : "busy",
   };
 }
 
 function shortCard(head, lines, tone, strong = null) {
   return {
-    head, lines, strong, time: null, progress: null, stages: [], waiting: [], details: [],
+    head, lines, strong, time: null, progress: null, stages: [], waiting: [], details: [], admin: null,
     status: [head, ...lines].join(" "), closes: true, tone,
   };
 }

@@ -90,6 +90,10 @@ class ScriptedGateway:
         """Tell every page, from any thread."""
         asyncio.run_coroutine_threadsafe(self._say(frame), self._loop).result(_START_S)
 
+    def forget(self) -> None:
+        """What was said last is over; nobody is told, and whoever comes next finds the ledger served."""
+        self._state = SERVING
+
     def hang_up(self) -> None:
         """End every page's socket."""
         asyncio.run_coroutine_threadsafe(self._hang_up(), self._loop).result(_START_S)
