@@ -20,8 +20,8 @@ from tests.browser.scripted_pages import OpenLedger, marks
 
 EN: Final = words("en")
 TYPED: Final = "half of a sent"
-LASTING: Final = {"eta": {"low_s": 2, "high_s": 4, "samples": 7}, "samples": 7}
-BRIEF: Final = {"eta": {"low_s": 0, "high_s": 1, "samples": 7}, "samples": 7}
+LASTING: Final[dict[str, Any]] = {"eta": {"low_s": 2, "high_s": 4, "samples": 7}, "samples": 7}
+BRIEF: Final[dict[str, Any]] = {"eta": {"low_s": 0, "high_s": 1, "samples": 7}, "samples": 7}
 
 #: All that can be perceived of the crisis script, found by what it is.
 _PERCEIVED: Final = r"""() => {
@@ -328,7 +328,11 @@ def frozen(page: Page) -> Callable[[], None]:
     """Put the page to sleep, as a phone does with one that nobody looks at; gives what wakes it."""
     phone = page.context.new_cdp_session(page)
     phone.send("Page.setWebLifecycleState", {"state": "frozen"})
-    return lambda: phone.send("Page.setWebLifecycleState", {"state": "active"}) and None
+
+    def wake() -> None:
+        phone.send("Page.setWebLifecycleState", {"state": "active"})
+
+    return wake
 
 
 def test_a_page_that_slept_through_an_outage_says_how_long_it_was_and_keeps_what_was_typed(
