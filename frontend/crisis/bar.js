@@ -13,7 +13,7 @@ export function makeBar() {
   look.href = new URL("client.css", import.meta.url).href;
   const strong = document.createElement("strong");
   const plain = document.createElement("span");
-  const bar = document.createElement("p");
+  const bar = document.createElement("aside");
   bar.className = "bar";
   bar.append(strong, " ", plain);
   shadow.append(look, bar);

@@ -23,6 +23,6 @@ async function look() {
 
 if (["waiting", "ask", "set_aside"].includes(shown)) void look();
 else {
-  document.querySelector("h2").focus();
+  document.querySelector("h1").focus();
   fetch(`${location.pathname}/seen`, { method: "POST" }).catch(() => {});  // if it is lost, another page says it once more
 }

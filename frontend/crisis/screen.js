@@ -10,7 +10,7 @@ import { rememberPlace } from "./place.js";
 const SETTLE_MS = 180;
 
 function layer(className, ...children) {
-  const element = document.createElement("div");
+  const element = document.createElement("aside");
   element.className = className;
   element.popover = "manual";
   element.append(...children);
@@ -129,7 +129,7 @@ export function makeScreen(acts) {
   /** Say that a draft was restored; null takes the notice away. */
   function note(said, words) {
     if (said) {
-      noticeHead.textContent = said.head;
+      noticeHead.textContent = notice.ariaLabel = said.head;
       noticeLine.textContent = said.line;
       undo.textContent = words.undo;
       leave.textContent = words.close;

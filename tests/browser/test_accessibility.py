@@ -1,0 +1,111 @@
+"""Every page and every state of it, by the rules of axe-core: in both languages, both themes, narrow and enlarged."""
+
+import re
+from collections.abc import Iterator
+from typing import Final
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from frontend.catalogue_crisis import CRISIS
+from frontend.crisis_paper import KINDS, OUTCOMES, RECEIPT_OUTCOMES, Kind, receipt_page, recovery_page
+from tests.browser.eyes import Eyes
+from tests.browser.scripted_gateway import SERVING, ScriptedGateway, back, down
+from tests.browser.scripted_pages import OpenLedger
+
+LANGUAGES: Final = ("ko", "en")
+#: axe-core measures with styles of its own, which no page of ours allows. That they don't is held by all other tests.
+SEEN: Final = {"reduced_motion": "reduce", "bypass_csp": True}
+#: A page without a fault of its own, under all that the crisis script can show.
+UNDER: Final = """<!doctype html><html lang="{lang}"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1"><title>Ledger</title><link rel="icon" href="data:,">
+</head><body><main><h1>October</h1><form id="entry" data-hc-draft><label>What <input name="what"></label>
+<button>Save</button></form></main></body></html>"""
+
+
+@pytest.fixture
+def eyes() -> Iterator[Eyes]:
+    """Somebody who looks, and complains once, at the end."""
+    eyes = Eyes()
+    yield eyes
+    eyes.are_content()
+
+
+def _moments(gateway: ScriptedGateway, page: Page) -> Iterator[tuple[str, str]]:
+    """Bring the page into one state after the other; each with where it is seen, and by which heading."""
+    modal, corner, strip = "dialog[open]", ".corner:popover-open", ".strip:popover-open"
+    page.locator("[name=what]").fill("typed")
+    gateway.say({"v": 1, "type": "hello", "overlay_after_ms": 60_000, "demo": False})
+    gateway.say(down(stage=1))
+    yield strip, "R1"
+    gateway.say(down(eta={"low_s": 2, "high_s": 4, "samples": 7}, samples=7))
+    yield modal, "R1"
+    gateway.say(down("R7", stage=4, elapsed_ms=9000, alerted_at="2026-11-21T10:00:00Z", held=2))
+    yield modal, "R7"
+    gateway.say(down("R8", phase="FATAL"))
+    page.locator("dialog summary").click()
+    yield modal, "R8"
+    gateway.say(down("OFF"))
+    yield modal, "OFF"
+    gateway.say(down("R7b"))
+    gateway.say(back(3210))
+    gateway.say(SERVING)
+    yield corner, "R3"
+    gateway.say({"v": 1, "type": "verified", "ok": False})
+    gateway.say({**SERVING, "sound": False})
+    yield corner, "R10"
+    gateway.say({"v": 1, "type": "verified", "ok": True})
+    gateway.say({**SERVING, "sound": True, "state": "SAFE_MODE", "safe": "DISK_FULL"})
+    yield ".bar", "R9"
+    gateway.say(SERVING)
+    gateway.say(back(900))
+    yield strip, "R3c"
+    page.context.set_offline(True)
+    gateway.hang_up()
+    yield strip, "R11"
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_nothing_that_the_crisis_script_shows_shuts_anybody_out(
+    open_ledger: OpenLedger, gateway: ScriptedGateway, eyes: Eyes, lang: str
+) -> None:
+    gateway.pages[f"/{lang}"] = UNDER.format(lang=lang)
+    page = open_ledger(f"/{lang}", **SEEN)
+    for where, code in _moments(gateway, page):
+        head = CRISIS[code][LANGUAGES.index(lang)].replace("{n}", "900")
+        expect(page.locator(where).get_by_text(head).first).to_be_visible()
+        eyes.look(page, f"{code} in {where}, {lang}")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_living_recovery_page_shuts_nobody_out(
+    open_ledger: OpenLedger, gateway: ScriptedGateway, eyes: Eyes, kind: Kind
+) -> None:
+    texts = {"planned": "R2", "stopped_trying": "R8", "off": "OFF"}
+    gateway.recovering = ("en", kind, "keepable")
+    gateway.say(down(texts.get(kind, "R1"), stage=2))
+    page = open_ledger("/en", **SEEN)
+    for lang in ("en", "ko"):
+        expect(page.locator("html")).to_have_attribute("lang", lang)
+        eyes.look(page, f"living recovery page {kind}, {lang}")
+        page.locator(".foot .plain").click()
+
+
+def _without_scripts(body: bytes) -> str:
+    """The page as a browser without scripts draws it."""
+    plain = re.sub(r"<script.*?</script>|<meta http-equiv[^>]*>", "", body.decode(), flags=re.DOTALL)
+    return plain.replace("<noscript>", "").replace("</noscript>", "")
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_no_page_of_the_gateway_s_own_shuts_anybody_out(
+    open_ledger: OpenLedger, eyes: Eyes, lang: str
+) -> None:
+    page = open_ledger("/en", **SEEN)
+    for kind in KINDS:
+        for outcome in OUTCOMES:
+            page.set_content(_without_scripts(recovery_page(lang, kind, outcome).body))
+            eyes.look(page, f"recovery page {kind} {outcome}, {lang}")
+    for settled in RECEIPT_OUTCOMES:
+        page.set_content(_without_scripts(receipt_page(lang, settled).body))
+        eyes.look(page, f"receipt {settled}, {lang}")
