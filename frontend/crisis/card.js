@@ -61,9 +61,9 @@ function sayStages(list, stages) {
   });
 }
 
-/** Build a card. `pressed`: {close, keep, other}, called when their button is. `level`: the tag of its heading. */
-export function makeCard(pressed, level = "h2") {
-  const head = make(level, "");
+/** Build a card. `pressed`: {close, keep, other}, called when their button is. */
+export function makeCard(pressed) {
+  const head = make("h2", "");
   head.id = "hc-head";
   head.tabIndex = -1;
   const lines = make("div", "lines");

@@ -30,7 +30,8 @@ let isBack = false;
 let view = { ...next(CALM, first, performance.now()), mode: "card", due_ms: Infinity };
 
 const wish = document.querySelector("form");  // of a page that offers to have it kept
-const card = makeCard({ close() {}, keep() {}, other }, "h1");
+const card = makeCard({ close() {}, keep() {}, other });
+card.head.ariaLevel = "1";  // the page has no other heading
 const live = document.createElement("p");
 const link = document.createElement("a");
 const notice = document.createElement("p");

@@ -102,10 +102,13 @@ def test_no_page_of_the_gateway_s_own_shuts_anybody_out(
     open_ledger: OpenLedger, eyes: Eyes, lang: str
 ) -> None:
     page = open_ledger("/en", **SEEN)
-    for kind in KINDS:
-        for outcome in OUTCOMES:
-            page.set_content(_without_scripts(recovery_page(lang, kind, outcome).body))
-            eyes.look(page, f"recovery page {kind} {outcome}, {lang}")
+    first = KINDS[0]
+    for kind, outcome in (
+        *((kind, "get") for kind in KINDS[1:]),
+        *((first, outcome) for outcome in OUTCOMES),
+    ):
+        page.set_content(_without_scripts(recovery_page(lang, kind, outcome).body))
+        eyes.look(page, f"recovery page {kind} {outcome}, {lang}")
     for settled in RECEIPT_OUTCOMES:
         page.set_content(_without_scripts(receipt_page(lang, settled).body))
         eyes.look(page, f"receipt {settled}, {lang}")
