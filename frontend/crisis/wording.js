@@ -163,7 +163,7 @@ function lostStrip(view, facts, words) {
 function barOf(view, words) {
   const { frame } = view;
   if (view.mode === "lost" || !frame || frame.text !== null || !frame.safe) return null;
-  const unsound = frame.safe === "STORE_CORRUPT" || frame.sound === false;
+  const unsound = view.mode === "unsound" || frame.safe === "STORE_CORRUPT" || frame.sound === false;
   const lines = unsound ? [words["R10.safe"], words["R10.line"]] : [words[`R9.${frame.safe}`], words["R9.line"]];
   return { head: words[unsound ? "R10" : "R9"], line: lines.filter(Boolean).join(" ") };
 }

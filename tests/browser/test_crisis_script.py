@@ -4,7 +4,6 @@ The gateway here is scripted (scripted_gateway.py), because most of these moment
 real one; that the real one says the same is shown beside this, with a house.
 """
 
-import itertools
 import json
 from typing import Any
 
@@ -279,53 +278,7 @@ def test_a_card_leaves_a_phone_its_bottom_bar(open_ledger: OpenLedger, gateway: 
     assert box["height"] <= 140
 
 
-# -- claims --------------------------------------------------------------------------------------------
-
-
-def test_a_claim_is_made_exactly_where_its_fact_is(open_ledger: OpenLedger) -> None:
-    """All combinations of what can be known, asked of the pure room that chooses the words."""
-    page = open_ledger()
-    said = """async ([view, facts]) => {
-      const { face } = await import("/source/wording.js");
-      const { words } = await import("/__hc/words.en.js");
-      return JSON.stringify(face(view, facts, 9000, words));
-    }"""
-    facts = {"pending": 0, "receipt": "a-key-f0f1f2f3", "draft": None}
-    facts |= {"slow": False, "alive": True, "unheard": False, "request": None}
-    base = {"frame": down(), "back": None, "begun_ms": 0, "reached": {}}
-    for mode, verified, draft, (held, promised), slow in itertools.product(
-        ("calm", "sign", "card", "result", "short", "lost", "again", "unsound"),
-        (True, None),
-        (None, "page", "stored"),
-        ((0, 0), (2, 0), (2, 1), (2, 2)),
-        (True, False),
-    ):
-        view = base | {
-            "mode": mode,
-            "frame": down(held=held, promised=promised),
-            "back": {"outage_ms": 900, "verified": verified},
-        }
-        text = page.evaluate(said, [view, facts | {"draft": draft, "slow": slow}])
-        card = mode == "card"
-        assert ("All balances were checked" in text) == (mode == "result" and verified is True)
-        assert ("still running" in text) == (mode == "result" and verified is None)
-        assert ("Nothing was lost" in text) == (mode == "short" and verified is True)
-        assert ("does not match" in text) == (mode == "unsound")
-        assert ("stored in this browser" in text) == (card and draft == "stored")
-        assert ("still on this page" in text) == (card and draft == "page")
-        assert ('"2 waiting"' in text) == (card and held == 2)
-        assert (
-            ("You can close this window" in text) == ("Receipt: f0f1f2f3" in text) == (card and promised > 0)
-        )
-        assert ("keep the window open" in text) == (card and promised < held)
-        assert ("slow to answer" in text) == (mode == "calm" and slow)
-        assert ("Check this device" in text) == (mode == "lost")
-        assert ("No alert could be sent" in text) is False
-    for code, at in itertools.product(("R1", "R7", "R7b"), (None, "2026-01-01T00:00:00.000Z")):
-        view = base | {"mode": "card", "frame": down(code, alerted_at=at)}
-        text = page.evaluate(said, [view, facts])
-        assert ("was alerted at" in text) == (code == "R7" and at is not None)
-        assert ("No alert could be sent" in text) == (code == "R7b")
+# -- what waits ----------------------------------------------------------------------------------------
 
 
 def test_waiting_requests_of_the_page_are_counted(open_ledger: OpenLedger, gateway: ScriptedGateway) -> None:

@@ -14,6 +14,7 @@ from tests.browser.outages import cores, held_start, lost_answer, outage
 from tests.browser.readers import (
     a_bank,
     booked,
+    first_sign,
     is_down,
     is_joined,
     is_serving,
@@ -221,6 +222,40 @@ def test_every_tab_is_told(house: House, open_tab: OpenTab) -> None:
             is_down(page)
     for page in (first, second):
         is_serving(page)
+
+
+def test_where_sockets_are_blocked_the_page_asks_and_says_the_same(house: House, open_tab: OpenTab) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    page.route_web_socket("**", lambda socket: socket.close())
+    page.reload()
+    is_joined(page)
+    typing(page)
+    with outage(house):
+        is_down(page)
+        expect(overlay(page)).to_be_visible()
+        assert "Restarting the server" in told(page)
+    is_serving(page)
+    is_where_it_was(page)
+
+
+def test_ones_own_network_is_told_apart_from_the_server_and_nothing_typed_is_lost(
+    house: House, open_tab: OpenTab
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    typing(page)
+    page.context.set_offline(True)
+    is_down(page)
+    expect(first_sign(page)).to_contain_text("No connection to the server")
+    expect(first_sign(page)).to_contain_text("What you typed is still here.")
+    expect(overlay(page)).to_have_count(0)
+    is_where_it_was(page)
+    page.context.set_offline(False)
+    expect(first_sign(page)).to_contain_text("Connected again")
+    is_serving(page)
+    is_where_it_was(page)
 
 
 def test_the_page_says_what_was_proven_once_it_is_proven(house: House, open_tab: OpenTab) -> None:

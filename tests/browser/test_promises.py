@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from typing import Any, Final
 
+import pytest
 from playwright.sync_api import Browser, Page, Request, Route, expect
 
 from tests.browser.conftest import MakeHouse, OpenTab
@@ -31,7 +32,20 @@ class Receipts:
         self.told: dict[str, dict[str, Any]] = {}
         self.words: list[tuple[str, str]] = []
         self.away = False
+        self.keys: list[str] = []
         page.route(_RECEIPT, self._answer)
+
+    def promise(self) -> None:
+        """Promise every entry from now on; `keys` are theirs."""
+        self.page.route("**/entries", self._promise)
+
+    def _promise(self, route: Route, request: Request) -> None:
+        assert request.headers["prefer"] == "respond-async"
+        key = request.headers["idempotency-key"]
+        self.keys.append(key)
+        self.told[key] = {"key": key, "outcome": "waiting", "seen": False}
+        headers = {"Preference-Applied": "respond-async", "Location": f"/__hc/receipts/{key}"}
+        route.fulfill(status=202, headers=headers, json={"receipt": key, "outcome": "waiting"})
 
     def say(self, key: str, outcome: str, **more: Any) -> None:
         """Change one, and tell the page."""
@@ -137,16 +151,8 @@ def test_a_form_whose_wish_was_promised_needs_no_window_and_takes_no_second_pres
     page = open_tab(house)
     is_joined(page)
     receipts = Receipts(page)
-    keys: list[str] = []
-
-    def promise(route: Route, request: Request) -> None:
-        assert request.headers["prefer"] == "respond-async"
-        keys.append(request.headers["idempotency-key"])
-        receipts.told[keys[-1]] = {"key": keys[-1], "outcome": "waiting", "seen": False}
-        headers = {"Preference-Applied": "respond-async", "Location": f"/__hc/receipts/{keys[-1]}"}
-        route.fulfill(status=202, headers=headers, json={"receipt": keys[-1], "outcome": "waiting"})
-
-    page.route("**/entries", promise)
+    keys = receipts.keys
+    receipts.promise()
     form = write_entry(page, "Promised", "7000")
     said = form.locator("[data-said]")
     save(form)
@@ -168,6 +174,56 @@ def test_a_form_whose_wish_was_promised_needs_no_window_and_takes_no_second_pres
     page.reload()
     assert watch.leaving == 0
     expect(page.locator("#receipts section")).to_have_count(0)
+
+
+def test_a_wish_that_was_set_aside_says_so_where_it_was_written_and_its_page_has_its_number(
+    house: House, open_tab: OpenTab
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    receipts = Receipts(page)
+    receipts.say("key-a1b2c3d4", "set_aside", letter="01J000000000letter99")
+    aside = card(page, "This request was set aside")
+    expect(aside).to_contain_text("it will not be tried again by itself")
+    expect(aside).to_contain_text("Number: letter99")
+    expect(aside).to_contain_text("Receipt: a1b2c3d4")
+    for claim in ("No money moved", "The administrator was told"):
+        assert claim not in aside.inner_text()  # nobody knows it here
+    aside.get_by_role("button", name="Cancel it").click()
+    expect(aside).to_have_count(0)
+    assert receipts.words == [("key-a1b2c3d4", "cancel")]
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        ({"outcome": "already_done", "status": 201, "answer": {}}, "This request was already done"),
+        (
+            {
+                "outcome": "refused",
+                "status": 409,
+                "answer": {"detail": "One of its records has been set aside."},
+            },
+            "One of its records has been set aside.",
+        ),
+    ],
+    ids=["R6b", "R9b"],
+)
+def test_what_became_of_a_promise_is_said_at_its_form_in_the_words_of_whoever_knows(
+    house: House, open_tab: OpenTab, answer: dict[str, Any], says: str
+) -> None:
+    a_bank(house)
+    page = open_tab(house)
+    is_joined(page)
+    receipts = Receipts(page)
+    receipts.promise()
+    form = write_entry(page, "Promised", "7000")
+    save(form)
+    expect(form.locator("[data-said]")).to_contain_text("You can close this window")
+    receipts.say(receipts.keys[0], **answer)
+    expect(form.locator("[data-said]")).to_contain_text(says)
+    assert form.locator("[name=description]").input_value() == ("" if answer["status"] < 400 else "Promised")
 
 
 def test_a_wish_sent_into_a_long_outage_is_done_once_though_its_tab_was_closed(
