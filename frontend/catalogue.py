@@ -50,10 +50,6 @@ CLI: Final[dict[str, tuple[str, str]]] = {
         "서비스 관리자가 넘겨준 소켓을 쓸 수 없어요. 소켓 유닛에 TCP 주소를 하나만 적으세요 (예: ListenStream=127.0.0.1:3000).",
         "The service manager's socket can't be used. Give its unit one TCP address (ListenStream=127.0.0.1:3000).",
     ),
-    "loopback_only": (
-        "--host {host}: 암호를 둘 수 있기 전까지는 이 컴퓨터 안에서만 열어요. 127.0.0.1 또는 ::1을 쓰세요.",
-        "--host {host}: until there is a password, only this machine is served. Use 127.0.0.1 or ::1.",
-    ),
     "policy_bad": ("정책 파일에 고칠 곳이 있어요: {path}", "The policy file needs mending: {path}"),
     "policy_kept": (
         "정책 파일에 잘못이 있어서 지난번의 올바른 정책을 계속 써요. `hardcore policy check {path}`로 확인하세요.",

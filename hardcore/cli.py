@@ -13,7 +13,7 @@ import importlib
 import sys
 import time
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 from click.core import ParameterSource
@@ -24,10 +24,12 @@ from hardcore import up as starting
 from hardcore.asked import Asked, come_back, next_words, operator, options, status_of
 from hardcore.crisis.history import estimate_score
 from hardcore.host.files import read_json
+from hardcore.opening import Opening
 from hardcore.status_page import PROVEN, printed_status
 
 STATE_CODES = {"OPERATIONAL": 0, "STARTING": 3, "DEGRADED": 3, "RECOVERY": 3, "SAFE_MODE": 3}
 NEEDS_A_PERSON = 4
+_FILE: Final = click.Path(path_type=Path, exists=True, dir_okay=False)
 
 #: Words with a room of their own, and the name there.
 ELSEWHERE: Final = {
@@ -41,6 +43,7 @@ ELSEWHERE: Final = {
     "journal": ("hardcore.journals.words", "journal"),
     "log": ("hardcore.keeping_words", "log"),
     "logs": ("hardcore.log_words", "logs"),
+    "passwd": ("hardcore.access_words", "passwd"),
     "policy": ("hardcore.policy_words", "policy"),
     "replay": ("hardcore.looking_back", "replay"),
     "restart": ("hardcore.restarting", "restart"),
@@ -48,6 +51,7 @@ ELSEWHERE: Final = {
     "safe-mode": ("hardcore.reading_only", "safe_mode"),
     "service": ("hardcore.service_words", "service"),
     "snapshot": ("hardcore.snapshot_words", "snapshot"),
+    "token": ("hardcore.access_words", "token"),
     "verify": ("hardcore.verifying", "verify"),
 }
 
@@ -93,7 +97,12 @@ def main(context: click.Context, /, **given: object) -> None:
 
 
 @main.command()
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve on; loopback only.")
+@click.option(
+    "--host",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to serve on. Beyond this machine (0.0.0.0: every device) a password is needed, and encryption.",
+)
 @click.option(
     "--port", default=3000, show_default=True, type=click.IntRange(0, 65535), help="0: any free one."
 )
@@ -114,10 +123,30 @@ def main(context: click.Context, /, **given: object) -> None:
     envvar="HARDCORE_STORE",
     help="Keep the ledger in a PostgreSQL database, from now on: postgresql://USER@HOST/DATABASE.",
 )
+@click.option(
+    "--tls-cert", type=_FILE, help="Certificate (PEM, with its chain); a renewed one is taken by itself."
+)
+@click.option("--tls-key", type=_FILE, help="Its private key.")
+@click.option(
+    "--trusted-proxy",
+    "proxies",
+    multiple=True,
+    help="Address or network of a proxy in front of us, which encrypts; may be repeated.",
+)
+@click.option(
+    "--insecure-lan",
+    is_flag=True,
+    help="Serve other devices in the open: you trust everybody on this network.",
+)
+@click.option(
+    "--name",
+    "names",
+    multiple=True,
+    help="A name that the server is reached by, such as money.example; may be repeated.",
+)
 @operator
 def up(
     asked: Asked,
-    host: str,
     port: int,
     policy: Path | None,
     mode: str | None,
@@ -125,13 +154,22 @@ def up(
     *,
     demo: bool,
     no_spare: bool,
+    **door: Any,
 ) -> None:
-    """Start the ledger and its guard, here in the foreground. Ctrl-C stops everything cleanly."""
+    """Start the ledger and its guard, here in the foreground. Ctrl-C stops everything cleanly.
+
+    \b
+    hardcore up                                   this machine alone
+    hardcore passwd                               before it is opened to others
+    hardcore up --host 0.0.0.0 --tls-cert cert.pem --tls-key key.pem
+    hardcore up --trusted-proxy 127.0.0.1 --name money.example
+    """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
     typed = click.get_current_context().get_parameter_source("store") is ParameterSource.COMMANDLINE
     if store is not None and typed and starting.has_password(store):
         asked.fail(starting.password_typed(asked.lang), 2)
     wishes = starting.Wishes(demo=demo, no_spare=no_spare, mode=mode or "")
-    ready = starting.prepare_start(asked.data, host, port, policy, asked.lang, wishes, store)
+    opening = Opening(**door)
+    ready = starting.prepare_start(asked.data, opening, port, policy, asked.lang, wishes, store)
     if isinstance(ready, starting.Refused):
         asked.fail(ready.words, ready.code)
     if ready.warning:

@@ -8,12 +8,11 @@ to come, and the one that serves must not notice. `sentinel` kills the guard its
 """
 
 import hashlib
+import http.client
 import json
 import subprocess
 import sys
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Mapping
 from typing import Any, NoReturn
 
@@ -32,6 +31,7 @@ from hardcore.control.protocol import (
     NAME_DIGITS,
     PEACE_S,
 )
+from hardcore.host.local_http import ask
 from hardcore.lines import wrapped
 from hardcore.looking_back import told_incident
 from hardcore.recovery.drill import LEAK_S_MAX
@@ -265,7 +265,7 @@ def _goes_on(result: Result, first: Mapping[str, Any]) -> None:
 def _is_set_aside(result: Result, first: Mapping[str, Any], key: str) -> None:
     """Send the request that is armed, wait for its verdict, and send it once more: it must be refused by its letter."""
     asked, promise = result.asked, PROMISES[result.fault]
-    _send(str(first["url"]), key)
+    _send(asked, key)
     story = _story_after(result, first)
     name = hashlib.sha256(key.encode()).hexdigest()[:NAME_DIGITS]
     letter = ""
@@ -277,7 +277,7 @@ def _is_set_aside(result: Result, first: Mapping[str, Any], key: str) -> None:
         return bool(letter)
 
     until(ruled, BACK_S)
-    status = _send(str(first["url"]), key)
+    status = _send(asked, key)
     story = told_incident(asked, str(story["id"]))  # what came of its trial has been added to it
     deaths = len(story["deaths"])
     as_promised = (story["diagnosis"], story["outcome"]) == (promise.diagnosis, promise.outcome)
@@ -300,23 +300,21 @@ def _is_set_aside(result: Result, first: Mapping[str, Any], key: str) -> None:
     result.end({**told, "status": status}, sentence, ok=kept)
 
 
-def _send(url: str, key: str) -> int | None:
+def _send(asked: Asked, key: str) -> int | None:
     """Send the request of the drill; return what it was answered, None if nobody did."""
     # The key is its body too: else each drill would have the digest of the first, which was set aside.
-    request = urllib.request.Request(  # noqa: S310  # our own loopback URL
-        f"{url.rstrip('/')}/api/ledger/drill",
-        data=key.encode(),
-        method="POST",
-        headers={"Idempotency-Key": key},
-    )
     try:
-        with urllib.request.urlopen(request, timeout=SENT_S) as answer:  # noqa: S310  # as above
-            return int(answer.status)
-    except urllib.error.HTTPError as refused:
-        with refused:
-            return refused.code
-    except OSError:
+        answer = ask(
+            asked.folders.gateway,
+            "POST",
+            "/api/ledger/drill",
+            key.encode(),
+            {"Idempotency-Key": key},
+            SENT_S,
+        )
+    except (OSError, http.client.HTTPException):
         return None
+    return answer.status
 
 
 def _restores(result: Result) -> None:

@@ -22,6 +22,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from hardcore.access.files import read_doorway
 from hardcore.executor import Executor
 from hardcore.gateway_watch import GatewayWatch, Remains, end_of_orphan, remains_before
 from hardcore.host import build, clock, leftovers, lives, logs, processes, refused_paths
@@ -37,6 +38,8 @@ from hardcore.recovery.policy import Policy, Word
 from hardcore.sentinel.gateway_end import may_be_of_reading
 from hardcore.side_incident import Loss, SideIncident
 
+#: Under what the door stood open when a gateway was started: one of another `up` is not gone on with.
+DOORWAY = "HARDCORE_DOORWAY"
 #: Deaths of the gateway in a minute that are answered without a pause.
 QUICK_RESTARTS = 3
 LEAVE_GRACE_S = 1.0
@@ -105,7 +108,7 @@ class Gatekeeper:
     async def _tell_held(self, since_ns: int) -> None:
         """Tell the story of the guard before for how long its gateway's place was empty."""
         while self._wanted:
-            if await is_answered(self._listen_fd, ANSWER_S):
+            if await self._is_answered():
                 self._executor.filing.gateway_is_back((clock.now_ns() - since_ns) // _MS)
                 return
             await asyncio.sleep(ASK_AGAIN_S)
@@ -200,6 +203,7 @@ class Gatekeeper:
             **leftovers.environment_of_gateway(self._folders),
             "HARDCORE_LIMITS": json.dumps(dataclasses.asdict(self.policy.gateway)),
             "HARDCORE_BUILD": build.guard_build_id(),
+            DOORWAY: read_doorway(self._folders.state).mark,
         }
 
     def _argv(self) -> list[str]:
@@ -210,7 +214,7 @@ class Gatekeeper:
         argv += ["--recoveries", str(self._folders.state / "recoveries.json")]
         argv += ["--receipts", str(self._folders.data / "receipts.db")]
         argv += ["--state", str(self._folders.state), "--investigator", str(self._folders.investigator)]
-        argv += ["--page", str(self._folders.gateway_page)]
+        argv += ["--own-door", str(self._folders.gateway), "--page", str(self._folders.gateway_page)]
         argv += ["--agents", str(self._folders.agents)]
         return argv
 
@@ -218,11 +222,15 @@ class Gatekeeper:
         """Whether a gateway is what we would start now, but for the number that its listener has there."""
         told = dict(line.partition("=")[::2] for line in leftovers.read_environment(older.pid))
         ours = self._environment()
-        if any(told.get(name) != ours[name] for name in ("HARDCORE_LIMITS", "HARDCORE_BUILD")):
+        if any(told.get(name) != ours[name] for name in ("HARDCORE_LIMITS", "HARDCORE_BUILD", DOORWAY)):
             return False
         return _told_alike(self._argv(), leftovers.read_command_line(older.pid)) and self._shares_listener(
             older
         )
+
+    async def _is_answered(self) -> bool:
+        encrypted = read_doorway(self._folders.state).encrypted
+        return await is_answered(self._listen_fd, ANSWER_S, encrypted=encrypted)
 
     def _shares_listener(self, older: Handle) -> bool:
         """Whether what browsers dial is the same socket for both; a new launcher may hold another."""
@@ -379,7 +387,7 @@ class Gatekeeper:
     async def _await_answer(self, handle: Handle) -> None:
         """Close the incident with the first answer of the new gateway."""
         while self.handle is handle and self._story.id is not None:
-            if await is_answered(self._listen_fd, ANSWER_S) and self.handle is handle:
+            if await self._is_answered() and self.handle is handle:
                 self._story.step("serving", clock.now_ns())
                 self._story.close(self._outcome(), clock.now_ns(), "The gateway serves again.")
             else:

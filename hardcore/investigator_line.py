@@ -21,6 +21,7 @@ import msgspec
 
 from hardcore.control import client
 from hardcore.host.folders import Folders
+from hardcore.host.local_http import Local
 
 START_S: Final = 20.0
 #: A retry may wait for a trial, and a dry run for a copy of the ledger.
@@ -49,19 +50,6 @@ class Answer(msgspec.Struct, frozen=True):
         return self.status < 400
 
 
-class _Local(http.client.HTTPConnection):
-    """A connection to a Unix socket."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__("localhost", timeout=ASK_S)
-        self._path = path
-
-    def connect(self) -> None:
-        self.sock = socket.socket(socket.AF_UNIX)
-        self.sock.settimeout(ASK_S)
-        self.sock.connect(str(self._path))
-
-
 class Line:
     """An investigator that listens. `lang`: the language of its sentences."""
 
@@ -82,7 +70,7 @@ class Line:
         return self._exchange("POST", f"/admin/api/{path}?lang={self._lang}", json.dumps(told))
 
     def _exchange(self, method: str, path: str, body: str | None) -> Answer:
-        connection = _Local(self._path)
+        connection = Local(self._path, ASK_S)
         headers = {"X-Admin": "1", "X-Hardcore-Cli": "1", "X-CSRF": self._token}
         if body is not None:
             headers["Content-Type"] = "application/json"

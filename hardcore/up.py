@@ -6,7 +6,6 @@ the listener and the lock and loses the weight of the command line.
 """
 
 import contextlib
-import ipaddress
 import os
 import shlex
 import signal
@@ -19,13 +18,17 @@ from urllib.parse import urlsplit
 import msgspec
 
 from frontend.catalogue import text
+from frontend.catalogue_access import access_text
 from frontend.catalogue_operator import operator_text
 from hardcore import standing
+from hardcore.access.doorway import Doorway
+from hardcore.access.files import read_doorway, read_people, write_doorway
 from hardcore.control import client
 from hardcore.host import files, leftovers, lives
 from hardcore.host.folders import Folders, Unusable, locate, prepare, prepare_data
 from hardcore.host.listener_left import Left, find_listener
 from hardcore.model.phases import Wanted
+from hardcore.opening import Opening, address_of, doorway_for, is_loopback, shown_url, warning_for
 from hardcore.recovery.policy import Policy, PolicyFault
 
 BACKLOG = 1024
@@ -64,15 +67,16 @@ class Ready(msgspec.Struct, frozen=True):
 
 
 def prepare_start(
-    data: Path, host: str, port: int, policy: Path | None, lang: str, wishes: Wishes, store: str | None = None
+    data: Path, opening: Opening, port: int, policy: Path | None, lang: str, wishes: Wishes, store: str | None
 ) -> Ready | Refused:
     """Settle everything that can go wrong before the launcher takes over. `store`: where the ledger is to lie."""
-    address = _loopback(host)
-    if address is None:
-        return Refused(text("loopback_only", lang, host=host), 2)
     made = prepare_data(data)
     if isinstance(made, Unusable):
         return Refused(made.reason)
+    command = "hardcore" if data == Path("var") else f"hardcore --data {shlex.quote(str(data))}"
+    doorway = doorway_for(opening, read_people(made.state), lang, command)
+    if isinstance(doorway, str):
+        return Refused(doorway, 2)
     try:
         folders = _claim(made, lang)
         if isinstance(folders, Refused):
@@ -81,12 +85,24 @@ def prepare_start(
         later = _later(wishes)
         if later is not None and held(folders.run / "sentinel.lock"):
             return Refused(text(later, lang))
+        if opening.given and held(folders.run / "sentinel.lock") and doorway != read_doorway(folders.state):
+            return Refused(access_text("door_later", lang))
         refused = _keep_store(folders, store, lang) if store is not None else None
         if refused is not None:
             return refused
-        return _settle(folders, address, port, policy, lang)
+        ready = _settle(folders, doorway, opening.host, port, policy, lang)
+        return ready if isinstance(ready, Refused) else _opened(ready, doorway, opening, lang)
     except OSError as error:  # a full disk lets folders be made, but no files be written
         return Refused(text("data_not_written", lang, path=made.data, why=error.strerror))
+
+
+def _opened(ready: Ready, doorway: Doorway, opening: Opening, lang: str) -> Ready:
+    """Leave word for the gateway of how wide the door is, and name it as people will. A guard that runs has heard it."""
+    if ready.attached:
+        return ready
+    write_doorway(ready.folders.state, doorway)
+    warning = "\n".join(filter(None, (ready.warning, warning_for(doorway, lang))))
+    return msgspec.structs.replace(ready, url=shown_url(ready.url, doorway, opening.host), warning=warning)
 
 
 def _claim(made: Folders, lang: str) -> Folders | Refused:
@@ -140,8 +156,10 @@ def _held_if_there(path: Path) -> bool:
     return path.exists() and held(path)
 
 
-def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: str) -> Ready | Refused:
-    handed = _handed(lang)
+def _settle(
+    folders: Folders, doorway: Doorway, host: str, port: int, policy: Path | None, lang: str
+) -> Ready | Refused:
+    handed = _handed(doorway, lang)
     if isinstance(handed, Refused):
         return handed
     living = _attach(folders)
@@ -154,7 +172,7 @@ def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: s
     if living is not None:
         return Ready(folders, *living, attached=True, warning=warning)
     left = find_listener(folders)
-    listener = handed or left.listener or _listen(host, port, lang)
+    listener = handed or left.listener or _listen(address_of(host) or host, port, lang)
     if isinstance(listener, Refused):
         return _whose(listener, folders, port, left, lang)
     # Only now: a start that was refused must not have changed what is wanted.
@@ -165,7 +183,7 @@ def _settle(folders: Folders, host: str, port: int, policy: Path | None, lang: s
     if left.listener is not None and handed is not None:
         _give_up(left.listener, handed)
     # By the name that was asked for: a cookie of `localhost` is none of 127.0.0.1.
-    host = host if handed is None else str(listener.getsockname()[0])
+    host = address_of(host) or host if handed is None else str(listener.getsockname()[0])
     shown = f"[{host}]" if ":" in host else host
     port = listener.getsockname()[1]
     return Ready(folders, listener.detach(), f"http://{shown}:{port}", attached=False, warning=warning)
@@ -229,17 +247,6 @@ def become_launcher(ready: Ready, wishes: Wishes) -> None:
     os.execv(sys.executable, [*argv, str(ready.listen_fd), ready.url])  # noqa: S606  # to become it is the point
 
 
-def _loopback(host: str) -> str | None:
-    """Return a loopback address in the one form that browsers use, or None if it is none."""
-    if host == "localhost":
-        return host
-    try:
-        address = ipaddress.ip_address(host)
-    except ValueError:
-        return None
-    return str(address) if address.is_loopback and "%" not in host else None
-
-
 def _settle_policy(folders: Folders, given: Path | None, lang: str, *, attached: bool) -> str | Refused:
     """Check the policy and copy a given one into the data folder. Returns a warning, or an empty text."""
     if given is not None:
@@ -300,7 +307,7 @@ def _ask_for_listener(folders: Folders) -> tuple[int, str] | None:
     return fds[0], str(answer["url"])
 
 
-def _handed(lang: str) -> socket.socket | Refused | None:
+def _handed(doorway: Doorway, lang: str) -> socket.socket | Refused | None:
     """Return the listener that a service manager has opened for us (`LISTEN_FDS`); None: it has opened none."""
     meant_for, count = (os.environ.pop(name, "") for name in ("LISTEN_PID", "LISTEN_FDS"))
     if meant_for != str(os.getpid()) or count in {"", "0"}:
@@ -314,8 +321,8 @@ def _handed(lang: str) -> socket.socket | Refused | None:
     if not fit or handed.family not in {socket.AF_INET, socket.AF_INET6}:
         return Refused(text("handed_unfit", lang))
     host = str(handed.getsockname()[0])
-    if _loopback(host) is None:
-        return Refused(text("loopback_only", lang, host=host), 2)
+    if not is_loopback(host) and not doorway.open:
+        return Refused(access_text("open_plain", lang, host=host), 2)
     return handed
 
 

@@ -1,15 +1,16 @@
 """`hardcore verify`: proves the whole ledger, asked of the core that serves it, or made here when none does."""
 
+import http.client
 import json
 import subprocess
 import sys
-import urllib.request
 from typing import Any
 
 import click
 
 from frontend.catalogue import text
 from hardcore.asked import Asked, operator, status_of
+from hardcore.host.local_http import ask
 
 VERIFY_TIMEOUT_S = 600.0
 
@@ -33,15 +34,13 @@ def verify(asked: Asked, *, quick: bool) -> None:
 def _verify_served(asked: Asked) -> dict[str, Any] | None:
     """Ask the serving core; None if none serves."""
     told = status_of(asked)
-    if not told["core"]["ready"] or not told["url"]:
+    if not told["core"]["ready"]:
         return None
-    request = urllib.request.Request(f"{told['url']}/api/ledger/verify")  # noqa: S310  # our own loopback URL
     try:
-        with urllib.request.urlopen(request, timeout=VERIFY_TIMEOUT_S) as answer:  # noqa: S310  # as above
-            found: dict[str, Any] = json.load(answer)
-            return found
-    except (OSError, ValueError):
+        answer = ask(asked.folders.gateway, "GET", "/api/ledger/verify", None, {}, VERIFY_TIMEOUT_S)
+    except (OSError, http.client.HTTPException):
         return None
+    return answer.told if answer.status == http.HTTPStatus.OK else None
 
 
 def _verify_alone(asked: Asked, *, quick: bool) -> dict[str, Any]:

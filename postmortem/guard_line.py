@@ -15,15 +15,20 @@ import msgspec
 
 ANSWER_BYTES_MAX: Final = 8 << 20
 ASK_S: Final = 5.0
+#: Where the gateway listens for the owner's own programs, beside the guard's socket.
+_OWN_DOOR: Final = "gateway.sock"
 
 
 class Service(msgspec.Struct, frozen=True):
-    """The guarded service as the guard sees it: where it is asked, who serves, and whether it does."""
+    """The guarded service as the guard sees it: where it is asked, who serves, and whether it does. `door`: the socket on
+    which no password is asked for; empty if there is none.
+    """
 
     url: str
     epoch: int | None
     pid: int | None
     serving: bool
+    door: str = ""
 
 
 class GuardLine(msgspec.Struct, frozen=True):
@@ -64,7 +69,14 @@ class GuardLine(msgspec.Struct, frozen=True):
         core = core if isinstance(core, dict) else {}
         url = told.get("url")
         serving = core.get("ready") is True and isinstance(url, str) and told.get("phase") in _SERVING
-        return Service(url if isinstance(url, str) else "", core.get("epoch"), core.get("pid"), serving)
+        door = self.control.with_name(_OWN_DOOR)
+        return Service(
+            url if isinstance(url, str) else "",
+            core.get("epoch"),
+            core.get("pid"),
+            serving,
+            str(door) if door.exists() else "",
+        )
 
 
 #: Phases in which a core serves writes or will within moments; a request that is sent in others only waits.

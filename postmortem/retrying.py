@@ -90,11 +90,11 @@ class Retrier(msgspec.Struct):
             return moved
         self.in_hand.add(row["id"])
         try:
-            return await self._run(row, service.url)
+            return await self._run(row, Ledger(service.url, service.door))
         finally:
             self.in_hand.discard(row["id"])
 
-    async def _run(self, row: RowMapping, url: str) -> Refusal | None:
+    async def _run(self, row: RowMapping, ledger: Ledger) -> Refusal | None:
         told = await self.guard.ask({"verb": "rule-remove", "id": row["rule"], "reason": "retry"})
         if told is None or told.get("ok") is not True:
             self._settle(row, _End(Trigger.UNCERTAIN, "not run", "the guard did not take its rule away"))
@@ -103,7 +103,7 @@ class Retrier(msgspec.Struct):
         if "request" not in case:
             self._settle(row, _end_without_request(case))
             return None
-        end = await self._send(row, case, Ledger(url))
+        end = await self._send(row, case, ledger)
         if end is None:
             return Refusal("outcome_unknown", {})  # it stays RETRYING, and `mend` looks it up
         self._settle(row, end)
@@ -135,7 +135,7 @@ class Retrier(msgspec.Struct):
             return moved
         self.in_hand.add(row["id"])
         try:
-            return await self._correct(row, changed, key, Ledger(service.url))
+            return await self._correct(row, changed, key, Ledger(service.url, service.door))
         finally:
             self.in_hand.discard(row["id"])
 
@@ -207,7 +207,7 @@ class Retrier(msgspec.Struct):
         service = await self.guard.service()
         if lost and service is not None and service.serving:
             for row in lost:
-                await self._look_up(row, Ledger(service.url))
+                await self._look_up(row, Ledger(service.url, service.door))
         if service is not None:
             await self._put_rules_back()
         return True

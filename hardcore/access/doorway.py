@@ -5,6 +5,7 @@ it does, or the owner has said in so many words that this network is trusted. A 
 what it says of the client is believed.
 """
 
+import hashlib
 from collections.abc import Collection, Iterable, Iterator
 from ipaddress import IPv4Network, IPv6Network, ip_address, ip_network
 from typing import Final
@@ -28,9 +29,19 @@ class Doorway(msgspec.Struct, frozen=True):
     names: tuple[str, ...] = ()
 
     @property
+    def mark(self) -> str:
+        """A name for all of it."""
+        return hashlib.sha256(msgspec.json.encode(self)).hexdigest()[:16]
+
+    @property
+    def encrypted(self) -> bool:
+        """Whether the listener itself speaks TLS."""
+        return bool(self.tls_cert and self.tls_key)
+
+    @property
     def safe(self) -> bool:
         """Whether it may listen beyond this machine, once there is a password."""
-        return bool(self.tls_cert and self.tls_key) or bool(self.proxies) or self.insecure_lan
+        return self.encrypted or bool(self.proxies) or self.insecure_lan
 
 
 class Client(msgspec.Struct, frozen=True):

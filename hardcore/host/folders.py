@@ -109,6 +109,11 @@ class Folders(msgspec.Struct, frozen=True):
         return self.run / "investigator.sock"
 
     @property
+    def gateway(self) -> Path:
+        """Where the owner's own programs ask the gateway."""
+        return self.run / "gateway.sock"
+
+    @property
     def control(self) -> Path:
         """The operator's door and the feed."""
         return self.run / "control.sock"

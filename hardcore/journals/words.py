@@ -8,8 +8,6 @@ and its reason, and the rest is booked.
 import http.client
 import json
 import sys
-import urllib.error
-import urllib.request
 from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -19,6 +17,7 @@ import click
 
 from frontend.catalogue_journals import journal_text
 from hardcore.asked import Asked, operator, status_of
+from hardcore.host.local_http import ask
 from hardcore.journals.reading import FORMATS, Unread, format_of, read_journal
 from hardcore.journals.wishes import KINDS, NotTaken, Wishes, wishes_of
 
@@ -64,13 +63,13 @@ def import_journal(
     booked = 0
     refused = list(wishes.not_taken)
     if not dry_run:
-        url = status_of(asked)["url"]
-        if not url:
+        if not status_of(asked)["url"]:
             asked.fail(journal_text("off", asked.lang))
+        door = asked.folders.gateway
         mark = sha256(file.read_bytes()).hexdigest()[:_DIGEST_CHARACTERS]
         try:
-            refused += _open(url, wishes, mark)
-            for count, not_booked in _book(url, wishes, mark):
+            refused += _open(door, wishes, mark)
+            for count, not_booked in _book(door, wishes, mark):
                 booked += count
                 refused += not_booked
                 _progress(asked, booked + len(refused), len(told))
@@ -91,19 +90,19 @@ def _kinds(asked: Asked, types: Sequence[str]) -> dict[str, str]:
     return kinds
 
 
-def _open(url: str, wishes: Wishes, mark: str) -> list[NotTaken]:
+def _open(door: Path, wishes: Wishes, mark: str) -> list[NotTaken]:
     """Open the accounts; one that is there already is fine, and a wrong one is told when something is booked on it."""
     for name, body in wishes.accounts.items():
-        _post(f"{url}/api/ledger/accounts", body, f"journal-{mark}-{name}")
+        _post(door, "/api/ledger/accounts", body, f"journal-{mark}-{name}")
     return []
 
 
-def _book(url: str, wishes: Wishes, mark: str) -> Iterator[tuple[int, list[NotTaken]]]:
+def _book(door: Path, wishes: Wishes, mark: str) -> Iterator[tuple[int, list[NotTaken]]]:
     """Book in batches; give for each how many are booked, and what was refused."""
     for at in range(0, len(wishes.transactions), BATCH):
         some = wishes.transactions[at : at + BATCH]
         body = {"atomic": False, "transactions": [one for _, one in some]}
-        answer = _post(f"{url}/api/ledger/transactions/batch", body, f"journal-{mark}-{at}")
+        answer = _post(door, "/api/ledger/transactions/batch", body, f"journal-{mark}-{at}")
         if "results" not in answer:
             raise http.client.HTTPException(str(answer.get("detail", "")))
         refused = [
@@ -114,18 +113,12 @@ def _book(url: str, wishes: Wishes, mark: str) -> Iterator[tuple[int, list[NotTa
         yield len(some) - len(refused), refused
 
 
-def _post(url: str, body: dict[str, Any], key: str) -> dict[str, Any]:
-    request = urllib.request.Request(url, json.dumps(body).encode())  # noqa: S310  our own loopback URL
-    request.add_header("Content-Type", "application/json")
-    request.add_header("Idempotency-Key", key)
-    try:
-        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:  # noqa: S310  as above
-            said: dict[str, Any] = json.load(answer)
-    except urllib.error.HTTPError as error:
-        if error.code >= http.HTTPStatus.INTERNAL_SERVER_ERROR:
-            raise
-        said = json.load(error)
-    return said
+def _post(door: Path, target: str, body: dict[str, Any], key: str) -> dict[str, Any]:
+    headers = {"Content-Type": "application/json", "Idempotency-Key": key}
+    answer = ask(door, "POST", target, json.dumps(body).encode(), headers, PATIENCE_S)
+    if answer.status >= http.HTTPStatus.INTERNAL_SERVER_ERROR:
+        raise http.client.HTTPException(str(answer.told.get("detail", "")))
+    return answer.told
 
 
 def _tell(asked: Asked, booked: int, refused: Sequence[NotTaken], *, dry_run: bool) -> None:

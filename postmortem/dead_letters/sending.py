@@ -7,6 +7,7 @@ requests to our own loopback address need none.
 
 import http.client
 import json
+import socket
 from collections.abc import Mapping
 from typing import Any, Final
 from urllib.parse import quote, urlsplit
@@ -38,10 +39,35 @@ class Lost(msgspec.Struct, frozen=True):
     why: str
 
 
+class _Local(http.client.HTTPConnection):
+    """A connection to a Unix socket."""
+
+    def __init__(self, path: str, timeout_s: float) -> None:
+        super().__init__("localhost", timeout=timeout_s)
+        self._path = path
+        self._timeout_s = timeout_s
+
+    def connect(self) -> None:
+        self.sock = socket.socket(socket.AF_UNIX)
+        self.sock.settimeout(self._timeout_s)
+        self.sock.connect(self._path)
+
+
+def _connection(url: str, door: str, timeout_s: float) -> http.client.HTTPConnection:
+    if door:
+        return _Local(door, timeout_s)
+    place = urlsplit(url)
+    assert place.hostname is not None, url
+    return http.client.HTTPConnection(place.hostname, place.port, timeout=timeout_s)
+
+
 class Ledger(msgspec.Struct, frozen=True):
-    """The ledger behind the gateway at one address, such as http://127.0.0.1:3000."""
+    """The ledger behind the gateway at one address, such as http://127.0.0.1:3000. `door`: its socket for this machine's
+    owner, if there is one; the address is then what the request says it is for.
+    """
 
     url: str
+    door: str = ""
 
     def send(self, case: Mapping[str, Any], key: str) -> Sent | Lost:
         """Send a case's request under its key. Blocks for SEND_S at most."""
@@ -65,9 +91,8 @@ class Ledger(msgspec.Struct, frozen=True):
     def _ask(
         self, method: str, path: str, body: bytes | None, given: Mapping[str, str], timeout_s: float
     ) -> Sent | Lost:
-        place = urlsplit(self.url)
-        assert place.hostname is not None, self.url
-        connection = http.client.HTTPConnection(place.hostname, place.port, timeout=timeout_s)
+        given = {**given, "Host": urlsplit(self.url).netloc} if self.door else given
+        connection = _connection(self.url, self.door, timeout_s)
         try:
             connection.request(method, path, body, dict(given))
             answer = connection.getresponse()
