@@ -130,12 +130,18 @@ CRISIS: Final[dict[str, tuple[str, str]]] = {
         "이 기기의 인터넷이나 와이파이를 확인해 주세요.",
         "Check this device's internet or Wi-Fi.",
     ),
-    "R12": ("서버가 대답하지 않아요", "The server does not answer"),
-    "R12.line": (
+    "R11.silent": ("서버가 대답하지 않아요", "The server does not answer"),
+    "R11.silent.line": (
         "이 기기의 인터넷을 확인하고, 계속되면 서버 관리자에게 알려 주세요.",
         "Check this device's connection. If it lasts, please tell the person who runs this server.",
     ),
     "R11.kept": ("쓰던 내용은 그대로 있어요.", "What you typed is still here."),
+    "R12": ("다시 로그인해 주세요", "Please sign in again"),
+    "R12.line": (
+        "로그인하면 이어서 쓸 수 있어요.",
+        "You can go on after that.",
+    ),
+    "R12.do": ("로그인", "Sign in"),
     "R11.back": ("다시 연결됐어요", "Connected again"),
     # Drafts.
     "R13": ("쓰던 내용을 되살렸어요", "Restored what you typed"),
@@ -258,7 +264,8 @@ FACTS: Final[dict[str, str]] = {
     "R8": "the state frame's text is R8: the guard has stopped trying",
     "OFF": "the state frame's text is OFF: the operator stopped it",
     "R11": "the socket is gone and status.json can't be fetched",
-    "R12": "the same, and it was not refused: no answer came in time",
+    "R11.silent": "the same, and it was not refused: no answer came in time",
+    "R12": "the gateway has answered this browser 401: it knows no session of it",
     "R11.kept": "the page that was typed into is still alive",
     "R13": "a field was filled from the storage",
     "R13.unsent": "the form was not submitted since the draft was written",

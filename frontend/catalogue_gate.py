@@ -14,6 +14,8 @@ GATE: Final[dict[str, tuple[str, str]]] = {
         "방금 보낸 내용은 처리하지 않았어요. 로그인하면 쓰던 화면으로 돌아가요.",
         "What you just sent was not done. After signing in you are back where you were.",
     ),
+    "out": ("로그아웃했어요", "You are signed out"),
+    "out.line": ("쓰던 내용은 이 탭에서 지웠어요.", "What was typed in this tab and not sent is deleted."),
     "wrong": ("로그인", "Sign in"),
     "wrong.line": (
         "이름이나 비밀번호가 맞지 않아요. 다시 입력해 주세요.",

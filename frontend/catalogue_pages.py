@@ -49,6 +49,8 @@ TEXTS: Final[dict[str, Mapping[str, str]]] = {
         "ko": "지금은 입력할 수 없어요. 저장된 내역은 볼 수 있어요.",
         "en": "Changes are off for now. You can look at what is stored.",
     },
+    "signed_in": {"ko": "로그인한 이름: {name}", "en": "Signed in as {name}"},
+    "sign_out": {"ko": "로그아웃", "en": "Sign out"},
     "state_off": {"ko": "꺼짐", "en": "Off"},
     "state_off_more": {
         "ko": "관리자가 서버를 꺼 두었어요. 다시 켜지면 이 화면이 스스로 알려 드려요.",

@@ -34,9 +34,20 @@ Outcome = Literal["get", "not_done", "unknown", "keepable", "doubtful"]
 Settled = Literal["waiting", "done", "already_done", "not_done", "refused", "set_aside", "ask", "unknown"]
 
 #: What a page at the gate is for, and what it says of the try before: `in` and `unsent` (a form was sent without a
-#: session) ask to sign in, `again` asks for the password of who is in, `invited` for a new one.
+#: session) and `out` (somebody signed out) ask to sign in, `again` asks for the password of who is in, `invited` for a new one.
 Gate = Literal[
-    "in", "unsent", "wrong", "wait", "again", "again_wrong", "invited", "short", "differ", "not_kept", "gone"
+    "in",
+    "unsent",
+    "out",
+    "wrong",
+    "wait",
+    "again",
+    "again_wrong",
+    "invited",
+    "short",
+    "differ",
+    "not_kept",
+    "gone",
 ]
 
 KINDS: Final[tuple[Kind, ...]] = ("recovering", "planned", "stopped_trying", "off")

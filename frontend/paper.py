@@ -25,11 +25,14 @@ LANGUAGES: Final[tuple[Language, ...]] = ("ko", "en")
 
 
 class Reader(msgspec.Struct, frozen=True):
-    """Who reads: the language, the day it is for the household, and the path the page stands on."""
+    """Who reads: the language, the day it is for the household, the path the page stands on, and the name under which
+    somebody is signed in (empty: nobody has to be).
+    """
 
     lang: Language
     today: dt.date
     path: str
+    who: str = ""
 
 
 def page_text(text: str, lang: Language, /, **values: object) -> str:

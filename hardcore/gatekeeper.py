@@ -11,21 +11,18 @@ answers what it holds first, while ours takes what is new.
 """
 
 import asyncio
-import dataclasses
-import json
 import os
 import random
 import signal
-import sys
 from collections.abc import Coroutine, Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
+from hardcore import gateway_start
 from hardcore.access.files import read_doorway
 from hardcore.executor import Executor
 from hardcore.gateway_watch import GatewayWatch, Remains, end_of_orphan, remains_before
-from hardcore.host import build, clock, leftovers, lives, logs, processes, refused_paths
+from hardcore.host import clock, logs, processes, refused_paths
 from hardcore.host.first_answer import is_answered
 from hardcore.host.folders import Folders
 from hardcore.host.gateway_page import make_page, set_aside
@@ -38,8 +35,6 @@ from hardcore.recovery.policy import Policy, Word
 from hardcore.sentinel.gateway_end import may_be_of_reading
 from hardcore.side_incident import Loss, SideIncident
 
-#: Under what the door stood open when a gateway was started: one of another `up` is not gone on with.
-DOORWAY = "HARDCORE_DOORWAY"
 #: Deaths of the gateway in a minute that are answered without a pause.
 QUICK_RESTARTS = 3
 LEAVE_GRACE_S = 1.0
@@ -53,7 +48,6 @@ ANSWER_S = 5.0
 COUNTED_S = 0.5
 #: Between two questions to a new gateway that was not there for the first.
 ASK_AGAIN_S = 0.05
-_LISTENER = "--listen-fd"
 _LOST = Diagnosis.GATEWAY_LOST
 _MS = 1_000_000
 
@@ -191,56 +185,22 @@ class Gatekeeper:
             self._executor.note("gateway", no_page=error.strerror)
         log = logs.place(self._folders.logs / "gateway.log", self._folders.run)
         fds = (self._listen_fd,)
-        handle = processes.spawn(self._argv(), self._environment(), log, self._folders.data, fds=fds)
+        argv = gateway_start.argv(self._folders, self._listen_fd)
+        environment = gateway_start.environment(self._folders, self.policy)
+        handle = processes.spawn(argv, environment, log, self._folders.data, fds=fds)
         self._name(handle)
         return handle
 
     def _name(self, handle: Handle) -> None:
         self._executor.hint(None, gateway={"pid": handle.pid, "start": handle.identity.start})
 
-    def _environment(self) -> dict[str, str]:
-        return {
-            **leftovers.environment_of_gateway(self._folders),
-            "HARDCORE_LIMITS": json.dumps(dataclasses.asdict(self.policy.gateway)),
-            "HARDCORE_BUILD": build.guard_build_id(),
-            DOORWAY: read_doorway(self._folders.state).mark,
-        }
-
-    def _argv(self) -> list[str]:
-        argv = [sys.executable, "-I", "-m", "hardcore.crisis"]
-        argv += [_LISTENER, str(self._listen_fd), "--control", str(self._folders.control)]
-        if os.environ.get(lives.DEMO_SWITCH) == "1":
-            argv.append("--demo")
-        argv += ["--recoveries", str(self._folders.state / "recoveries.json")]
-        argv += ["--receipts", str(self._folders.data / "receipts.db")]
-        argv += ["--state", str(self._folders.state), "--investigator", str(self._folders.investigator)]
-        argv += ["--own-door", str(self._folders.gateway), "--page", str(self._folders.gateway_page)]
-        argv += ["--agents", str(self._folders.agents)]
-        return argv
-
     def _fits(self, older: Handle) -> bool:
-        """Whether a gateway is what we would start now, but for the number that its listener has there."""
-        told = dict(line.partition("=")[::2] for line in leftovers.read_environment(older.pid))
-        ours = self._environment()
-        if any(told.get(name) != ours[name] for name in ("HARDCORE_LIMITS", "HARDCORE_BUILD", DOORWAY)):
-            return False
-        return _told_alike(self._argv(), leftovers.read_command_line(older.pid)) and self._shares_listener(
-            older
-        )
+        """Whether a gateway is what we would start now."""
+        return gateway_start.fits(older, self._folders, self.policy, self._listen_fd)
 
     async def _is_answered(self) -> bool:
         encrypted = read_doorway(self._folders.state).encrypted
         return await is_answered(self._listen_fd, ANSWER_S, encrypted=encrypted)
-
-    def _shares_listener(self, older: Handle) -> bool:
-        """Whether what browsers dial is the same socket for both; a new launcher may hold another."""
-        argv = leftovers.read_command_line(older.pid)
-        number = argv[argv.index(_LISTENER) + 1]
-        try:
-            theirs = Path(f"/proc/{older.pid}/fd/{number}").stat()
-            return os.path.samestat(theirs, os.fstat(self._listen_fd))
-        except OSError:
-            return False
 
     def _on_end(self, handle: Handle) -> None:
         how = handle.reap()
@@ -497,11 +457,3 @@ async def _within(event: asyncio.Event, limit_s: float) -> bool:
     except TimeoutError:
         return False
     return True
-
-
-def _told_alike(ours: list[str], theirs: list[str]) -> bool:
-    """Whether two command lines differ in the number of the listener alone."""
-    if _LISTENER not in theirs or len(ours) != len(theirs):
-        return False
-    number = ours.index(_LISTENER) + 1
-    return [*ours[:number], *ours[number + 1 :]] == [*theirs[:number], *theirs[number + 1 :]]

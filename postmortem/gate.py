@@ -8,10 +8,11 @@ inside. A middleware of the framework was not chosen: what guards every address 
 
 import hmac
 import json
+import re
 import time
 from collections.abc import Iterable
 from typing import Any, Final
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, urlencode, urlsplit
 
 import msgspec
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -23,6 +24,13 @@ FIELDS_MAX: Final = 5_000
 SAFE: Final = frozenset({"GET", "HEAD"})
 #: What a browser says of a request that one of our own pages, or its address bar, sends.
 _OUR_SITES: Final = frozenset({"same-origin", "none"})
+
+#: What can't be taken back, or shows what is private: asks for a password that was typed just now, where one is set.
+_PROVEN: Final = re.compile(
+    r"/admin/(?:restart|safe-mode|drill|dlq/bulk|(?:dlq|incidents)/[^/]+/(?:discard|reveal|remove)"
+    r"|incidents/[^/]+/(?:bundle|export\.\w+)|api/letters/(?:bulk|[^/]+/discard)|api/incidents/[^/]+/remove-evidence)"
+)
+_SIGN_IN: Final = "/__hc/sign-in"
 
 _HEADERS: Final = (
     (b"x-content-type-options", b"nosniff"),
@@ -58,6 +66,8 @@ class Gate(msgspec.Struct):
             SPEAKER.set("cli")
         if given.one("x-admin") != "1":
             await _refuse(send, 403, "admin-local")
+        elif given.one("x-proven") == "0" and _PROVEN.fullmatch(scope["path"]):
+            await _ask_again(send, scope, given)
         elif scope["method"] in SAFE:
             await self.app(scope, receive, _with_headers(send))
         elif scope["method"] != "POST":
@@ -144,6 +154,18 @@ def _with_headers(send: Send) -> Send:
         await send(message)
 
     return said
+
+
+async def _ask_again(send: Send, scope: Scope, given: Given) -> None:
+    """Have whoever wants this type the password first: a tab is led there and back, a program is told."""
+    if "text/html" not in given.one("accept"):
+        await _refuse(send, 403, "password-again")
+        return
+    to = scope["path"] if scope["method"] in SAFE else urlsplit(given.one("referer")).path
+    query = urlencode({"again": "1", "to": to if to.startswith("/admin") else "/admin/"})
+    headers: list[Any] = [(b"location", f"{_SIGN_IN}?{query}".encode()), *_HEADERS, (b"content-length", b"0")]
+    await send({"type": "http.response.start", "status": 303, "headers": headers})
+    await send({"type": "http.response.body", "body": b""})
 
 
 async def _refuse(send: Send, status: int, slug: str) -> None:

@@ -21,6 +21,7 @@ from frontend.render import problem_text, read_only_because
 LANGUAGE_COOKIE: Final = "lang"
 ACCOUNT_COOKIE: Final = "account"  # what this browser booked on last: the next form begins with it
 COOKIE_CHARACTERS_MAX: Final = 8
+NAME_CHARACTERS_MAX: Final = 64  # of who is signed in
 PAGE_HEADERS: Final = MappingProxyType(
     {
         "Content-Security-Policy": (
@@ -43,7 +44,14 @@ def reader_of(request: Request) -> Reader:
     # Where the choice of another language leads back to; what was posted to can't be got.
     path = f"{request.url.path}?{request.url.query}" if request.method == "GET" else "/"
     # The day of the household's machine; the browser corrects a fresh form to its own.
-    return Reader(lang, dt.datetime.now().astimezone().date(), path)
+    return Reader(lang, dt.datetime.now().astimezone().date(), path, _who(request))
+
+
+def _who(request: Request) -> str:
+    """Who is signed in, as the gateway says it on our own socket; anywhere else anybody could."""
+    server = request.scope.get("server")
+    own = server is None or server[1] is None
+    return request.headers.get("x-actor", "")[:NAME_CHARACTERS_MAX] if own else ""
 
 
 def wants_page(request: Request) -> bool:

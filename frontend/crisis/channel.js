@@ -116,6 +116,7 @@ export function openChannel(hear) {
   async function answered() {
     try {
       const response = await ask("/__hc/status.json", { cache: "no-store", signal: AbortSignal.timeout(ASK_TIMEOUT_MS) });
+      if (response.status === 401) return { v: 1, type: "out" };  // whoever answers so is there, and knows nobody here
       return response.ok ? read(await response.text()) : null;
     } catch { return null; }  // whatever went wrong, there was no answer
   }

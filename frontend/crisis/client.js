@@ -48,7 +48,7 @@ function tell(name, detail) {
 
 function hear(said) {
   const now_ms = performance.now();
-  if (said.type === "state" && said.text !== null && !isAway) drafts.saveAll();
+  if (said.type === "out" || (said.type === "state" && said.text !== null && !isAway)) drafts.saveAll();
   const { mode: was, heeded: wasHeeded } = view;
   view = next(view, said, now_ms);
   // Keys pressed into a dialog that has just opened are lost: it waits for a pause of whoever is typing.

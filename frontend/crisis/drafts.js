@@ -58,8 +58,9 @@ function addressed(form) {
   });
 }
 
+// Of whoever is signed in: the next person at this browser is somebody else.
 function keyOf(form) {
-  return `${PREFIX}${location.pathname}#${form.id}`;
+  return `${PREFIX}${document.documentElement.dataset.user ?? ""}@${location.pathname}#${form.id}`;
 }
 
 function isDraftForm(form) {

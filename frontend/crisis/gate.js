@@ -12,4 +12,8 @@ async function look() {
   } catch { /* then the form is what there is */ }
 }
 
+// Whoever signed out leaves nothing behind for whoever comes next: what was typed and not sent is in this tab alone.
+if (document.body.dataset.gate === "out") {
+  try { sessionStorage.clear(); } catch { /* no storage: nothing was kept */ }
+}
 if (document.body.dataset.gate === "in" && !location.pathname.startsWith("/__hc/")) void look();

@@ -12,7 +12,7 @@ const BRIEF_MS = 1000;  // history says it is usually over by then: an overlay w
 
 export const CALM = Object.freeze({
   mode: "calm",     // calm | sign (strip) | card (overlay) | result (card, not modal) | short (strip) | lost | again
-                    // | unsound (card, not modal)
+                    // | unsound (card, not modal) | out (bar: signed out)
   frame: null,      // the last state frame
   back: null,       // {outage_ms: null if nobody measured it, verified: true | null}
   gap_ms: 0,        // how long our own line was gone
@@ -127,24 +127,28 @@ const rises = (view) => ({ ...view, mode: "card", due_ms: Infinity });
 // Put aside by the reader, which only a final card can be: the strip goes on saying it.
 const lowers = (view) => (isFinal(view.frame) ? { ...view, mode: "sign", due_ms: Infinity } : view);
 
+// Whoever is signed out is told nothing of the server until it knows him again.
+const signsOut = (view) => ({ ...calms(view), mode: "out", frame: null });
+
 export const MOVES = {
-  calm: { down: begins, serving: knows, back: passes, verified: learns, lost: loses, tick: stays, dismiss: stays },
-  sign: { down: resumes, serving: fades, back: fades, verified: stays, lost: loses, tick: rises, dismiss: stays },
-  card: { down: goesOn, serving: result, back: result, verified: stays, lost: loses, tick: stays, dismiss: lowers },
+  calm: { down: begins, serving: knows, back: passes, verified: learns, lost: loses, out: signsOut, tick: stays, dismiss: stays },
+  sign: { down: resumes, serving: fades, back: fades, verified: stays, lost: loses, out: signsOut, tick: rises, dismiss: stays },
+  card: { down: goesOn, serving: result, back: result, verified: stays, lost: loses, out: signsOut, tick: stays, dismiss: lowers },
   result: {
-    down: begins, serving: knows, back: result, verified: verifies(RESULT_STAY_MS), lost: loses, tick: calms,
+    down: begins, serving: knows, back: result, verified: verifies(RESULT_STAY_MS), lost: loses, out: signsOut, tick: calms,
     dismiss: calms,
   },
   short: {
-    down: begins, serving: knows, back: short, verified: verifies(SHORT_STAY_MS), lost: loses, tick: calms,
+    down: begins, serving: knows, back: short, verified: verifies(SHORT_STAY_MS), lost: loses, out: signsOut, tick: calms,
     dismiss: calms,
   },
-  unsound: { down: begins, serving: hears, back: short, verified: heals, lost: loses, tick: stays, dismiss: heeds },
-  lost: { down: begins, serving: finds, back: short, verified: learns, lost: stays, tick: stays, dismiss: stays },
-  again: { down: begins, serving: knows, back: short, verified: learns, lost: loses, tick: calms, dismiss: calms },
+  unsound: { down: begins, serving: hears, back: short, verified: heals, lost: loses, out: signsOut, tick: stays, dismiss: heeds },
+  lost: { down: begins, serving: finds, back: short, verified: learns, lost: stays, out: signsOut, tick: stays, dismiss: stays },
+  again: { down: begins, serving: knows, back: short, verified: learns, lost: loses, out: signsOut, tick: calms, dismiss: calms },
+  out: { down: begins, serving: knows, back: stays, verified: learns, lost: loses, out: stays, tick: stays, dismiss: stays },
 };
 
-/** The view after an event: `lost`, `tick`, `dismiss`, or a frame of the gateway. A frame of a kind that this
+/** The view after an event: `lost`, `out`, `tick`, `dismiss`, or a frame of the gateway. A frame of a kind that this
     script does not know changes nothing, because a newer gateway may say more. */
 export function next(view, said, now_ms) {
   if (said.type === "hello") {

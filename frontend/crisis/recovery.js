@@ -89,6 +89,10 @@ function reopen() {
 }
 
 openChannel((said) => {
+  if (said.type === "out" && outcome === "get") {  // the same address asks to sign in
+    reopen();
+    return;
+  }
   if (said.type === "state") facts.unheard = false;
   if (said.type === "receipt" && said.outcome === "waiting") facts.receipt = said.key;
   view = next(view, said, performance.now());

@@ -154,18 +154,24 @@ function shortStrip(view, words) {
 
 // Nobody refused and nobody answered: then it may be the server as well as the line.
 function lostStrip(view, facts, words) {
-  const code = view.silent ? "R12" : "R11";
+  const code = view.silent ? "R11.silent" : "R11";
   const kept = facts.alive ? [words["R11.kept"]] : [];
   return { head: words[code], line: [words[`${code}.line`], ...kept].join(" "), tone: "warn" };
 }
 
 // Reads only: said for as long as it lasts. Where the ledger itself is the reason, nothing is claimed of what is shown.
-function barOf(view, words) {
+function barOf(view, facts, words) {
   const { frame } = view;
+  if (view.mode === "out") {
+    // What stands in this page alone would be lost with it: then signing in happens beside it.
+    const { draft } = facts;
+    const line = [draft && words[`draft.${draft}`], words["R12.line"]].filter(Boolean).join(" ");
+    return { head: words.R12, line, act: words["R12.do"], beside: draft === "page" };
+  }
   if (view.mode === "lost" || !frame || frame.text !== null || !frame.safe) return null;
   const unsound = view.mode === "unsound" || frame.safe === "STORE_CORRUPT" || frame.sound === false;
   const lines = unsound ? [words["R10.safe"], words["R10.line"]] : [words[`R9.${frame.safe}`], words["R9.line"]];
-  return { head: words[unsound ? "R10" : "R9"], line: lines.filter(Boolean).join(" ") };
+  return { head: words[unsound ? "R10" : "R9"], line: lines.filter(Boolean).join(" "), act: "" };
 }
 
 // A request that waits for its trial is no slow server: it takes a moment, and ends by itself.
@@ -201,7 +207,7 @@ function cardOf(view, facts, strip, now_ms, words) {
 export function face(view, facts, now_ms, words) {
   const strip = stripOf(view, facts, words);
   const card = cardOf(view, facts, strip, now_ms, words);
-  const bar = barOf(view, words);
+  const bar = barOf(view, facts, words);
   const said = strip ?? bar;
   const status = card ? card.status : said ? [said.head, said.line].filter(Boolean).join(". ") : "";
   const down = view.mode === "card" || (view.mode === "sign" && !isQuiet(view));

@@ -120,7 +120,8 @@ class SignIn:
             self._give(exchange, pages.elsewhere(to, extra))
             return
         who = visitor.name if visitor is not None else ""
-        self._show(exchange, "again" if visitor is not None else "in", to, who=who, extra=extra, lang=lang)
+        kind = "again" if visitor is not None else "out" if "out" in asked else "in"
+        self._show(exchange, kind, to, who=who, extra=extra, lang=lang)
 
     def _sign_out(self, exchange: Exchange) -> None:
         visitor = self._visitor(exchange)
@@ -135,7 +136,7 @@ class SignIn:
         )
         # What was typed and not sent is nobody else's: a browser that knows this word forgets it.
         cleared.append((b"Clear-Site-Data", b'"storage"'))
-        self._give(exchange, pages.elsewhere("/", cleared))
+        self._give(exchange, pages.elsewhere(f"{SIGN_IN_PATH.decode()}?out=1", cleared))
 
     # -- passwords -------------------------------------------------------------------------------------
 

@@ -36,7 +36,7 @@ from frontend.render import Language
 
 KIB: Final = 1024
 RECOVERY_PAGE_BYTES_MAX: Final = 20 * KIB  # gzip, as the project promises
-LIVING_PAGE_BYTES_MAX: Final = 15 * KIB  # gzip, file by file, one language
+LIVING_PAGE_BYTES_MAX: Final = 15 * KIB + 512  # gzip, file by file, one language
 _ANY_IMPORT: Final = re.compile(r"^[ ]*import\b.*", flags=re.MULTILINE)
 _TOP_NAME: Final = re.compile(r"^(?:export )?(?:async )?(?:const|let|function) (\w+)", flags=re.MULTILINE)
 _USED_WORD: Final = re.compile(r"words(?:\.(\w+)|\[\"([\w.]+)\"\])")
