@@ -30,7 +30,7 @@ class Attempts:
     def wait_ns(self, address: str, now_ns: int) -> int:
         """Take one try; 0: it may be made now, else in how long. A try that has to wait is not counted."""
         mine = self._filled(address, self._most, self._every_ns, now_ns)
-        of_all = self._filled(_EVERYBODY, self._most * _ALL, self._every_ns // _ALL, now_ns)
+        of_all = self._filled(_EVERYBODY, self._most * _ALL, max(1, self._every_ns // _ALL), now_ns)
         if mine.left < 1:
             return int((1 - mine.left) * self._every_ns)
         if of_all.left < 1:

@@ -21,8 +21,8 @@ def test_every_event_has_its_move_in_every_mode(open_ledger: OpenLedger) -> None
         """async () => Object.entries((await import("/source/outage.js")).MOVES)
         .map(([mode, row]) => [mode, Object.keys(row).sort().join()])"""
     )
-    events = ",".join(sorted(["down", "serving", "back", "verified", "lost", "tick", "dismiss"]))
-    modes = "calm sign card result short lost again unsound"
+    events = ",".join(sorted(["down", "serving", "back", "verified", "lost", "out", "tick", "dismiss"]))
+    modes = "calm sign card result short lost again unsound out"
     assert {mode for mode, _ in moves} == set(modes.split())
     assert {row for _, row in moves} == {events}
 
