@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Final
 
 import pytest
@@ -9,11 +11,37 @@ from playwright.sync_api import Page, expect
 
 from frontend.catalogue_crisis import CRISIS
 from frontend.crisis_paper import KINDS, OUTCOMES, RECEIPT_OUTCOMES, Kind, receipt_page, recovery_page
+from tests.browser.bank_files import hana_csv
+from tests.browser.conftest import OpenTab
 from tests.browser.eyes import Eyes
+from tests.browser.furniture import BANK, furnish
+from tests.browser.readers import save, write_entry
 from tests.browser.scripted_gateway import SERVING, ScriptedGateway, back, down
 from tests.browser.scripted_pages import OpenLedger
+from tests.browser.tabs import Watch
+from tests.integration.house import House, transaction
+from tests.integration.poisoning import armed, letter_of
 
 LANGUAGES: Final = ("ko", "en")
+NOWHERE: Final = "/nowhere"
+PLACES: Final = (
+    "/",
+    "/?month=2026-10",
+    "/register",
+    f"/register?account={BANK}",
+    "/register?q=nothing+like+it",
+    "/accounts",
+    "/plans",
+    "/plans?month=2026-10",
+    "/import",
+    "/transactions/new",
+    NOWHERE,
+)
+ACCOUNTS: Final = "/api/ledger/accounts?limit=500"
+DESKS: Final = tuple(
+    f"/admin/{place}"
+    for place in ("", "incidents?view=all", "dlq", "snapshots", "trends", "alerts", "policy", "settings")
+)
 #: axe-core measures with styles of its own, which no page of ours allows. That they don't is held by all other tests.
 SEEN: Final = {"reduced_motion": "reduce", "bypass_csp": True}
 #: A page without a fault of its own, under all that the crisis script can show.
@@ -112,3 +140,78 @@ def test_no_page_of_the_gateway_s_own_shuts_anybody_out(
     for settled in RECEIPT_OUTCOMES:
         page.set_content(_without_scripts(receipt_page(lang, settled).body))
         eyes.look(page, f"receipt {settled}, {lang}")
+
+
+def _opened(page: Page) -> None:
+    """Open everything that can be opened."""
+    page.evaluate("document.querySelectorAll('main details').forEach((one) => { one.open = true; })")
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_no_page_of_the_ledger_shuts_anybody_out(
+    shared_house: House, open_tab: OpenTab, watch: Watch, eyes: Eyes, lang: str, tmp_path: Path
+) -> None:
+    page = open_tab(shared_house, lang=lang, **SEEN)
+    if page.locator("form[action='/start']").count():
+        eyes.look(page, f"the empty start, {lang}")
+    for path in (*PLACES, *furnish(shared_house).values()):
+        page.goto(path)
+        _opened(page)
+        eyes.look(page, f"{path}, {lang}")
+    page.goto("/")
+    save(page.locator("form#entry"))  # with nothing in it: each field says what is wrong
+    expect(page.locator("form#entry [aria-invalid]").first).to_be_visible()
+    eyes.look(page, f"faults at their fields, {lang}")
+    save(write_entry(page, f"Looked at, {lang}"))
+    expect(page.locator("[data-live]").get_by_text(f"Looked at, {lang}").first).to_be_visible()
+    eyes.look(page, f"an entry was saved, {lang}")
+    _imports(page, eyes, lang, hana_csv(tmp_path, refused=1))
+    watch.troubles[:] = [one for one in watch.troubles if NOWHERE not in one]
+
+
+def _imports(page: Page, eyes: Eyes, lang: str, file: Path) -> None:
+    page.goto("/import")
+    page.locator("#upload-file").set_input_files(file)
+    page.locator("form[data-upload] button.primary").click()
+    expect(page.locator("#import-body[data-state=preview]")).to_be_visible()
+    page.locator("#how-account").select_option(BANK)
+    expect(page.locator("form[data-commit][data-ready]")).to_be_visible()
+    if page.locator("[name=again]").count():  # in another language these rows were booked before
+        page.locator("[name=again]").check()
+    expect(page.locator("form[data-commit] button.primary")).to_be_enabled()
+    _opened(page)
+    eyes.look(page, f"an import's preview, {lang}")
+    page.locator("form[data-commit] button.primary").click()
+    expect(page.locator("#import-body[data-state=done]")).to_be_visible()
+    eyes.look(page, f"an import's end, {lang}")
+
+
+@pytest.fixture(scope="module")
+def story(shared_house: House) -> dict[str, str]:
+    """What the dashboard has to tell: an incident and a letter, by the path of their pages."""
+    furnish(shared_house)
+    if not any(one["id"] == "assets:bank" for one in shared_house.ask("GET", ACCOUNTS).body["items"]):
+        shared_house.open_accounts()
+    key = armed(shared_house)
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(shared_house.ask, "POST", "/api/ledger/transactions", transaction("poison"), key=key)
+        letter = letter_of(shared_house, key)
+    assert shared_house.order("drill", fault="deadlock", yes=True)["ok"]
+    incident = shared_house.closed(2)["id"]
+    shared_house.running()
+    return {"incident": f"/admin/incidents/{incident}", "letter": f"/admin/dlq/{letter}"}
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_no_page_of_the_dashboard_shuts_anybody_out(
+    shared_house: House, open_tab: OpenTab, eyes: Eyes, story: dict[str, str], lang: str
+) -> None:
+    page = open_tab(shared_house, "/admin/", lang=lang, **SEEN)
+    for path in (*DESKS, *story.values(), f"{story['incident']}/bundle"):
+        page.goto(path)
+        _opened(page)
+        eyes.look(page, f"{path}, {lang}")
+    page.goto(story["letter"])
+    page.locator("form[action$='/discard'] button").click()
+    expect(page.locator("dialog[open]")).to_be_visible()
+    eyes.look(page, f"a question of the dashboard, {lang}")
