@@ -215,3 +215,44 @@ def test_no_page_of_the_dashboard_shuts_anybody_out(
     page.locator("form[action$='/discard'] button").click()
     expect(page.locator("dialog[open]")).to_be_visible()
     eyes.look(page, f"a question of the dashboard, {lang}")
+
+
+#: Where the focus is, and what is wrong with how it is shown there: empty where nothing is.
+FOCUS: Final = """() => {
+  let one = document.activeElement;
+  if (one === document.body) return ["body", ""];
+  // The browser marks it for who uses keys; a mark may stand on what lies over a hidden choice.
+  const shown = one.matches(".kinds input") ? one.nextElementSibling : one;
+  const { outlineStyle, outlineWidth } = getComputedStyle(shown);
+  const box = shown.getBoundingClientRect();
+  const top = document.querySelector(".top")?.getBoundingClientRect().bottom ?? 0;
+  const isUnder = !one.closest(".top, .skip") && box.top < top - 1;
+  const wrong = outlineStyle === "none" || parseFloat(outlineWidth) < 2 ? "no outline"
+    : box.bottom > innerHeight + 1 || isUnder ? "out of sight" : "";
+  return [one.outerHTML.slice(0, 90), wrong];
+}"""
+STEPS: Final = 80
+
+
+@pytest.mark.parametrize("path", ["/", "/accounts", "/plans"])
+def test_whoever_goes_through_a_page_by_keys_sees_where_they_are(
+    shared_house: House, open_tab: OpenTab, path: str
+) -> None:
+    furnish(shared_house)
+    page = open_tab(shared_house, path, viewport={"width": 1280, "height": 500})
+    seen: list[list[str]] = []
+    for _ in range(STEPS):
+        page.keyboard.press("Tab")
+        seen.append(page.evaluate(FOCUS))
+        if seen[-1][0] == "body":
+            break
+    assert [one for one in seen if one[1]] == []
+    assert len(seen) > 10, "the page was gone through"
+
+
+def test_who_wants_no_motion_gets_none(shared_house: House, open_tab: OpenTab) -> None:
+    furnish(shared_house)
+    page = open_tab(shared_house, reduced_motion="reduce")
+    save(write_entry(page, "Without motion"))
+    expect(page.locator("[data-live]").get_by_text("Without motion").first).to_be_visible()
+    assert page.evaluate("document.getAnimations().length") == 0
