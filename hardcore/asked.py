@@ -113,6 +113,44 @@ def _language() -> str:
     return "ko" if spoken.lower().startswith("ko") else "en"
 
 
+def door_options(command: click.decorators.FC) -> click.decorators.FC:
+    """Add the options that say how wide the door is opened (`opening.Opening`)."""
+    file = click.Path(path_type=Path, exists=True, dir_okay=False)
+    for option in (
+        click.option(
+            "--hostname",
+            "names",
+            multiple=True,
+            help="A name that the server is reached by, such as money.example; may be repeated.",
+        ),
+        click.option(
+            "--insecure-lan",
+            is_flag=True,
+            help="Serve other devices in the open: you trust everybody on this network.",
+        ),
+        click.option(
+            "--trusted-proxy",
+            "proxies",
+            multiple=True,
+            help="Address or network of a proxy in front of us, which encrypts; may be repeated.",
+        ),
+        click.option("--tls-key", type=file, help="Its private key."),
+        click.option(
+            "--tls-cert",
+            type=file,
+            help="Certificate (PEM, with its chain); a renewed one is taken by itself.",
+        ),
+        click.option(
+            "--host",
+            default="127.0.0.1",
+            show_default=True,
+            help="Address to serve on. Beyond this machine (0.0.0.0: every device) a password is needed, and encryption.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
 def options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that every command takes; they may stand before or after the command's name."""
     for option in (

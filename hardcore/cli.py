@@ -21,7 +21,7 @@ from click.core import ParameterSource
 from frontend.catalogue_operator import operator_text
 from hardcore import __version__, standing
 from hardcore import up as starting
-from hardcore.asked import Asked, come_back, next_words, operator, options, status_of
+from hardcore.asked import Asked, come_back, door_options, next_words, operator, options, status_of
 from hardcore.crisis.history import estimate_score
 from hardcore.host.files import read_json
 from hardcore.opening import Opening
@@ -29,7 +29,6 @@ from hardcore.status_page import PROVEN, printed_status
 
 STATE_CODES = {"OPERATIONAL": 0, "STARTING": 3, "DEGRADED": 3, "RECOVERY": 3, "SAFE_MODE": 3}
 NEEDS_A_PERSON = 4
-_FILE: Final = click.Path(path_type=Path, exists=True, dir_okay=False)
 
 #: Words with a room of their own, and the name there.
 ELSEWHERE: Final = {
@@ -98,12 +97,6 @@ def main(context: click.Context, /, **given: object) -> None:
 
 @main.command()
 @click.option(
-    "--host",
-    default="127.0.0.1",
-    show_default=True,
-    help="Address to serve on. Beyond this machine (0.0.0.0: every device) a password is needed, and encryption.",
-)
-@click.option(
     "--port", default=3000, show_default=True, type=click.IntRange(0, 65535), help="0: any free one."
 )
 @click.option(
@@ -123,27 +116,7 @@ def main(context: click.Context, /, **given: object) -> None:
     envvar="HARDCORE_STORE",
     help="Keep the ledger in a PostgreSQL database, from now on: postgresql://USER@HOST/DATABASE.",
 )
-@click.option(
-    "--tls-cert", type=_FILE, help="Certificate (PEM, with its chain); a renewed one is taken by itself."
-)
-@click.option("--tls-key", type=_FILE, help="Its private key.")
-@click.option(
-    "--trusted-proxy",
-    "proxies",
-    multiple=True,
-    help="Address or network of a proxy in front of us, which encrypts; may be repeated.",
-)
-@click.option(
-    "--insecure-lan",
-    is_flag=True,
-    help="Serve other devices in the open: you trust everybody on this network.",
-)
-@click.option(
-    "--name",
-    "names",
-    multiple=True,
-    help="A name that the server is reached by, such as money.example; may be repeated.",
-)
+@door_options
 @operator
 def up(
     asked: Asked,
@@ -162,7 +135,7 @@ def up(
     hardcore up                                   this machine alone
     hardcore passwd                               before it is opened to others
     hardcore up --host 0.0.0.0 --tls-cert cert.pem --tls-key key.pem
-    hardcore up --trusted-proxy 127.0.0.1 --name money.example
+    hardcore up --trusted-proxy 127.0.0.1 --hostname money.example
     """  # noqa: D301  # the escape is click's own mark for a block that is not refilled
     typed = click.get_current_context().get_parameter_source("store") is ParameterSource.COMMANDLINE
     if store is not None and typed and starting.has_password(store):

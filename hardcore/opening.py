@@ -27,6 +27,16 @@ class Opening(msgspec.Struct, frozen=True):
     names: tuple[str, ...] = ()
 
     @property
+    def words(self) -> list[str]:
+        """The same as words of a command line."""
+        words = [] if self.host == "127.0.0.1" else ["--host", self.host]
+        if self.tls_cert is not None and self.tls_key is not None:
+            words += ["--tls-cert", str(self.tls_cert.absolute()), "--tls-key", str(self.tls_key.absolute())]
+        for name, values in (("--trusted-proxy", self.proxies), ("--hostname", self.names)):
+            words += [word for value in values for word in (name, value)]
+        return [*words, "--insecure-lan"] if self.insecure_lan else words
+
+    @property
     def given(self) -> bool:
         """Whether anything but the usual is asked for."""
         return self != Opening(host=self.host) or not is_loopback(self.host)

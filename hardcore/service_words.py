@@ -15,18 +15,20 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import click
 import msgspec
 
 from frontend.catalogue_service import service_words
 from hardcore import standing
-from hardcore.asked import Asked, is_kept, keep, operator, options
+from hardcore.access.files import read_people
+from hardcore.asked import Asked, door_options, is_kept, keep, operator, options
 from hardcore.host import files
 from hardcore.host.folders import Folders
 from hardcore.lines import wrapped
 from hardcore.model.phases import Wanted
+from hardcore.opening import Opening, address_of, doorway_for, shown_url
 
 TEMPLATES: Final = Path(__file__).parents[1] / "templates" / "service"
 #: The first line of what we write: whatever does not begin with it belongs to somebody else.
@@ -71,9 +73,12 @@ class Place(msgspec.Struct, frozen=True):
         return ["systemctl", *(["--user"] if self.user else []), *words]
 
 
-def units(place: Place, data: Path, address: str, port: int) -> dict[Path, str]:
+def units(place: Place, data: Path, opening: Opening, port: int) -> dict[Path, str]:
     """Return both units as they are written."""
+    address = address_of(opening.host) or opening.host
+    address = "127.0.0.1" if address == "localhost" else address
     values = {
+        "up": " ".join(["up", *map(in_unit, opening.words)]),
         "name": place.name,
         "address": f"[{address}]" if ":" in address else address,
         "port": port,
@@ -123,16 +128,21 @@ def _of_whom(command: click.decorators.FC) -> click.decorators.FC:
 @service.command()
 @_of_whom
 @click.option("--dry-run", is_flag=True, help="Only show what would be written and run.")
-@click.option("--host", type=click.Choice(["127.0.0.1", "::1"]), default="127.0.0.1", show_default=True)
+@door_options
 @click.option("--port", default=3000, show_default=True, type=click.IntRange(1, 65535))
 @click.option("--as", "owner", default="", help="Who a service of the whole machine runs as.")
 @operator
-def install(asked: Asked, name: str, host: str, port: int, owner: str, *, user: bool, dry_run: bool) -> None:
+def install(
+    asked: Asked, name: str, port: int, owner: str, *, user: bool, dry_run: bool, **door: Any
+) -> None:
     """Write the units, and have them started now and at each boot."""
-    data = asked.data.absolute()
+    data, opening = asked.data.absolute(), Opening(**door)
+    doorway = doorway_for(opening, read_people(asked.folders.state), asked.lang, asked.command)
+    if isinstance(doorway, str):
+        asked.fail(doorway, 2)
     place = Place(name, user, "" if user else owner or _owner(data))
     _refuse_what_can_not_be(asked, place, data, dry_run=dry_run)
-    written = units(place, data, host, port)
+    written = units(place, data, opening, port)
     unit_names = (place.socket.name, place.service.name)
     commands = [
         place.systemctl("daemon-reload"),
@@ -149,13 +159,14 @@ def install(asked: Asked, name: str, host: str, port: int, owner: str, *, user: 
     _make_data(asked, place, data)
     _write(asked, written)
     _run(asked, place, commands)
-    shown = f"[{host}]" if ":" in host else host
-    _say(asked, "installed", url=f"http://{shown}:{port}")
+    host = opening.host
+    url = shown_url(f"http://{f'[{host}]' if ':' in host else host}:{port}", doorway, host)
+    _say(asked, "installed", url=url)
     if standing.wanted(asked.folders) is Wanted.DOWN:
         _say(asked, "down", command=asked.command)
     if user:
         _say(asked, "linger")
-    asked.tell({"ok": True, "dry_run": False, "url": f"http://{shown}:{port}", **told})
+    asked.tell({"ok": True, "dry_run": False, "url": url, **told})
 
 
 def _owner(data: Path) -> str:

@@ -145,7 +145,7 @@ def test_a_session_outlives_the_core_and_the_gateway(made: Path) -> None:
         gate.die(core)
         gate.feed.wait("holding")
         assert gate.ask("GET", "/__hc/me", held).json()["name"] == OWNER
-        (made / "state" / files.SESSIONS).stat()
+        until((made / "state" / files.SESSIONS).exists, "the session to be kept")
     with world(made, *options(made), paper_after_ms=0) as gate:
         gate.serving(echo)
         assert gate.ask("GET", "/__hc/me", held).json()["name"] == OWNER

@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from hardcore.cli import main
 from hardcore.crisis import metrics
+from hardcore.opening import Opening
 from hardcore.service_words import Place, in_unit, units
 from tests.contract.test_doors import COUNTERS, STATUS
 
@@ -19,7 +20,7 @@ ANALYZE = shutil.which("systemd-analyze")
 
 
 def _written(folder: Path, *, user: bool) -> list[Path]:
-    made = units(Place("hardcore", user, "daemon"), folder / "da ta 100%", "127.0.0.1", 3000)
+    made = units(Place("hardcore", user, "daemon"), folder / "da ta 100%", Opening(), 3000)
     paths = [folder / path.name for path in made]
     for path, text in zip(paths, made.values(), strict=True):
         path.write_text(text)

@@ -23,6 +23,7 @@ from hardcore import standing
 from hardcore.control import client
 from hardcore.host import files
 from hardcore.host.folders import locate
+from hardcore.opening import Opening
 from hardcore.service_words import Place, units
 from tests.waiting import until
 
@@ -96,7 +97,7 @@ def manager(tmp_path: Path) -> Iterator[Manager]:
     folder, data = tmp_path / "units", tmp_path / "data"
     folder.mkdir()
     data.mkdir()
-    for path, text in units(Place("hardcore", user=True), data, "127.0.0.1", port).items():
+    for path, text in units(Place("hardcore", user=True), data, Opening(), port).items():
         # A user's units in a manager of the whole machine, which is asked without `--user`.
         (folder / path.name).write_text(text.replace("systemctl --user ", "systemctl "))
         (folder / f"{path.name}.d").mkdir()
