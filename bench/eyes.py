@@ -32,12 +32,14 @@ CLOCK_ASKED = 60
 LOOK_EVERY_MS = 10
 KB = 1000
 
-#: Looks at every frame: is a sign shown, is the overlay shown; `shifts` is what moved by itself meanwhile.
+#: Looks at every frame: is a sign shown, is the overlay shown; `shifts` is how far the page beneath moved by itself,
+#: of which our own strip and card, in their shadow roots, are no part.
 _EYES = """() => {
   const shown = (selector) => [...document.querySelectorAll("*")].some(
     (host) => host.shadowRoot?.querySelector(selector));
   const eyes = window.eyes = { sign: null, overlay: null, gone: null, shifts: 0 };
-  new PerformanceObserver((list) => { for (const one of list.getEntries()) eyes.shifts += one.value; })
+  const isOfPage = ({ sources }) => sources.some(({ node }) => node !== null);
+  new PerformanceObserver((list) => list.getEntries().filter(isOfPage).forEach((one) => { eyes.shifts += one.value; }))
     .observe({ type: "layout-shift" });
   const now = () => performance.timeOrigin + performance.now();
   const look = () => {

@@ -98,14 +98,14 @@ def measure(folder: Path, *, rounds: int, visits: int) -> list[Figure]:
     ]
     return [
         *(found.figure(name, words, "ms", target) for name, words, target in moments),
-        found.figure("shifts", "layout shift of the open page, an outage over", "", NO_SHIFT),
+        found.figure("shifts", "the open page over an outage: layout shift", "", NO_SHIFT),
         found.figure("page_kb", "recovery page as sent, gzip", "kB", RECOVERY_KB),
         found.figure("kb", "first load of /, all files, with heads", "kB", FIRST_LOAD_KB),
         found.figure("kb_most", "the heaviest of the other pages", "kB", FIRST_LOAD_KB),
         found.figure("first", "/: first contentful paint", "ms"),
         found.figure("largest", "/: largest contentful paint", "ms"),
         found.figure("longest", "/: longest task of the page", "ms"),
-        found.figure("moved", "layout shift of any first load", "", NO_SHIFT),
+        found.figure("moved", "any first load: layout shift", "", NO_SHIFT),
     ]
 
 

@@ -1,10 +1,12 @@
 """The ledger's pages as a person uses them, in both languages."""
 
+from typing import Final
+
 import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.browser.conftest import MakeHouse, OpenTab
-from tests.browser.readers import a_bank, answer_of, booked, post_entry, save, write_entry
+from tests.browser.readers import a_bank, answer_of, booked, is_joined, post_entry, save, write_entry
 from tests.integration.house import House
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>\"'><b>굵게</b>"
@@ -153,13 +155,31 @@ def test_two_tabs_that_change_one_entry_see_each_others_change(house: House, ope
     assert answer_of(house, f"/api/ledger/entries/{entry['id']}")["amount"] == "-202"
 
 
+#: Adds up what moves by itself while a page is being loaded.
+SHIFTS: Final = """window.moved = [];
+  new PerformanceObserver((list) => moved.push(...list.getEntries().map((one) => one.sources.map(({ node }) => node?.outerHTML))))
+    .observe({ type: "layout-shift", buffered: true });"""
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_moves_by_itself_while_a_page_is_loaded(house: House, open_tab: OpenTab, width: int) -> None:
+    a_bank(house)
+    post_entry(house, f"Stands still at {width}")
+    page = open_tab(house, viewport={"width": width, "height": 800})
+    page.add_init_script(SHIFTS)
+    for path in ("/", "/register", "/accounts", "/import", "/plans"):
+        page.goto(path)
+        is_joined(page)
+        assert page.evaluate("moved") == [], path
+
+
 @pytest.mark.parametrize("lang", ["ko-KR", "en-US"])
 def test_the_header_fits_a_phone_whatever_the_state_is_called(
     house: House, open_tab: OpenTab, lang: str
 ) -> None:
     page = open_tab(house, lang=lang, viewport={"width": 360, "height": 780})
     words = page.evaluate(
-        """["serving", "slow", "down", "off", "stopped"].map((state) => {
+        """["serving", "slow", "safe", "down", "off", "stopped"].map((state) => {
             document.documentElement.dataset.hc = state;
             const right = document.querySelector(".tongues").getBoundingClientRect().right;
             return [document.querySelector(".state .words").innerText.trim(), right <= innerWidth];
