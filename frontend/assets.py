@@ -3,13 +3,15 @@
 All of them live under one folder whose name is a hash of their bytes, so that every copy may be kept for ever and
 a new version is never mixed with an old one: an ES module that imports "./amounts.js" gets the one it was written
 with, and no file has to be rewritten to carry its neighbours' hashes. The words of the scripts are made from the
-page's catalogue, one module per language.
+page's catalogue, one module per language. What only a reader of the source needs (comments that are lines of their
+own, indentation) stays here; a real minifier was not chosen, because it would be a build step.
 """
 
 import functools
 import gzip
 import hashlib
 import json
+import re
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -28,6 +30,8 @@ _TYPES: Final = MappingProxyType(
         ".svg": "image/svg+xml",
     }
 )
+#: No text of ours goes over several lines or begins one like a comment: a test sees to it.
+_FOR_READERS: Final = re.compile(r"^ *(?://.*|/\*(?s:.*?)\*/)\n|^ +", flags=re.MULTILINE)
 _HASH_CHARACTERS: Final = 12
 _LANGUAGES: Final[tuple[Language, ...]] = ("ko", "en")
 
@@ -56,13 +60,18 @@ class Assets(msgspec.Struct, frozen=True):
 @functools.cache
 def assets() -> Assets:
     """Return the files, read on first use."""
-    bodies = {path.name: path.read_bytes() for path in sorted(_FOLDER.iterdir()) if path.suffix in _TYPES}
+    bodies = {path.name: _sent(path) for path in sorted(_FOLDER.iterdir()) if path.suffix in _TYPES}
     bodies |= {f"words.{lang}.js": _words(lang) for lang in _LANGUAGES}
     whole = hashlib.sha256()
     for name, body in sorted(bodies.items()):
         whole.update(name.encode() + b"\0" + hashlib.sha256(body).digest())
     files = {name: _asset(name, body) for name, body in bodies.items()}
     return Assets(whole.hexdigest()[:_HASH_CHARACTERS], MappingProxyType(files))
+
+
+def _sent(path: Path) -> bytes:
+    text = path.read_text("utf-8")
+    return (_FOR_READERS.sub("", text) if path.suffix in {".js", ".css"} else text).encode()
 
 
 def _asset(name: str, body: bytes) -> Asset:

@@ -86,6 +86,16 @@ def test_the_files_of_a_page_are_small_and_named_by_what_they_hold() -> None:
     assert assets().path("ledger.css") == f"/static/{assets().folder}/ledger.css"
 
 
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.name)
+def test_what_is_left_out_of_a_script_is_none_of_its_texts(path: Path) -> None:
+    bare = re.sub(r"^\s*(//.*|/\*(?s:.*?)\*/)$", "", path.read_text(), flags=re.MULTILINE)
+    assert all(line.count("`") % 2 == 0 for line in bare.splitlines())
+    sent = assets().files[path.name].body.decode()
+    assert [line.strip() for line in bare.splitlines() if line.strip()] == [
+        line for line in sent.splitlines() if line
+    ]
+
+
 def test_a_page_escapes_what_it_is_given_and_misses_nothing_silently() -> None:
     reader = Reader("en", TODAY, "/x?a=\"'><script>")
     page = draw("problem.html.j2", reader, here="", seq=0, title="<b>&</b>", detail="{{ 7*7 }}")
