@@ -111,7 +111,7 @@ PARTS: dict[str, Part] = {
         lambda folder: tabs.measure(folder, tabs=100, kills=1),
     ),
     "screen": Part(
-        "what stands on a person's screen in an outage, and when; what the pages weigh (4 minutes)",
+        "what stands on a person's screen in an outage, and when; what the pages weigh (5 minutes)",
         lambda folder: screen.measure(folder, rounds=20, visits=20),
         lambda folder: screen.measure(folder, rounds=1, visits=1),
     ),
@@ -212,7 +212,7 @@ def parse() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m bench",
-        description="Measure this machine. Without a name: everything but the long parts, in about eight minutes.",
+        description="Measure this machine. Without a name: everything but the long parts, in about twelve minutes.",
         epilog="\n".join(f"  {name:<10}{about}" for name, about in ABOUT.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

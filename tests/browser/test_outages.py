@@ -9,7 +9,7 @@ import sys
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.browser.conftest import OpenTab
+from tests.browser.conftest import MakeHouse, OpenTab
 from tests.browser.outages import cores, held_start, lost_answer, outage
 from tests.browser.readers import (
     a_bank,
@@ -278,3 +278,27 @@ def test_status_in_json_says_the_same(house: House, open_tab: OpenTab) -> None:
         lambda: json.loads(page.request.get("/__hc/status.json").text())["text"] is None,
         "the ledger to be served",
     )
+
+
+def test_where_nobody_tries_any_more_the_page_says_so_and_leads_to_the_administrators_page(
+    new_house: MakeHouse, open_tab: OpenTab
+) -> None:
+    house = new_house(spare=False, max_restart_count=1, probation_ms=60_000).up_unproven()
+    page = open_tab(house)
+    is_joined(page)
+    for _death in range(2):
+        house.until(lambda s: s["core"]["pid"], "a core to be hit")
+        house.hit("core")
+        house.until(
+            lambda s: s["core"]["pid"] is None or s["state"] == "MANUAL_INTERVENTION", "the core's end"
+        )
+    house.until(lambda s: s["state"] == "MANUAL_INTERVENTION", "the guard to wait for a person")
+    expect(page.locator("html")).to_have_attribute("data-hc", "stopped")
+    expect(overlay(page)).to_be_visible()
+    assert "Automatic recovery has stopped" in told(page)
+    assert "Saved records were not touched." in told(page)
+    page.reload()
+    expect(page).to_have_title(re.compile(r"^\(Stopped\)"))
+    page.get_by_role("link", name="Administrator").click()
+    page.wait_for_url("**/admin/")
+    expect(page.get_by_role("heading", level=1).first).to_be_visible()
