@@ -108,7 +108,7 @@ function paint() {
   const shown = face(view, facts, performance.now(), words);
   const isOut = (view.mode === "sign" || view.mode === "card") && !isQuiet(view);
   const downs = { OFF: "off", R8: "stopped" };
-  mark(isOut ? downs[view.frame.text] ?? "down" : view.mode === "lost" ? "down" : shown.bar ? "safe" : facts.slow && view.mode === "calm" ? "slow" : "serving");
+  mark(isOut ? downs[view.frame.text] ?? "down" : view.mode === "lost" ? "down" : view.mode === "out" ? "out" : shown.bar ? "safe" : facts.slow && view.mode === "calm" ? "slow" : "serving");
   if (window.parent === window) {
     screen.show(shown, words, lang, view.mode === "card", drafts.asText() !== "");
     sayBar(shown.bar, lang);

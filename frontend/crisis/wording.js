@@ -89,8 +89,9 @@ function stages(view, words) {
 function waiting(view, facts, words) {
   const { held, promised = 0 } = view.frame;
   if (isFinal(view.frame) || facts.request) return [];  // beside a form that is not kept, another's promise would read as its own
-  const more = promised < held ? [words["R1b.open"]] : [];
-  if (promised && facts.receipt) more.push(fill(words.R1c, { id: facts.receipt.slice(-8) }));
+  const more = [];
+  if (promised < held) more.push(words["R1b.open"]);
+  else if (promised && facts.receipt) more.push(fill(words.R1c, { id: facts.receipt.slice(-8) }));
   return [[held, "R1b", more], [facts.pending, "R1p", []]].filter(([n]) => n > 0)
     .map(([n, code, more]) => ({ head: fill(words[code], { n }), line: [words[`${code}.line`], ...more].join(" ") }));
 }

@@ -6,6 +6,7 @@ pictures and a contact sheet go to `./var/screenshots`; `--tour` also writes the
 
 import argparse
 import html
+import re
 import subprocess
 import sys
 import tempfile
@@ -16,14 +17,17 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
+from urllib.request import Request, urlopen
 
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from examples.line import Line
 from examples.sample_household import book, household
+from frontend.render import Language
 from tests.browser.conftest import ARGUMENTS, PATIENCE_MS
 from tests.browser.outages import cores, held_start, outage
 from tests.browser.readers import first_sign, is_joined, overlay, send_now, write_entry
+from tests.browser.state_sheet import LANGUAGES, state_sheet, take_states
 from tests.integration.house import House, transaction
 from tests.integration.poisoning import armed, letter_of
 
@@ -341,6 +345,28 @@ def contact_sheet(folder: Path) -> Path:
     return sheet
 
 
+def states(browser: Browser, folder: Path) -> Path:
+    """Every state of a crisis, over the page of a ledger with a year in it."""
+    drawn: dict[Language, str] = {}
+    files: dict[str, bytes] = {}
+    with tempfile.TemporaryDirectory(prefix="pictures-") as made:
+        for lang in LANGUAGES:
+            with at_home(Path(made), f"drawn-{lang}", spare=False) as house:
+                _fill(house, lang)
+                with urlopen(Request(house.url, headers={"Accept-Language": lang})) as answer:
+                    page = answer.read().decode()
+                for path in re.findall(r'href="(/static/[^"]+\.css)"', page):
+                    with urlopen(house.url + path) as answer:
+                        files[path] = answer.read()
+                # The ledger's own scripts would ask a ledger; the crisis script comes from the scripted gateway.
+                drawn[lang] = re.sub(
+                    r"<script.*?</script>|<link rel=\"modulepreload\"[^>]*>", "", page, flags=re.DOTALL
+                )
+    count = take_states(browser, folder, drawn, files)
+    sys.stdout.write(f"{count} pictures of states\n")
+    return state_sheet(folder)
+
+
 def take_all(browser: Browser, folder: Path, only: str | None = None) -> None:
     """Take every picture, in both languages; or those of one home."""
     # Without a spare an outage can be looked at: the next core is one that can be stopped.
@@ -392,6 +418,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="screenshots", description="Pictures of every state.")
     parser.add_argument("--into", type=Path, default=ROOT / "var" / "screenshots")
     parser.add_argument("--only", help="the pictures of one home alone")
+    parser.add_argument("--states", action="store_true", help="only the sheet of all states of a crisis")
     parser.add_argument("--tour", action="store_true", help="also write the pictures of the README")
     asked = parser.parse_args()
     found = subprocess.run(
@@ -404,7 +431,10 @@ def main() -> int:
     expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=found.stdout.strip(), args=ARGUMENTS)
-        take_all(browser, asked.into, asked.only)
+        if not asked.states:
+            take_all(browser, asked.into, asked.only)
+        if asked.states or asked.only is None:
+            sys.stdout.write(f"{states(browser, asked.into)}\n")
         browser.close()
     if asked.tour:
         for name, shown in TOUR.items():

@@ -54,6 +54,7 @@ class ScriptedGateway:
         self.refuses_sockets = False
         self.has_no_place = False
         self.asked: list[str] = []
+        self.files: dict[str, tuple[bytes, str]] = {}  # what its pages load besides, and of which type
         self._state: Mapping[str, Any] = SERVING
         self._listeners: set[ServerConnection] = set()
         self._loop = asyncio.new_event_loop()
@@ -161,6 +162,9 @@ class ScriptedGateway:
             return _response(body, "text/javascript", {})
         if self.recovering is not None:
             return _recovery(recovery_page(*self.recovering))
+        if path in self.files:
+            body, kind = self.files[path]
+            return _response(body, kind, {})
         if path in self.pages:
             return _page(self.pages[path])
         return _response(b"", "text/plain", {}, HTTPStatus.NOT_FOUND)

@@ -83,6 +83,11 @@ class Situation(msgspec.Struct, frozen=True):
         return self.mode == "card"
 
     @property
+    def speaks_of_text(self) -> bool:
+        """Whether it says where what was typed is: in an outage, and to whoever is signed out."""
+        return self.mode == "out" or (self.card and not self.facts["request"])
+
+    @property
     def waits(self) -> bool:
         """Whether it speaks of requests that wait: somebody tries, and no form's own answer stands beside them."""
         return self.card and self.text not in FINAL and not self.facts["request"]
@@ -95,7 +100,7 @@ class Situation(msgspec.Struct, frozen=True):
     @property
     def reads_only(self) -> bool:
         """Whether the ledger is served and takes no changes."""
-        return self.mode != "lost" and self.text is None and bool(self.frame["safe"])
+        return self.mode not in {"lost", "out"} and self.text is None and bool(self.frame["safe"])
 
     @property
     def unsound_bar(self) -> bool:
@@ -133,11 +138,11 @@ TRUE: Final[dict[str, Holds]] = {
     "R0.trial": lambda one: one.mode == "calm" and one.facts["slow"] and one.frame["trial"] > 0,
     "R1b": lambda one: one.waits and one.frame["held"] > 0,
     "R1b.open": lambda one: one.waits and one.frame["promised"] < one.frame["held"],
-    "R1c": lambda one: one.waits and one.frame["promised"] > 0 and bool(one.facts["receipt"]),
+    "R1c": lambda one: one.waits and 0 < one.frame["promised"] == one.frame["held"] and bool(one.facts["receipt"]),
     "R1p": lambda one: one.waits and one.facts["pending"] > 0,
     "R2": lambda one: one.card and one.text == "R2",
-    "draft.stored": lambda one: one.card and one.facts["draft"] == "stored" and not one.facts["request"],
-    "draft.page": lambda one: one.card and one.facts["draft"] == "page" and not one.facts["request"],
+    "draft.stored": lambda one: one.facts["draft"] == "stored" and one.speaks_of_text,
+    "draft.page": lambda one: one.facts["draft"] == "page" and one.speaks_of_text,
     "eta.none": lambda one: one.timed and not one.frame["eta"] and one.text not in LATE and one.frame["samples"] < 5,
     "eta.range": lambda one: one.timed and one.frame["eta"] == LONG,
     "eta.within": lambda one: one.timed and one.frame["eta"] == SHORT,
@@ -156,7 +161,8 @@ TRUE: Final[dict[str, Holds]] = {
     "R8": lambda one: one.mode in {"card", "sign"} and one.text == "R8",
     "OFF": lambda one: one.mode in {"card", "sign"} and one.text == "OFF",
     "R11": lambda one: one.mode == "lost" and not one.silent,
-    "R12": lambda one: one.mode == "lost" and one.silent,
+    "R11.silent": lambda one: one.mode == "lost" and one.silent,
+    "R12": lambda one: one.mode == "out",
     "R11.kept": lambda one: one.mode == "lost" and one.facts["alive"],
     "not_done.line": _request("not_done"),
     "unknown.line": _request("unknown"),
@@ -166,7 +172,7 @@ TRUE: Final[dict[str, Holds]] = {
 
 
 def _situation(draw: random.Random) -> Situation:
-    mode = draw.choice(["calm", "sign", "card", "result", "short", "lost", "again", "unsound"])
+    mode = draw.choice(["calm", "sign", "card", "result", "short", "lost", "again", "unsound", "out"])
     out = mode in {"sign", "card"} or (mode == "lost" and draw.random() < 0.5)
     text = draw.choice(["R1", "R2", "R7", "R7b", "R8", "OFF"]) if out else None
     held = draw.choice([0, 0, 2])
