@@ -114,6 +114,30 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
             " open it with no other tool while it runs. Mended from 3.51.3 on."
         ),
     ),
+    "door_here": (
+        "이 컴퓨터 안에서만 열려요. 다른 기기에서 쓰려면 `hardcore passwd`부터 하세요.",
+        "Only this machine is served. To use it from other devices, begin with `hardcore passwd`.",
+    ),
+    "door_closed": (
+        "로그인해야 열려요 (사람 {people}명, 토큰 {tokens}개). 이 컴퓨터 안에서만 열려요.",
+        "One has to sign in (people: {people}, tokens: {tokens}). Only this machine is served.",
+    ),
+    "door_open": (
+        "로그인해야 열려요 (사람 {people}명, 토큰 {tokens}개). 다른 기기에도 열려 있고, 오가는 내용은 암호화돼요.",
+        "One has to sign in (people: {people}, tokens: {tokens}). Other devices are served, and what is sent is encrypted.",
+    ),
+    "door_plain": (
+        "다른 기기에 암호화 없이 열려 있어요 (--insecure-lan). 같은 망의 누구나 비밀번호를 엿볼 수 있어요.",
+        "Other devices are served in the open (--insecure-lan): anybody on this network can read passwords.",
+    ),
+    "door_unreadable": (
+        "{path} 파일을 읽지 못해서 아무도 로그인할 수 없어요 ({why}). 옮기고 `hardcore passwd`를 하세요.",
+        "{path} can't be read, so nobody can sign in ({why}). Move it away and run `hardcore passwd`.",
+    ),
+    "door_files": (
+        "{path} 파일을 읽을 수 없어요. 다음에 시작할 때 문이 열리지 않아요.",
+        "{path} can't be read: the door will not open at the next start.",
+    ),
     "backups": (
         "백업 {count}개, 가장 새것은 {hours}시간 전 것이에요. 가끔 다른 디스크에도 두세요 (hardcore backup --to 폴더).",
         "{count} backups, the newest {hours} hours old. Keep one on another disk too (hardcore backup --to FOLDER).",

@@ -20,6 +20,7 @@ import msgspec
 
 from frontend.catalogue_doctor import doctor_text
 from hardcore import standing
+from hardcore.access import files as access
 from hardcore.asked import Asked, ask_policy, is_held, operator, status_of
 from hardcore.host import backups, capability, clock, disk, files, memory, muting
 from hardcore.host.folders import Folders
@@ -101,6 +102,7 @@ def examine(folders: Folders) -> list[Finding]:
         _store,
         _policy,
         _guard,
+        _door,
         _spare,
         _alerts,
         _checkpoints,
@@ -226,6 +228,25 @@ def _watched(folders: Folders, pid: int) -> Finding:
     if word.get("sentinel_lost") is not True:
         return _found("agents", Colour.YELLOW, "agents_forbidden")
     return _found("agents", Colour.GREEN, "agents")
+
+
+def _door(folders: Folders) -> Iterable[Finding]:
+    """Who may come in, and what a password travels in."""
+    people, doorway = access.read_people(folders.state), access.read_doorway(folders.state)
+    if isinstance(people, access.Unreadable):
+        yield _found(
+            "door", Colour.RED, "door_unreadable", path=folders.state / access.PEOPLE, why=people.why
+        )
+    elif not people.closed:
+        yield _found("door", Colour.GREEN, "door_here")
+    elif doorway.insecure_lan and doorway.open and not doorway.encrypted:
+        yield _found("door", Colour.YELLOW, "door_plain")
+    else:
+        text = "door_open" if doorway.open else "door_closed"
+        yield _found("door", Colour.GREEN, text, people=len(people.people), tokens=len(people.tokens))
+    for path in filter(None, (doorway.tls_cert, doorway.tls_key)):
+        if not _readable(path):
+            yield _found("door_files", Colour.RED, "door_files", path=path)
 
 
 def _spare(folders: Folders) -> Iterable[Finding]:

@@ -4,10 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from hardcore.access import files as access
+from hardcore.access.doorway import Doorway
+from hardcore.access.people import OWNER, People, Person
 from hardcore.examination import FORMATS, Finding, _formats, _watched, examine
 from hardcore.host import muting
 from hardcore.host.folders import Folders
 from hardcore.model.verdicts import Colour
+
+PEOPLE = People((Person(OWNER, "secret"),))
 
 
 def _findings(data: Path) -> dict[str, Finding]:
@@ -100,3 +105,32 @@ def test_who_would_miss_the_sentinel_is_known_before_it_is_lost(tmp_path: Path) 
     assert dict(_watched(folders, 8).values) == {"files": "agents.json"}
     folders.agents.write_text('{"sentinel": {"pid": 7}, "sentinel_lost": false}')
     assert _watched(folders, 7).text == "agents_forbidden"
+
+
+@pytest.mark.parametrize(
+    ("people", "doorway", "colour", "text"),
+    [
+        (None, None, Colour.GREEN, "door_here"),
+        (PEOPLE, None, Colour.GREEN, "door_closed"),
+        (PEOPLE, Doorway(open=True, proxies=("10.0.0.5",)), Colour.GREEN, "door_open"),
+        (PEOPLE, Doorway(open=True, insecure_lan=True), Colour.YELLOW, "door_plain"),
+    ],
+)
+def test_whoever_may_come_in_and_how_is_told(
+    tmp_path: Path, people: People | None, doorway: Doorway | None, colour: Colour, text: str
+) -> None:
+    (tmp_path / "state").mkdir()
+    if people is not None:
+        access.write_people(tmp_path / "state", people)
+    if doorway is not None:
+        access.write_doorway(tmp_path / "state", doorway)
+    door = _findings(tmp_path)["door"]
+    assert (door.colour, door.text) == (colour, text)
+
+
+def test_a_list_that_nobody_can_sign_in_by_and_a_key_that_is_gone_are_bad(tmp_path: Path) -> None:
+    (tmp_path / "state").mkdir()
+    (tmp_path / "state" / access.PEOPLE).write_bytes(b"{")
+    access.write_doorway(tmp_path / "state", Doorway(tls_cert="/nowhere/cert", tls_key="/nowhere/key"))
+    found = _findings(tmp_path)
+    assert found["door"].colour is found["door_files"].colour is Colour.RED
