@@ -8,6 +8,7 @@ password that somebody else could know.
 import secrets
 import sys
 import time
+from collections.abc import Callable
 from typing import Final
 
 import click
@@ -64,7 +65,7 @@ def passwd(asked: Asked, name: str, *, stdin: bool, link: bool, remove: bool, li
     elif name != OWNER and people.person(OWNER) is None:
         asked.fail(access_text("owner_first", asked.lang, command=asked.command))
     elif link:
-        _invite(asked, people, name)
+        _invite(asked, name)
     else:
         _set(asked, people, name, _typed(asked, stdin=stdin))
 
@@ -97,7 +98,7 @@ def add(asked: Asked, name: str, scope: str) -> None:
         asked.fail(access_text("many", asked.lang))
     secret = TOKEN_PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
     made = Token(name, digest_of(secret), Scope(scope), clock.wall(clock.now_ns()))
-    _keep(asked, people.with_token(made))
+    _keep(asked, lambda now: now.with_token(made))
     _say(asked, "token_made", name=name)
     if not asked.json:
         click.echo(secret)
@@ -125,7 +126,7 @@ def remove_token(asked: Asked, name: str) -> None:
     people = _people(asked)
     if not any(one.name == name for one in people.tokens):
         asked.fail(access_text("unknown", asked.lang, name=name))
-    _keep(asked, people.without_token(name))
+    _keep(asked, lambda now: now.without_token(name))
     _say(asked, "removed", name=name)
     asked.tell({"ok": True, "name": name})
 
@@ -156,7 +157,8 @@ def _set(asked: Asked, people: People, name: str, password: str) -> None:
         asked.fail(access_text("short", asked.lang))
     if people.person(name) is None and len(people.people) >= PEOPLE_MAX:
         asked.fail(access_text("many", asked.lang))
-    _keep(asked, people.with_person(Person(name, passwords.kept(password))))
+    person = Person(name, passwords.kept(password))
+    _keep(asked, lambda now: now.with_person(person))
     _say(asked, "set", name=name)
     asked.tell({"ok": True, "name": name})
 
@@ -170,15 +172,16 @@ def _remove(asked: Asked, people: People, name: str) -> None:
         asked.fail(access_text("others_first", asked.lang, names=", ".join(others)))
     if name == OWNER and files.read_doorway(asked.folders.state).open and is_kept(asked.folders):
         asked.fail(access_text("door_open", asked.lang))
-    _keep(asked, people.without_person(name))
+    _keep(asked, lambda now: now.without_person(name))
     _say(asked, "removed", name=name)
     asked.tell({"ok": True, "name": name})
 
 
-def _invite(asked: Asked, people: People, name: str) -> None:
+def _invite(asked: Asked, name: str) -> None:
     secret = secrets.token_urlsafe(_SECRET_BYTES)
     until_s = int(time.time()) + LINK_HOURS * 3600
-    _keep(asked, people.with_invitation(Invitation(name, digest_of(secret), until_s)))
+    invitation = Invitation(name, digest_of(secret), until_s)
+    _keep(asked, lambda now: now.with_invitation(invitation))
     url = f"{status_of(asked).get('url') or 'http://127.0.0.1:3000'}/__hc/invited?key={secret}"
     _say(asked, "link", hours=LINK_HOURS)
     if not asked.json:
@@ -200,9 +203,9 @@ def _scope(asked: Asked, scope: Scope) -> str:
     return access_text(f"scope_{scope}", asked.lang)
 
 
-def _keep(asked: Asked, people: People) -> None:
+def _keep(asked: Asked, change: Callable[[People], People]) -> None:
     try:
-        files.write_people(asked.folders.state, people)
+        files.change_people(asked.folders.state, change)
     except OSError as error:
         asked.fail(str(error))
 

@@ -5,6 +5,10 @@
 people that is damaged must not open the door.
 """
 
+import fcntl
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +22,7 @@ from hardcore.host import files
 PEOPLE: Final = "access.json"
 DOORWAY: Final = "doorway.json"
 SESSIONS: Final = "sessions.json"
+_LOCK: Final = "access.lock"
 
 
 class Unreadable(msgspec.Struct, frozen=True):
@@ -34,7 +39,7 @@ class _Kept(msgspec.Struct, frozen=True):
 def read_people(state: Path) -> People | Unreadable:
     """Who may come in; nobody, where nothing was set."""
     try:
-        return msgspec.json.decode((state / PEOPLE).read_bytes(), type=People)
+        return msgspec.json.decode(files.read_small(state / PEOPLE), type=People)
     except FileNotFoundError:
         return People()
     except (OSError, msgspec.DecodeError) as error:
@@ -42,14 +47,37 @@ def read_people(state: Path) -> People | Unreadable:
 
 
 def write_people(state: Path, people: People) -> None:
-    """Keep who may come in. OSError where the disk refuses it."""
+    """Keep who may come in, whatever was kept before. OSError where the disk refuses it."""
     files.write_whole(state / PEOPLE, msgspec.json.encode(people))
+
+
+def change_people(state: Path, change: Callable[[People], People | None]) -> People | Unreadable | None:
+    """Change who may come in: the command line and the gateway may do so at the same moment, and neither's is lost.
+
+    `change` gives what is kept from now on; None: nothing is changed, and None comes back. OSError where the disk refuses it.
+    """
+    with _alone(state):
+        people = read_people(state)
+        changed = change(people) if isinstance(people, People) else people
+        if isinstance(changed, People):
+            write_people(state, changed)
+        return changed
+
+
+@contextmanager
+def _alone(state: Path) -> Iterator[None]:
+    lock = os.open(state / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # held for a moment only: nobody waits for a person
+        yield
+    finally:
+        os.close(lock)
 
 
 def read_doorway(state: Path) -> Doorway:
     """What `up` was told; nothing where it is not known: then only this machine is served."""
     try:
-        return msgspec.json.decode((state / DOORWAY).read_bytes(), type=Doorway)
+        return msgspec.json.decode(files.read_small(state / DOORWAY), type=Doorway)
     except (OSError, msgspec.DecodeError):
         return Doorway()
 
@@ -62,7 +90,7 @@ def write_doorway(state: Path, doorway: Doorway) -> None:
 def read_sessions(state: Path, boot: str) -> tuple[Session, ...]:
     """Who was signed in when the last gateway ended, in this boot of the machine."""
     try:
-        kept = msgspec.json.decode((state / SESSIONS).read_bytes(), type=_Kept)
+        kept = msgspec.json.decode(files.read_small(state / SESSIONS), type=_Kept)
     except (OSError, msgspec.DecodeError):
         return ()
     return kept.sessions if kept.boot == boot else ()

@@ -149,7 +149,11 @@ class Gateway:
     def _encryption(self) -> dict[str, Any]:
         if self._tls is None:
             return {}
-        return {"ssl": self._tls.context, "ssl_handshake_timeout": self._limits.tls_handshake_ms / 1000}
+        return {
+            "ssl": self._tls.context,
+            "ssl_handshake_timeout": self._limits.tls_handshake_ms / 1000,
+            "ssl_shutdown_timeout": self._limits.linger_ms / 1000,
+        }
 
     async def _open_own_door(self) -> asyncio.Server | None:
         """Listen for the owner's own programs, on a socket that nobody else may open."""

@@ -24,10 +24,12 @@ from hardcore.crisis.heads import RequestHead
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.mishap import contained
 from hardcore.crisis.problems import Problem
-from hardcore.crisis.routing import Route
+from hardcore.crisis.routing import GATE_PATHS, Route
 from hardcore.crisis.visitors import PUBLIC, THE_OWNER, Visitor, judged, visitor_of, without_credentials
 from hardcore.host import clock
 
+#: A name, a password and a path are no more than this.
+FORM_BYTES_MAX: Final = 16 << 10
 _MS: Final = 1_000_000
 
 
@@ -120,6 +122,18 @@ class Gate:
         around = bool(self._proxies) and not (tls or self.doorway.insecure_lan or is_near(address))
         return Client(address, tls, refused=around and self.doorway.open)
 
+    def is_stranger(self, head: RequestHead, address: str) -> bool:
+        """Whether nothing of a request's body is kept: who sends it may not come in, or it is no form of the gate."""
+        if not self.closed or address == AT_HOME:
+            return False
+        if head.path in GATE_PATHS:
+            return head.content_length is None or head.content_length > FORM_BYTES_MAX
+        if isinstance(self.people, files.Unreadable):
+            return True
+        https = self.client(head, address).https
+        found = visitor_of(head, self.people, self.sessions, self.now_ns(), https=https)
+        return isinstance(found, Problem)
+
     def is_open(self, session: Session | None) -> bool:
         """Whether whoever came in with this session is still in. None: he needed none."""
         if session is None:
@@ -156,15 +170,14 @@ class Gate:
         if stamp != self._stamp:
             self.people, self._stamp = files.read_people(self._state), stamp
 
-    async def set_people(self, people: People) -> bool:
-        """Keep who may come in; False where the disk refuses it."""
+    async def change_people(
+        self, change: Callable[[People], People | None]
+    ) -> People | files.Unreadable | None:
+        """Change who may come in (see `files.change_people`). OSError where the disk refuses it."""
         assert self._state is not None, "nobody is invited where nothing is kept"
-        try:
-            await self._loop.run_in_executor(None, files.write_people, self._state, people)
-        except OSError:
-            return False
+        changed = await self._loop.run_in_executor(None, files.change_people, self._state, change)
         self.look()
-        return True
+        return changed
 
     def _keep_soon(self) -> None:
         self._changed = True

@@ -48,7 +48,7 @@ SIGN_IN_PATH = b"/__hc/sign-in"
 SIGN_OUT_PATH = b"/__hc/sign-out"
 INVITED_PATH = b"/__hc/invited"
 ME_PATH = b"/__hc/me"
-_GATE = frozenset({SIGN_IN_PATH, SIGN_OUT_PATH, INVITED_PATH, ME_PATH})
+GATE_PATHS = frozenset({SIGN_IN_PATH, SIGN_OUT_PATH, INVITED_PATH, ME_PATH})
 #: The investigators' pages, and everything under them.
 ADMIN_PATH = b"/admin"
 
@@ -65,7 +65,7 @@ def route(path: bytes, posture: Face, *, leaving: bool) -> Route:
     if path.startswith(OWN_PREFIX):
         if path == KEEP_PATH or path.startswith(RECEIPT_PREFIX):
             return Route.RECEIPT
-        if path in _GATE:
+        if path in GATE_PATHS:
             return Route.GATE
         return Route.DRILL if path.startswith(DRILL_PREFIX) else Route.OWN
     if is_admin(path):

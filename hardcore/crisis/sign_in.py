@@ -22,7 +22,7 @@ from hardcore.access.attempts import Attempts
 from hardcore.access.people import People, Person, Scope, is_name
 from hardcore.crisis import pages
 from hardcore.crisis.exchange import Exchange
-from hardcore.crisis.gate import Gate
+from hardcore.crisis.gate import FORM_BYTES_MAX, Gate
 from hardcore.crisis.heads import Header, RequestHead
 from hardcore.crisis.limits import GatewayLimits
 from hardcore.crisis.mishap import contained
@@ -36,7 +36,6 @@ from hardcore.crisis.visitors import COOKIES, PLAIN_COOKIE, Visitor, cookie_of, 
 AT_ONCE: Final = 2
 WAITING_MAX: Final = 16
 _FIELDS_MAX: Final = 16
-_FORM_BYTES_MAX: Final = 16 << 10
 _SECRET_BYTES: Final = 32
 _YEAR_S: Final = 31_536_000
 _NS_PER_MS: Final = 1_000_000
@@ -199,13 +198,19 @@ class SignIn:
             return
         secret = await self._loop.run_in_executor(None, passwords.kept, typed)
         person = Person(invited.name, secret)
-        now = self._gate.people
-        if not isinstance(now, People) or now.invitation(key, time.time()) is None:  # another tab was quicker
-            self._show(exchange, "gone", "", status=410)
-        elif await self._gate.set_people(now.with_person(person)):
+
+        def accepted(now: People) -> People | None:  # another tab may have been quicker
+            return now.with_person(person) if now.invitation(key, time.time()) is not None else None
+
+        try:
+            changed = await self._gate.change_people(accepted)
+        except OSError:
+            self._show(exchange, "not_kept", key, who=invited.name, status=503)
+            return
+        if isinstance(changed, People):
             self._let_in(exchange, person, "/", https=https)
         else:
-            self._show(exchange, "not_kept", key, who=invited.name, status=503)
+            self._show(exchange, "gone", "", status=410)
 
     def _let_in(self, exchange: Exchange, person: Person, to: str, *, https: bool) -> None:
         secret = secrets.token_urlsafe(_SECRET_BYTES)
@@ -290,7 +295,7 @@ def _query(head: RequestHead) -> dict[str, str]:
 
 
 def _form(exchange: Exchange) -> dict[str, str]:
-    if exchange.streamed or not exchange.whole or exchange.received_bytes > _FORM_BYTES_MAX:
+    if exchange.streamed or not exchange.whole or exchange.received_bytes > FORM_BYTES_MAX:
         return {}
     return _fields(b"".join(exchange.body))
 

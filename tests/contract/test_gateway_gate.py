@@ -261,3 +261,43 @@ def test_after_a_password_was_taken_away_again_an_open_door_serves_nobody_from_o
         refused = gate.ask("GET", "/t", "X-Forwarded-For: 203.0.113.9")
         assert (refused.status, json.loads(refused.body)["type"]) == (403, "/problems/no-password-set")
         assert gate.ask("GET", "/t").status == 200, "this machine is served as before"
+
+
+def test_nothing_of_a_strangers_body_is_kept(made: Path) -> None:
+    """Strangers that send slowly must not take the room of whoever waits in an outage."""
+    with world(made, *options(made), hold_bytes_max=40_000, paper_after_ms=0) as gate:
+        core = gate.serving(echo)
+        for path in ("/t", "/__hc/sign-in"):
+            stranger = gate.client()
+            stranger.send(f"POST {path} HTTP/1.1\r\nHost: localhost\r\n".encode())
+            stranger.send(b"Content-Length: 39000\r\n\r\n" + b"x" * 20_000)  # and no more, for now
+        held = cookie(sign_in(gate))
+        answer = gate.ask("POST", "/t", held, OWN, body=b"y" * 30_000)
+        assert answer.status == 200
+        assert [len(one.body) for one in asked(core)] == [30_000]
+
+
+def test_an_invitation_that_two_tabs_use_at_once_is_used_once(gate: World, made: Path) -> None:
+    gate.serving(echo)
+    files.write_people(made / "state", PEOPLE.with_invitation(Invitation("joon", digest_of("key"), 1 << 40)))
+    until(lambda: b'value="joon"' in gate.ask("GET", "/__hc/invited?key=key", *TAB).body, "it to be seen")
+    body = urlencode({"key": "key", "password": "long enough", "again": "long enough"}).encode()
+    clients = [gate.client().ask("POST", "/__hc/invited", OWN, FORM, body=body) for _ in range(2)]
+    assert sorted(client.read().status for client in clients) == [303, 410]
+
+
+def test_what_says_who_somebody_is_is_the_gateways_to_say(gate: World) -> None:
+    core = gate.serving(echo)
+    token = f"Authorization: Bearer {WRITES}"
+    assert gate.ask("GET", "/t", token, "X-Actor: owner", "X-Admin: 1", "X-Proven: 1").status == 200
+    (heard,) = asked(core)
+    assert [heard.header(name) for name in ("X-Actor", "X-Admin", "X-Proven")] == ["token:script", None, None]
+
+
+@pytest.mark.parametrize(
+    "target", ["//admin/", "/%61dmin/", "/__hc/../admin/", "/ADMIN/", "/admin%2f", "/__hc%2fme"]
+)
+def test_no_spelling_of_an_address_leads_around_the_gate(gate: World, target: str) -> None:
+    core = gate.serving(echo)
+    assert gate.ask("GET", target).status in {401, 404}
+    assert not asked(core)
