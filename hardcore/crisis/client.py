@@ -152,7 +152,7 @@ class ClientConnection(asyncio.BufferedProtocol):
             self._parser.refuse(Problem.BODY_TOO_LARGE, head.accept_language)
             return
         exchange = Exchange(self, head, self._census.now_ns(), self._parser.place)
-        exchange.streamed = self._desk.streams(head, self.address)
+        exchange.streamed = self._desk.gate.streams(head, self.address)
         if length and not exchange.streamed:
             if not self._desk.room.take_bytes(length):
                 self._parser.refuse(Problem.TOO_BUSY, head.accept_language)

@@ -150,11 +150,6 @@ class Desk:
         exchange.life = Life.ANSWERED
         self.moves.release_bytes(exchange)
 
-    def streams(self, head: RequestHead, address: str) -> bool:
-        """Whether a body is passed on as it comes and not kept: it is long, or of somebody who may not come in."""
-        long = (head.content_length or 0) > self.limits.replay_body_bytes_max
-        return long or (head.content_length != 0 and self.gate.is_stranger(head, address))
-
     def turns_away(self, head: RequestHead) -> Problem | None:
         """Whether a request would be turned away now: asked before its body is called for."""
         way = self.moves.way(head.path)

@@ -122,8 +122,12 @@ class Gate:
         around = bool(self._proxies) and not (tls or self.doorway.insecure_lan or is_near(address))
         return Client(address, tls, refused=around and self.doorway.open)
 
-    def is_stranger(self, head: RequestHead, address: str) -> bool:
-        """Whether nothing of a request's body is kept: who sends it may not come in, or it is no form of the gate."""
+    def streams(self, head: RequestHead, address: str) -> bool:
+        """Whether a body is passed on as it comes and not kept: it is long, or of somebody who may not come in."""
+        long = (head.content_length or 0) > self._limits.replay_body_bytes_max
+        return long or (head.content_length != 0 and self._is_stranger(head, address))
+
+    def _is_stranger(self, head: RequestHead, address: str) -> bool:
         if not self.closed or address == AT_HOME:
             return False
         if head.path in GATE_PATHS:
