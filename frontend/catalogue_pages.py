@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from frontend.catalogue_books import TEXTS as BOOKS
+from frontend.catalogue_entry import TEXTS as ENTRY
 
 #: name -> language -> text
 TEXTS: Final[dict[str, Mapping[str, str]]] = {
@@ -414,6 +415,7 @@ TEXTS: Final[dict[str, Mapping[str, str]]] = {
     # Problems that only a page has
     "problem_home": {"ko": "처음 화면으로", "en": "To the overview"},
     **BOOKS,
+    **ENTRY,
 }
 
 #: What the scripts of the pages need, by the same names.
@@ -423,6 +425,9 @@ SCRIPT_WORDS: Final = (
     "sending",
     "waiting",
     "first_saved",
+    "undo",
+    "undoing",
+    "undone",
     "unsaid",
     "safe_kept",
     "safe_over",

@@ -37,7 +37,7 @@ HOME_CURRENCY: Final[MappingProxyType[Language, str]] = MappingProxyType({"ko": 
 TYPES: Final = (AccountType.ASSET, AccountType.LIABILITY, AccountType.EXPENSE, AccountType.INCOME)
 EMPTY_FORM: Final[MappingProxyType[str, str]] = MappingProxyType(
     {
-        "kind": "out", "description": "", "amount": "", "account": "", "category": "", "date": "",
+        "kind": "out", "description": "", "amount": "", "account": "", "to": "", "category": "", "date": "",
         "name": "", "type": "asset", "currency": "", "expected_seq": "",
     }
 )  # fmt: skip

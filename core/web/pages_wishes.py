@@ -13,7 +13,14 @@ from starlette.responses import RedirectResponse, Response
 
 from core.ledger.accounts import AccountType, is_account_id
 from core.ledger.book import ids_for
-from core.ledger.commands import AccountBody, close_account, open_account
+from core.ledger.commands import (
+    AccountBody,
+    PostingBody,
+    TransactionBody,
+    close_account,
+    open_account,
+    post_transaction,
+)
 from core.ledger.entries import SEQ_MAX, EntryBody, record_entry, replace_entry, reverse_entry
 from core.ledger.money import is_currency
 from core.ledger.reasons import Fault, Reason, Slug
@@ -21,7 +28,7 @@ from core.web import pages
 from core.web.asking import accepted, service_of
 from core.web.entries import entry_in_path
 from core.web.intake import SEQ_DIGITS_MAX
-from core.web.pages_answers import ACCOUNT_COOKIE, LANGUAGE_COOKIE, reader_of
+from core.web.pages_answers import ACCOUNT_COOKIE, LANGUAGE_COOKIE, reader_of, text_for
 from core.web.pages_forms import (
     Drawn,
     Form,
@@ -31,7 +38,7 @@ from core.web.pages_forms import (
 )
 from core.web.pages_granting import granted
 from core.web.problems import Problem, ProblemError
-from frontend.amounts import read_amount
+from frontend.amounts import read_amount, show_amount
 from frontend.paper import LANGUAGES, page_text
 from frontend.render import Language
 
@@ -62,15 +69,35 @@ async def write_entry(request: Request) -> Response:
     form = await read_form(request)
 
     async def wish() -> Response:
-        command = accepted(record_entry(_entry_body(form), service_of(request).new_id()))
-        made = await carry_out(request, form, "entry.record", command)
-        response = go_on(request, "/", "saved", id=made["id"])
+        write = _move if form.text("kind") == "move" else _write
+        response = await write(request, form)
         response.set_cookie(
-            ACCOUNT_COOKIE, made["account"], max_age=YEAR_S, path="/", samesite="lax", httponly=True
+            ACCOUNT_COOKIE, form.text("account"), max_age=YEAR_S, path="/", samesite="lax", httponly=True
         )
         return response
 
-    return await granted(request, form, wish, pages.draw_new_entry, pages.EMPTY_FORM)
+    return await granted(request, form, wish, pages.draw_new_entry, pages.EMPTY_FORM, _of_a_move)
+
+
+async def _write(request: Request, form: Form) -> Response:
+    """Record an entry."""
+    command = accepted(record_entry(_entry_body(form), service_of(request).new_id()))
+    made = await carry_out(request, form, "entry.record", command)
+    much = show_amount(made["amount"], made["currency"], reader_of(request).lang, signed=True)
+    what = made["description"] or made["category"] or text_for(request, "no_description")
+    undo = {"path": f"/entries/{made['id']}/delete", "seq": made["seq"]}
+    return go_on(request, "/", "saved", id=made["id"], about=what, much=much, undo=undo)
+
+
+async def _move(request: Request, form: Form) -> Response:
+    """Book a transaction between two accounts of one's own: no entry, because nothing was spent or earned."""
+    command = accepted(post_transaction(_move_body(form), service_of(request).new_id()))
+    made = await carry_out(request, form, "transaction.post", command)
+    came = next(line for line in made["postings"] if not line["amount"].startswith("-"))
+    much = show_amount(came["amount"], came["currency"], reader_of(request).lang)
+    what = made["description"] or text_for(request, "entry_move")
+    undo = {"path": f"/transactions/{made['id']}/reverse", "seq": None}
+    return go_on(request, "/", "saved", id=made["id"], about=what, much=much, undo=undo)
 
 
 async def change_entry(request: Request) -> Response:
@@ -215,6 +242,28 @@ def _entry_body(form: Form) -> EntryBody:
         category=form.text("category") or None,
         description=form.text("description"),
     )
+
+
+def _move_body(form: Form) -> TransactionBody:
+    given = form.text("account")
+    taker, _, currency = form.text("to").partition(" ")
+    if not taker or taker == given:
+        reason = Reason.EXISTS if taker else Reason.MISSING
+        raise ProblemError(Problem("invalid-body", (Fault("/to", reason),)))
+    amount = read_amount(form.text("amount")) or NO_AMOUNT
+    lines = [PostingBody(taker, amount, currency), PostingBody(given, f"-{amount}", currency)]
+    return TransactionBody(date=form.text("date"), description=form.text("description"), postings=lines)
+
+
+def _of_a_move(problem: Problem) -> Problem:
+    """Return a problem whose faults name the fields of the form: a posting's account is one of two."""
+    faults = []
+    for fault in problem.faults:
+        parts = fault.pointer.strip("/").split("/")
+        is_line = parts[0] == "postings" and len(parts) > 1
+        field = "amount" if parts[-1] == "amount" else "to" if parts[1:2] == ["0"] else "account"
+        faults.append(Fault(f"/{field}", fault.reason) if is_line else fault)
+    return msgspec.structs.replace(problem, faults=tuple(faults))
 
 
 def _account_body(form: Form) -> AccountBody:

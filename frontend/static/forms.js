@@ -5,9 +5,11 @@
 import { redraw } from "./redraw.js";
 import { numberOf, settled } from "./receipts.js";
 import { newKey, send, wasDone } from "./send.js";
+import { offerUndo, sayThere } from "./toast.js";
 import { say } from "./words.js";
 
 const refusedSafe = new Set(); // forms that were refused while the server only reads
+const FRESH = ["description", "amount", "category"]; // of an entry: what is empty when the next one begins
 const wishes = new WeakMap(); // form -> its wish, in a browser without storage
 
 const opened = document.getElementById("entry-now")?.dataset.seen; // what the entry was when its page was opened
@@ -119,13 +121,17 @@ function saved(form, field, sent, body) {
   field.value = newKey();
   form.dispatchEvent(new CustomEvent("hc:sent", { bubbles: true }));
   if (form.dataset.send === "go") {
+    if (body.said) sayThere(body.said);
     location.assign(body.location ?? "/register"); // what was looked up is the ledger's own answer, which leads nowhere
     return;
   }
   // What was typed while the wish was on its way is the next one, and stays.
   if (unchanged) empty(form);
   form.closest("details")?.removeAttribute("open");
-  tell(form, body.said ?? say("receipt.done"), "good");
+  if (body.undo) {
+    tell(form, "");
+    offerUndo(body, form, () => { if (unchanged) writeAgain(form, sent); });
+  } else tell(form, body.said ?? say("receipt.done"), "good");
   void redraw();
 }
 
@@ -216,7 +222,7 @@ function fieldsOf(form) {
 }
 
 function empty(form) {
-  const stays = new Set(["kind", "account", "date", "type", "currency"]);
+  const stays = new Set(["kind", "account", "to", "date", "type", "currency"]);
   let first = null;
   for (const input of form.elements) {
     if (!input.name || input.type === "hidden" || stays.has(input.name)) continue;
@@ -224,6 +230,12 @@ function empty(form) {
     first ??= input;
   }
   if (form.contains(document.activeElement)) first?.focus();
+}
+
+// What was taken back is there to be corrected, unless somebody has begun to write the next one.
+function writeAgain(form, sent) {
+  if ([...new FormData(form)].some(([name, value]) => FRESH.includes(name) && value)) return;
+  for (const [name, value] of new URLSearchParams(sent)) if (form.elements[name]) form.elements[name].value = value;
 }
 
 function clearFaults(form) {

@@ -2,14 +2,20 @@
 
 import { watchAmounts } from "./amounts.js";
 import { watchForms } from "./forms.js";
+import { watchKeys } from "./keys.js";
+import { watchKnown } from "./known.js";
 import { listen } from "./live.js";
 import { watchReceipts } from "./receipts.js";
+import { watchToast } from "./toast.js";
 
 watchForms();
 watchAmounts(document);
 ownDay();
 listen();
 watchReceipts();
+watchToast();
+watchKnown();
+watchKeys(); // may begin an entry right away
 
 // The server's day may not be the reader's: a fresh entry is of the day it is where it is typed.
 function ownDay() {

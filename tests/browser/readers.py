@@ -51,6 +51,12 @@ def save(form: Locator) -> None:
     form.locator("button.primary").click()
 
 
+def is_saved(form: Locator) -> None:
+    """Wait until the page says that it is booked: where it can be taken back, or, of an answer that was lost, below the form."""
+    said = form.page.locator("#toast [data-undo]").or_(form.locator("[data-said].good"))
+    expect(said).to_be_visible()
+
+
 def send_now(form: Locator) -> None:
     """Send it as its button would, also where an overlay is already over it. Waits for nothing."""
     form.evaluate("form => form.requestSubmit()")

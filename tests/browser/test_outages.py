@@ -17,6 +17,7 @@ from tests.browser.readers import (
     first_sign,
     is_down,
     is_joined,
+    is_saved,
     is_serving,
     overlay,
     post_entry,
@@ -175,7 +176,7 @@ def test_an_answer_that_died_with_the_gateway_is_asked_for_again_and_booked_once
     form = write_entry(page, "Lost answer", "4500")
     with lost_answer(house, "entry.record"):
         save(form)
-    expect(form.locator("[data-said].good")).to_be_visible()
+    is_saved(form)
     expect(page.locator("[data-live]").get_by_text("Lost answer").first).to_be_visible()
     assert booked(house, "Lost answer") == 1
 

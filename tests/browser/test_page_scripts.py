@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, Request, Route, expect
 
 from tests.browser.conftest import OpenTab
 from tests.browser.outages import outage
-from tests.browser.readers import a_bank, booked, is_down, is_joined, is_serving, save, write_entry
+from tests.browser.readers import a_bank, booked, is_down, is_joined, is_saved, is_serving, save, write_entry
 from tests.browser.tabs import Watch
 from tests.integration.house import House
 
@@ -62,7 +62,7 @@ def test_the_same_text_sent_again_after_a_reload_in_an_outage_is_one_entry(
     is_serving(page)
     form = write_entry(page, "Sent twice", "7000")
     save(form)
-    expect(form.locator("[data-said].good")).to_be_visible()
+    is_saved(form)
     assert booked(house, "Sent twice") == 1
 
 
@@ -103,7 +103,7 @@ def test_a_corrected_text_is_another_wish_and_is_sent_only_if_the_first_was_not_
     expect(said).to_contain_text("What you sent before was saved after all.")
     assert (len(keys), booked(house, name)) == (1, 1)
     save(form)
-    expect(form.locator("[data-said].good")).to_be_visible()
+    is_saved(form)
     assert len(set(keys)) == 2
     assert booked(house, name) == 2
     forgive(watch, "status of 500")
@@ -130,7 +130,7 @@ def test_what_is_corrected_after_a_fault_goes_out_under_a_key_of_its_own(
     expect(form.locator("[data-said]")).to_have_text("Something broke.")
     form.locator("[name=amount]").fill("7100")
     save(form)
-    expect(form.locator("[data-said].good")).to_be_visible()
+    is_saved(form)
     assert len(set(keys)) == 2
     assert booked(house, "Fault") == 1
     forgive(watch, "status of 500", "/api/ledger/commands/")  # asked for in vain: it was not done
@@ -154,7 +154,7 @@ def test_a_wish_is_never_given_up_while_its_page_is_open(house: House, open_tab:
     save(form)
     while len(tries) <= LOST:  # each time the page hears that the server is back, it asks again at once
         page.evaluate("document.dispatchEvent(new CustomEvent('hc:back', {detail: {}}))")
-    expect(form.locator("[data-said].good")).to_be_visible()
+    is_saved(form)
     assert booked(house, "Tried often") == 1
 
 
@@ -180,7 +180,7 @@ def test_the_browser_asks_before_a_page_with_a_waiting_wish_is_left_and_only_the
     is_serving(page)
     form = write_entry(page, "Not left alone", "7000")
     save(form)
-    expect(form.locator("[data-said].good")).to_be_visible()
+    is_saved(form)
     page.reload()
     assert watch.leaving == 1
     assert booked(house, "Not left alone") == 1
