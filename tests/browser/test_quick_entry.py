@@ -1,6 +1,5 @@
 """Writing many entries quickly: by keys alone, with what was written before, and with a way back from each of them."""
 
-
 import pytest
 from playwright.sync_api import Page, expect
 
