@@ -10,7 +10,16 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from frontend.catalogue_crisis import CRISIS
-from frontend.crisis_paper import KINDS, OUTCOMES, RECEIPT_OUTCOMES, Kind, receipt_page, recovery_page
+from frontend.crisis_paper import (
+    KINDS,
+    OUTCOMES,
+    RECEIPT_OUTCOMES,
+    Gate,
+    Kind,
+    gate_page,
+    receipt_page,
+    recovery_page,
+)
 from tests.browser.bank_files import hana_csv
 from tests.browser.conftest import OpenTab
 from tests.browser.eyes import Eyes
@@ -42,6 +51,8 @@ DESKS: Final = tuple(
     f"/admin/{place}"
     for place in ("", "incidents?view=all", "dlq", "snapshots", "trends", "alerts", "policy", "settings")
 )
+#: One of each drawing; the others differ in their sentence alone.
+GATES: Final[tuple[Gate, ...]] = ("in", "wrong", "again", "differ", "gone")
 #: axe-core measures with styles of its own, which no page of ours allows. That they don't is held by all other tests.
 SEEN: Final = {"reduced_motion": "reduce", "bypass_csp": True}
 #: A page without a fault of its own, under all that the crisis script can show.
@@ -140,6 +151,9 @@ def test_no_page_of_the_gateway_s_own_shuts_anybody_out(
     for settled in RECEIPT_OUTCOMES:
         page.set_content(_without_scripts(receipt_page(lang, settled).body))
         eyes.look(page, f"receipt {settled}, {lang}")
+    for asked in GATES:
+        page.set_content(_without_scripts(gate_page(lang, asked).body))
+        eyes.look(page, f"gate {asked}, {lang}")
 
 
 def _opened(page: Page) -> None:
