@@ -35,8 +35,8 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
     "removed": ("지웠어요: {name}", "Removed: {name}"),
     "unknown": ("그런 이름은 없어요: {name}", "There is nobody of that name: {name}"),
     "others_first": (
-        "다른 사람의 비밀번호나 토큰이 남아 있어요. 그것들을 먼저 지워 주세요: {names}",
-        "Others still have a password or a token; remove those first: {names}",
+        "다른 사람의 비밀번호나 초대 링크, 토큰이 남아 있어요. 그것들을 먼저 지워 주세요: {names}",
+        "Others still have a password, a link or a token; remove those first: {names}",
     ),
     "door_open": (
         "이 가계부는 다른 기기에도 열려 있어요. 비밀번호를 지우려면 `hardcore down` 뒤에 127.0.0.1로 다시 시작하세요.",

@@ -167,9 +167,11 @@ def _remove(asked: Asked, people: People, name: str) -> None:
     invited = any(one.name == name for one in people.invitations)
     if people.person(name) is None and not invited:
         asked.fail(access_text("unknown", asked.lang, name=name))
-    others = [one.name for one in people.people if one.name != name] + [one.name for one in people.tokens]
+    others = [one.name for one in people.people if one.name != name]
+    others += [one.name for one in people.invitations if one.name != name]
+    others += [one.name for one in people.tokens]
     if name == OWNER and others:
-        asked.fail(access_text("others_first", asked.lang, names=", ".join(others)))
+        asked.fail(access_text("others_first", asked.lang, names=", ".join(dict.fromkeys(others))))
     if name == OWNER and files.read_doorway(asked.folders.state).open and is_kept(asked.folders):
         asked.fail(access_text("door_open", asked.lang))
     _keep(asked, lambda now: now.without_person(name))

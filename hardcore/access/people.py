@@ -96,8 +96,12 @@ class People(msgspec.Struct, frozen=True):
         return structs.replace(self, people=(*others, person), invitations=open_ones)
 
     def without_person(self, name: str) -> "People":
-        """The same without somebody."""
-        return structs.replace(self, people=tuple(one for one in self.people if one.name != name))
+        """The same without somebody, and without a link that would let him or her in again."""
+        return structs.replace(
+            self,
+            people=tuple(one for one in self.people if one.name != name),
+            invitations=tuple(one for one in self.invitations if one.name != name),
+        )
 
     def with_token(self, token: Token) -> "People":
         """The same, and one token more."""

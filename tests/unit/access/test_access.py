@@ -1,13 +1,19 @@
 """Who may come in: sessions that end, guesses that wait, proxies that are believed."""
 
+from pathlib import Path
+
 import pytest
+from click.testing import CliRunner, Result
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hardcore.access import files
 from hardcore.access.attempts import ADDRESSES_MAX, Attempts
 from hardcore.access.doorway import Doorway, Names, Proxies
 from hardcore.access.people import OWNER, Invitation, People, Person, Scope, Token, digest_of, is_name
 from hardcore.access.sessions import SESSIONS_MAX, Sessions, Spans
+from hardcore.access_words import passwd
+from hardcore.host.folders import Unusable, prepare_data
 
 OWNERS = Person(OWNER, "one")
 PEOPLE = People((OWNERS,))
@@ -155,6 +161,27 @@ def test_an_invitation_holds_until_its_time_and_until_it_is_used() -> None:
     assert people.invitation("k", 99) is not None
     assert people.invitation("k", 100) is None
     assert people.with_person(Person("mina", "x")).invitation("k", 0) is None
+
+
+def test_whoever_is_removed_comes_back_by_no_link() -> None:
+    people = PEOPLE.with_invitation(Invitation("mina", digest_of("k"), 100)).without_person("mina")
+    assert people.invitation("k", 0) is None
+
+
+def test_the_owners_password_goes_last_while_a_link_would_let_somebody_in(tmp_path: Path) -> None:
+    people = PEOPLE.with_invitation(Invitation("mina", digest_of("k"), 100))
+    folders = prepare_data(tmp_path / "house")
+    assert not isinstance(folders, Unusable)
+    files.write_people(folders.state, people)
+
+    def removed(name: str) -> Result:
+        return CliRunner().invoke(passwd, [name, "--remove", "--data", str(folders.data)])
+
+    assert removed(OWNER).exit_code == 1
+    assert files.read_people(folders.state) == people
+    assert removed("mina").exit_code == 0
+    assert removed(OWNER).exit_code == 0
+    assert files.read_people(folders.state) == People()
 
 
 @pytest.mark.parametrize("name", ["", "Mina", "a b", "../x", "a" * 33, "-a", "ㅁ", "a\n"])
