@@ -14,6 +14,7 @@ TEXTS: Final[Mapping[str, Mapping[str, str]]] = {
         "en": "Please choose an account other than the first one.",
     },
     "fault_to_missing": {"ko": "받는 계좌를 골라 주세요.", "en": "Please choose where it goes."},
+    "so_far": {"ko": "지금까지 모두", "en": "in all, so far"},
     "undo": {"ko": "되돌리기", "en": "Undo"},
     "undoing": {"ko": "되돌리고 있어요", "en": "Undoing"},
     "undone": {"ko": "되돌렸어요. 기록에는 남아요.", "en": "Undone. It stays on record."},

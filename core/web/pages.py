@@ -19,7 +19,7 @@ from core.ledger.accounts import AccountType, is_account_id
 from core.ledger.fields import is_date
 from core.web import pages_book
 from core.web.asking import left_out, read, service_of
-from core.web.entries import entry_in_path
+from core.web.entries import days_of, entry_in_path
 from core.web.intake import WORDS_CHARACTERS_MAX, read_position
 from core.web.pages_answers import ACCOUNT_COOKIE, reader_of, show
 from core.web.pages_book import EntryPicture
@@ -78,6 +78,7 @@ async def draw_new_entry(request: Request, form: Drawn, status: int, key: str | 
         categories=seen.categories,
         summary=seen.summary,
         flows=seen.flows,
+        days=days_of(seen.summary.month),
         spent=seen.spent,
         repeated=pages_book.repeated(line.name for line in seen.spent),
         recent=seen.recent,

@@ -168,14 +168,15 @@ def register(
     )
     found = list_register(connection, wanted, parked)
     lines = found[:limit]
+    last = lines[-1] if lines else None
     account = queries.get_account(connection, wanted.account) if wanted.account is not None else None
+    if account is not None and account.type in _CREDITS:
+        lines = [_other_way(line) for line in lines]
     return RegisterPicture(
         account=_shown(account) if account else None,
         accounts=_money_accounts(accounts),
         lines=lines,
-        next_cursor=make_position(lines[-1].date, lines[-1].seq, lines[-1].line)
-        if len(found) > limit
-        else None,
+        next_cursor=make_position(last.date, last.seq, last.line) if last and len(found) > limit else None,
         asserted=queries.list_assertions(connection, parked, account.id, limit=ASSERTED_MAX)
         if account
         else (),
@@ -255,6 +256,15 @@ def repeated(names: Iterable[str | None]) -> frozenset[str | None]:
 def register_link(asked: Mapping[str, str]) -> str:
     """Return the address of a page of the register."""
     return "/register?" + urllib.parse.urlencode({name: value for name, value in asked.items() if value})
+
+
+def _other_way(line: RegisterLine) -> RegisterLine:
+    """Return a line of what was earned or begun with in the sign in which people read the balance above it."""
+    return msgspec.structs.replace(line, amount=_opposite(line.amount), balance=_opposite(line.balance))
+
+
+def _opposite(amount: str) -> str:
+    return amount.removeprefix("-") if amount.startswith("-") or not amount.strip("0.") else f"-{amount}"
 
 
 def _moved(flow: Flow) -> bool:

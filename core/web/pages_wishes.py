@@ -251,6 +251,8 @@ def _move_body(form: Form) -> TransactionBody:
         reason = Reason.EXISTS if taker else Reason.MISSING
         raise ProblemError(Problem("invalid-body", (Fault("/to", reason),)))
     amount = read_amount(form.text("amount")) or NO_AMOUNT
+    if not amount.strip("0."):
+        raise ProblemError(Problem("invalid-body", (Fault("/amount", Reason.ZERO),)))
     lines = [PostingBody(taker, amount, currency), PostingBody(given, f"-{amount}", currency)]
     return TransactionBody(date=form.text("date"), description=form.text("description"), postings=lines)
 

@@ -136,3 +136,63 @@ def test_a_transaction_that_is_not_there_is_a_calm_page(core: Core) -> None:
     page: Page = get(core, "/transactions/none", Accept_Language="ko")
     assert page.status == 404
     assert "<h1" in page.text
+
+
+def moved(ids: dict[str, str], **other: str) -> dict[str, str]:
+    """The form of an entry, with money moved from the bank into a purse."""
+    told = {"kind": "move", "description": "현금 찾기", "amount": "30,000", "date": "2026-11-21"}
+    return told | {"account": ids["생활비 통장"], "to": f"{ids['현금']} KRW"} | other
+
+
+def test_money_is_moved_without_a_script_and_is_nothing_earned_or_spent(
+    core: Core, ids: dict[str, str]
+) -> None:
+    before = len(core.ask("GET", "/api/ledger/entries?limit=500").body["items"])
+    key = {"_idempotency_key": "move-1"}
+    assert [post(core, "/entries", moved(ids, **key)).status for _ in range(2)] == [303, 303]
+    found = core.ask("GET", "/api/ledger/transactions?limit=500").body["items"]
+    (made,) = [one for one in found if one["description"] == "현금 찾기"]
+    assert [(line["account"], line["amount"]) for line in made["postings"]] == [
+        (ids["현금"], "30000"),
+        (ids["생활비 통장"], "-30000"),
+    ]
+    assert len(core.ask("GET", "/api/ledger/entries?limit=500").body["items"]) == before
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ({"to": ""}, "받는 계좌를 골라 주세요."),
+        ({"to": "생활비 통장"}, "보내는 계좌와 다른 계좌를 골라 주세요."),
+        ({"to": "assets:nobody KRW"}, "없는 계좌예요."),
+        ({"to": "현금", "amount": "lots"}, "금액은 숫자로 적어 주세요."),
+        ({"to": "현금", "amount": "0"}, "0"),
+    ],
+    ids=["nowhere", "to itself", "to nobody", "no amount", "nothing"],
+)
+def test_what_is_wrong_with_moved_money_is_said_at_its_field_with_all_that_was_typed(
+    core: Core, ids: dict[str, str], wrong: dict[str, str], sentence: str
+) -> None:
+    to = wrong["to"]
+    page = post(
+        core,
+        "/entries",
+        moved(ids, **wrong | {"to": f"{ids[to]} KRW" if to in ids else to}),
+        Accept_Language="ko",
+    )
+    assert page.status == 422
+    field = "amount" if "amount" in wrong else "to"
+    assert sentence in page.text.split(f'data-fault="{field}">')[1].partition("</p>")[0]
+    assert 'value="move" checked' in page.text
+    assert 'value="현금 찾기"' in page.text
+
+
+def test_what_was_earned_is_read_as_it_is_said_above_and_its_register_stays_when_the_days_change(
+    core: Core, ids: dict[str, str]
+) -> None:
+    entry = {"kind": "in", "description": "월급", "amount": "3,000,000", "account": ids["생활비 통장"]}
+    post(core, "/entries", entry | {"category": "급여", "date": "2026-11-10"})
+    page = get(core, f"/register?account={ids['급여']}", Accept_Language="ko").text
+    assert page.count("3,000,000원") == 3  # above, in the line, and behind it
+    assert "−" not in page.split("<tbody")[1].partition("</tbody>")[0]
+    assert f'<option value="{ids["급여"]}" selected>급여</option>' in page
