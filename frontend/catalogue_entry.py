@@ -14,6 +14,10 @@ TEXTS: Final[Mapping[str, Mapping[str, str]]] = {
         "en": "Please choose an account other than the first one.",
     },
     "fault_to_missing": {"ko": "받는 계좌를 골라 주세요.", "en": "Please choose where it goes."},
+    "accounts_first": {
+        "ko": "먼저 계좌를 하나 만들어 주세요. 되풀이하는 내역은 그 계좌에 적어요.",
+        "en": "Add an account first. What comes back by itself is booked on it.",
+    },
     "so_far": {"ko": "지금까지 모두", "en": "in all, so far"},
     "undo": {"ko": "되돌리기", "en": "Undo"},
     "undoing": {"ko": "되돌리고 있어요", "en": "Undoing"},

@@ -104,6 +104,18 @@ def _moments(gateway: ScriptedGateway, page: Page) -> Iterator[tuple[str, str]]:
     yield strip, "R11"
 
 
+def test_what_shuts_somebody_out_is_seen(open_ledger: OpenLedger) -> None:
+    page = open_ledger("/en", **SEEN)
+    page.set_content(
+        "<html lang=en><title>x</title><main><h1>x</h1><button></button><p><s>wide</s></p></main>"
+    )
+    page.add_style_tag(content="p { color: #ccc; width: 900px }")
+    eyes = Eyes()
+    eyes.look(page, "a bad page")
+    told = "\n".join(eyes.found)
+    assert all(wrong in told for wrong in ("button-name", "color-contrast", "at 390 px", "at 640 px"))
+
+
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_nothing_that_the_crisis_script_shows_shuts_anybody_out(
     open_ledger: OpenLedger, gateway: ScriptedGateway, eyes: Eyes, lang: str
@@ -174,9 +186,14 @@ def test_no_page_of_the_ledger_shuts_anybody_out(
         _opened(page)
         eyes.look(page, f"{path}, {lang}")
     page.goto("/")
-    save(page.locator("form#entry"))  # with nothing in it: each field says what is wrong
+    page.locator("form#entry [value=move]").check()
+    save(page.locator("form#entry"))  # with nothing in it: a field says what is wrong
     expect(page.locator("form#entry [aria-invalid]").first).to_be_visible()
     eyes.look(page, f"faults at their fields, {lang}")
+    page.locator("form#entry [value=out]").check()
+    page.locator("[data-keys]").click()
+    eyes.look(page, f"the list of keys, {lang}")
+    page.keyboard.press("Escape")
     save(write_entry(page, f"Looked at, {lang}"))
     expect(page.locator("[data-live]").get_by_text(f"Looked at, {lang}").first).to_be_visible()
     eyes.look(page, f"an entry was saved, {lang}")
