@@ -140,7 +140,7 @@ DOCTOR: Final[dict[str, tuple[str, str]]] = {
     ),
     "backups": (
         "백업 {count}개, 가장 새것은 {hours}시간 전 것이에요. 가끔 다른 디스크에도 두세요 (hardcore backup --to 폴더).",
-        "{count} backups, the newest {hours} hours old. Keep one on another disk too (hardcore backup --to FOLDER).",
+        "Backups: {count}, the newest {hours} h old. Keep one on another disk too (hardcore backup --to FOLDER).",
     ),
     "backups_later": (
         "백업은 장부를 쓰기 시작하면 날마다 스스로 만들어요.",

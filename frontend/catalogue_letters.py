@@ -118,8 +118,6 @@ WORDS: Final[Mapping[str, Text]] = {
     "none": _text("따로 보관한 요청이 없어요.", "Nothing set aside."),
     "none_fits": _text("이 조건에 맞는 요청이 없어요.", "No letter fits this."),
     "counted": _text("{total}건 중 {shown}건을 보여요.", "{shown} of {total} are shown."),
-    "head_id": _text("번호", "Number"),
-    "head_state": _text("상태", "State"),
     "head_since": _text("언제부터", "Since"),
     "head_what": _text("요청", "Request"),
     "head_accounts": _text("계좌", "Accounts"),

@@ -111,7 +111,6 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
             "that everything should stay off, and the next sentinel stops everything. Try `hardcore down` again shortly."
         ),
     ),
-    "history_none": ("아직 바뀐 적이 없어요.", "Nothing has changed yet."),
 }
 
 

@@ -1,8 +1,8 @@
 """The importer: a component of its own that books the rows of committed imports, and goes on after a death.
 
 It is one task with its own beat on the recorder page, beside the requests and not among them: rows enter the
-ledger by the same door as everybody's commands, each with a slot, a key and the writer's line, and only a few
-at a time, so a person's request never waits behind a file. A row's key is the import's id and its place in the
+ledger by the same door as everybody's commands, many as one wave (`waves`) or, where somebody may have to be named, a few
+by themselves, and never so many that a person's request waits behind a file. A row's key is the import's id and its place in the
 file; where a death leaves it unclear whether a row was booked, it is simply asked again. So the progress on the
 disk may lag, and no second bookkeeping of rows is needed. Several imports take turns, wave by wave.
 It can be begun anew beside one that hangs: each shift has jobs of its own, and one whose shift is over does nothing

@@ -3,7 +3,7 @@
 Pure. A head, then each event in its order, then each key, then a foot that says how many of both there were: a file that was cut
 off is told from a whole one. The body of an event and the answer under a key are JSON themselves and stand in their line as the
 very bytes that are stored, so the hash of an event can be computed again from its line alone by anybody, in any language
-(`docs/wires.md` section 8). What the tables hold beside these is not in it: it follows from the events.
+(`docs/wires.md` section 24). What the tables hold beside these is not in it: it follows from the events.
 """
 
 from typing import Final

@@ -1,1 +1,1 @@
-"""Copies that are kept: made while the ledger is at work, proven, and gone back to on a bad day."""
+"""Copies that are kept, and the log out and in: made while the ledger is at work, proven, and gone back to on a bad day."""

@@ -1,4 +1,4 @@
-"""`python -m core backup` and `restore`: kept copies, made and gone back to by a process of its own.
+"""`python -m core backup`, `restore`, `log export` and `log import`: what is kept, by a process of its own.
 
 What they need is loaded when they are called, and a long proof here takes nobody's turn in a core that serves.
 """
