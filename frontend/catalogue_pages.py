@@ -214,8 +214,8 @@ TEXTS: Final[dict[str, Mapping[str, str]]] = {
     "import_choose": {"ko": "파일 고르기", "en": "Choose a file"},
     "import_drop": {"ko": "파일을 고르거나 여기에 끌어다 놓으세요", "en": "Choose a file, or drop it here"},
     "import_kinds": {
-        "ko": "CSV, 엑셀(.xlsx, .xls), 암호가 걸린 파일도 괜찮아요",
-        "en": "CSV or spreadsheet (.xlsx, .xls), with a password too",
+        "ko": "CSV, 엑셀(.xlsx, .xls), OFX, QIF. 암호가 걸린 파일도 괜찮아요",
+        "en": "CSV, spreadsheet (.xlsx, .xls), OFX or QIF, with a password too",
     },
     "import_password": {"ko": "파일 암호", "en": "Password of the file"},
     "import_password_more": {
