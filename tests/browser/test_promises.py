@@ -9,7 +9,17 @@ from playwright.sync_api import Browser, Page, Request, Route, expect
 
 from tests.browser.conftest import MakeHouse, OpenTab
 from tests.browser.outages import outage
-from tests.browser.readers import a_bank, answer_of, booked, is_joined, overlay, save, send_now, write_entry
+from tests.browser.readers import (
+    a_bank,
+    answer_of,
+    booked,
+    is_joined,
+    is_saved,
+    overlay,
+    save,
+    send_now,
+    write_entry,
+)
 from tests.browser.tabs import Watch
 from tests.integration.house import House
 from tests.waiting import until
@@ -289,6 +299,6 @@ def test_a_wish_that_has_grown_old_is_asked_about_and_done_only_then(
     expect(asked).to_be_visible()
     assert booked(house, "Grown old") == 0
     asked.get_by_role("button", name="Run it").click()
-    expect(form.locator("[data-said]")).to_have_text("Saved")
+    is_saved(form)
     expect(asked).to_have_count(0)
     assert booked(house, "Grown old") == 1

@@ -7,7 +7,7 @@ from typing import Any, Final
 from playwright.sync_api import Page, expect
 
 from tests.browser.conftest import OpenTab
-from tests.browser.readers import a_bank, booked, is_joined, is_serving, save, write_entry
+from tests.browser.readers import a_bank, booked, is_joined, is_saved, is_serving, save, write_entry
 from tests.integration.house import House
 from tests.waiting import until
 
@@ -55,7 +55,7 @@ def test_a_crash_with_a_spare_is_one_slow_click_and_a_strip(house: House, open_t
     form = write_entry(page, "Over the crash", "7000")
     house.hit("core")
     save(form)
-    expect(form.locator("[data-said]")).to_have_text("Saved")
+    is_saved(form)
     is_serving(page)
     until(lambda: any("Interrupted for" in one for one in page.evaluate("shown")), "the strip to say it")
     assert "overlay" not in page.evaluate("shown")
