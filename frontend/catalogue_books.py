@@ -156,15 +156,15 @@ TEXTS: Final[Mapping[str, Mapping[str, str]]] = {
         "en": "The ledger is being proven from its first record.",
     },
     "proof_now": {
-        "ko": "방금 장부를 모두 확인했어요. 기록: {events}건",
-        "en": "The whole ledger was proven just now: {events} records.",
+        "ko": "방금 장부를 모두 확인했어요. 그때까지의 기록: {events}건",
+        "en": "The whole ledger was proven just now. Records until then: {events}",
     },
     "proof_was": {
-        "ko": "장부를 모두 확인한 지 {n}분 됐어요. 기록: {events}건",
-        "en": "The whole ledger was proven {n} minutes ago: {events} records.",
+        "ko": "장부를 모두 확인한 지 {n}분 됐어요. 그때까지의 기록: {events}건",
+        "en": "The whole ledger was proven {n} minutes ago. Records until then: {events}",
     },
     "proof_was_one": {
-        "ko": "장부를 모두 확인한 지 {n}분 됐어요. 기록: {events}건",
-        "en": "The whole ledger was proven {n} minute ago: {events} records.",
+        "ko": "장부를 모두 확인한 지 {n}분 됐어요. 그때까지의 기록: {events}건",
+        "en": "The whole ledger was proven {n} minute ago. Records until then: {events}",
     },
 }

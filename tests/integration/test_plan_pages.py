@@ -124,4 +124,4 @@ def test_the_overview_says_when_the_whole_ledger_was_proven(core: Core) -> None:
     until(lambda: "장부를 모두 확인" in get(core, "/", Accept_Language="ko").text, "the proof to be told")
     assert core.ask("GET", "/api/ledger/verify").body["ok"]
     events = core.ask("GET", "/healthz").body["seq"]
-    assert f"just now: {events} records" in words(get(core, "/", Accept_Language="en").text)
+    assert f"just now. Records until then: {events}" in words(get(core, "/", Accept_Language="en").text)
