@@ -86,7 +86,13 @@ function tell(line, sentence) {
 
 function arm() {
   clearTimeout(timer);
-  timer = setTimeout(() => (document.hidden || toast.matches(":hover, :focus-within") ? arm() : hide()), STAY_MS);
+  timer = setTimeout(() => (document.hidden || toast.matches(":hover, :focus-within") || isCovered() ? arm() : hide()), STAY_MS);
+}
+
+// What the crisis script has to say may stand over it: its time begins when it can be read.
+function isCovered() {
+  const { left, top, width, height } = toast.getBoundingClientRect();
+  return !toast.contains(document.elementFromPoint(left + width / 2, top + height / 2));
 }
 
 function hide() {

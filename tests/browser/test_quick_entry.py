@@ -144,6 +144,25 @@ def test_what_a_page_did_is_said_on_the_page_that_it_leads_to(home: House, open_
     expect(page.locator("#toast")).to_be_empty()
 
 
+def test_what_was_done_stays_until_it_could_be_read(home: House, open_tab: OpenTab) -> None:
+    page = open_tab(home)
+    page.clock.install()
+    save(write_entry(page, "Behind something"))
+    assert "Behind something" in toast(page)
+    page.evaluate(
+        """() => {
+          const cover = document.body.appendChild(document.createElement("dialog"));
+          cover.id = "cover";
+          cover.showModal();
+        }"""
+    )
+    page.clock.fast_forward(60_000)
+    assert "Behind something" in toast(page)
+    page.evaluate("document.getElementById('cover').remove()")
+    page.clock.fast_forward(60_000)
+    expect(page.locator("#toast")).to_be_empty()
+
+
 def test_on_paper_there_is_what_was_found_and_nothing_to_press(home: House, open_tab: OpenTab) -> None:
     page = open_tab(home, f"/register?account={BANK}")
     page.emulate_media(media="print")
