@@ -27,10 +27,6 @@ TEXTS: Final[Mapping[str, Mapping[str, str]]] = {
     "tx_save": {"ko": "적기", "en": "Book it"},
     "tx_saved": {"ko": "장부에 적었어요", "en": "It is in the books"},
     "tx_kept_pending": {"ko": "대기로 두었어요", "en": "It is pending"},
-    "tx_sides_both": {
-        "ko": "한 줄에는 한쪽 금액만 적어 주세요.",
-        "en": "Please write one side only in a line.",
-    },
     "tx_state_is_posted": {"ko": "장부에 적음", "en": "booked"},
     "tx_state_is_pending": {"ko": "대기 중", "en": "pending"},
     "tx_state_is_pending-posted": {"ko": "확정함", "en": "booked since"},

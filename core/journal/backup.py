@@ -59,8 +59,8 @@ def back_up(
             target.unlink(missing_ok=True)
             error = _no_room(folder, ledger_bytes + step_bytes) or _copy(ledger, target, tick)
         if error is None:
-            _flush(target)
-            _flush(folder)
+            flush(target)
+            flush(folder)
             _tidy(folder, target)
     except OSError as raised:
         error = disk.refused(raised.errno or 0) or StoreError(
@@ -92,7 +92,7 @@ def _copy(ledger: Path, target: Path, tick: Callable[[], object]) -> StoreError 
     _make_empty(part)
     error = copy_whole(ledger, part, tick)
     if error is None:
-        _flush(part)
+        flush(part)
         part.replace(target)
     return error
 
@@ -102,7 +102,8 @@ def _make_empty(part: Path) -> None:
     os.close(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
 
 
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
+    """Have what stands in a file, or the names in a folder, on the disk."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)

@@ -29,13 +29,6 @@ LOOKED_AT_MAX: Final = 64
 _HOUR_NS: Final = 3_600 * 1_000_000_000
 
 
-class PassedOver(msgspec.Struct, frozen=True):
-    """A checkpoint that is not used, and why."""
-
-    name: str
-    why: str
-
-
 class Checkpoints(msgspec.Struct):
     """The checkpoints of one data folder. Every method blocks.
 

@@ -280,15 +280,6 @@ def due_pendings(connection: Connection, now_ns: int, limit: int) -> list[str]:
     return list(connection.execute(query.order_by(pending.expires_ns).limit(limit)).scalars())
 
 
-def next_expiry(connection: Connection) -> int | None:
-    """Return the wall time at which the next open pending transaction runs out, None if none does."""
-    pending = schema.pending.c
-    query = select(func.min(pending.expires_ns)).where(
-        pending.state == "open", pending.expires_ns.is_not(None)
-    )
-    return connection.execute(query).scalar_one_or_none()
-
-
 def _is_between(column: Any, first_seq: int, last_seq: int | None) -> Any:
     return column >= first_seq if last_seq is None else column.between(first_seq, last_seq)
 

@@ -20,7 +20,7 @@ import msgspec
 
 from core.guarded.quarantine import FILE_BYTES_MAX, read_small
 from core.journal import ballast, disk, queries
-from core.journal.backup import BACKUPS
+from core.journal.backup import BACKUPS, flush
 from core.journal.carrying import copy_now
 from core.journal.rebuilding import Rebuilding
 from core.journal.room import free_bytes
@@ -178,7 +178,7 @@ def _counting(events: int, told: Told) -> Callable[[], bool]:
 def _name(part: Path, note: Note) -> None:
     """Flush a copy, write its note, and give both their names: the note last, because it says that there is a copy."""
     folder = part.parent
-    _flush(part)
+    flush(part)
     noted = part.with_name(f"{part.name}{SUFFIX}")
     descriptor = os.open(noted, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
     with os.fdopen(descriptor, "wb") as file:
@@ -187,15 +187,7 @@ def _name(part: Path, note: Note) -> None:
         os.fsync(file.fileno())
     part.replace(folder / note.file)
     noted.replace(folder / (note.file + SUFFIX))
-    _flush(folder)
-
-
-def _flush(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    flush(folder)
 
 
 def _clear_up(folder: Path) -> None:

@@ -18,6 +18,7 @@ import msgspec
 from core.departure import Departure
 from core.guarded.recorder import NoRecorder
 from core.journal import disk, schema
+from core.journal.backup import flush
 from core.journal.log_lines import LINE_BYTES_MAX
 from core.journal.log_out import Unusable, take_in
 from core.journal.room import ROOM_BYTES_MIN, free_bytes
@@ -152,18 +153,10 @@ def _with_rules(folder: Path, rules: str | None) -> Rulings:
 
 def _lay_down(target: Path, data: Path, rules: str | None) -> None:
     """Give what was proven its place: the rules first, the ledger's name last."""
-    _flush(target)
+    flush(target)
     if rules is not None:
         (data / RULES).parent.mkdir(mode=0o700, exist_ok=True)
         (target.parent / RULES).replace(data / RULES)
-        _flush((data / RULES).parent)
+        flush((data / RULES).parent)
     target.replace(data / target.name)
-    _flush(data)
-
-
-def _flush(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    flush(data)

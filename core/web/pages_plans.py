@@ -13,6 +13,7 @@ import msgspec
 from starlette.requests import Request
 from starlette.responses import Response
 
+from core.ledger.budgets import BudgetLine
 from core.ledger.fields import is_date
 from core.ledger.planning import set_budget, set_recurring
 from core.ledger.plans import BudgetBody, EndRecurring, EntryTemplate, RecurringBody
@@ -72,7 +73,7 @@ async def draw_plans(request: Request, form: Drawn, status: int, key: str | None
         form=form,
         plain=Drawn(BLANK),
         month_shown=month,
-        budgets=[(line, _bar(line.used_percent), group_digits(line.amount)) for line in seen.budgets],
+        budgets=[(line, bar_of(line), group_digits(line.amount)) for line in seen.budgets],
         free=seen.free,
         items=seen.items,
         accounts=seen.money_accounts,
@@ -152,9 +153,11 @@ async def end_recurring(request: Request) -> Response:
     return await granted(request, form, wish)
 
 
-def _bar(used_percent: float | None) -> int:
+def bar_of(line: BudgetLine) -> int:
     """Return how far a bar goes, of a hundred; nothing was meant: it is full as soon as anything was spent."""
-    return 100 if used_percent is None else round(min(max(used_percent, 0.0), 100.0))
+    if line.used_percent is None:
+        return 100 if line.left.startswith("-") else 0
+    return round(min(max(line.used_percent, 0.0), 100.0))
 
 
 def _month(request: Request) -> str | None:

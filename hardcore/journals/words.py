@@ -68,7 +68,7 @@ def import_journal(
         door = asked.folders.gateway
         mark = sha256(file.read_bytes()).hexdigest()[:_DIGEST_CHARACTERS]
         try:
-            refused += _open(door, wishes, mark)
+            _open(door, wishes, mark)
             for count, not_booked in _book(door, wishes, mark):
                 booked += count
                 refused += not_booked
@@ -90,11 +90,10 @@ def _kinds(asked: Asked, types: Sequence[str]) -> dict[str, str]:
     return kinds
 
 
-def _open(door: Path, wishes: Wishes, mark: str) -> list[NotTaken]:
+def _open(door: Path, wishes: Wishes, mark: str) -> None:
     """Open the accounts; one that is there already is fine, and a wrong one is told when something is booked on it."""
     for name, body in wishes.accounts.items():
         _post(door, "/api/ledger/accounts", body, f"journal-{mark}-{name}")
-    return []
 
 
 def _book(door: Path, wishes: Wishes, mark: str) -> Iterator[tuple[int, list[NotTaken]]]:

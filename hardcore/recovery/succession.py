@@ -52,8 +52,6 @@ RELIEF_AGAIN_NS = 300 * NS_PER_S
 #: The spare is kept while the core is proven; a core on probation may yet need this machine for itself.
 _KEEPING = frozenset({Phase.RUNNING, Phase.SUSPECT})
 
-SpareFact = seen.CoreSpawned | seen.SpawnFailed | seen.SpareReady | seen.Sampled | seen.CoreExited
-
 
 def tend(c: Course, now_ns: int) -> None:
     """Start a spare where there should be one, end one that hangs, switch to one that was waited for."""

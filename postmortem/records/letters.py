@@ -21,7 +21,6 @@ from postmortem.views import Attempt, DryRun, LetterState, Refusal
 
 #: What became of one letter: beyond, the oldest is forgotten.
 ATTEMPTS_MAX: Final = 200
-ALIASES_MAX: Final = 200
 INCIDENTS_MAX: Final = 64
 NOTE_MAX: Final = 2_000
 #: Spool messages that are remembered as taken in.

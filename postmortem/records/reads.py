@@ -233,11 +233,6 @@ def letter_row(connection: Connection, letter_id: str) -> RowMapping | None:
     return connection.execute(select(LETTERS).where(LETTERS.c.id == named)).mappings().first()
 
 
-def proposal_row(connection: Connection, proposal_id: str) -> RowMapping | None:
-    """The row of a proposal, or None."""
-    return connection.execute(select(PROPOSALS).where(PROPOSALS.c.id == proposal_id)).mappings().first()
-
-
 def letters_where(wanted: Filter) -> list[ColumnElement[bool]]:
     """What a filter says of letters."""
     where = [

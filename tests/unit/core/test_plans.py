@@ -6,6 +6,7 @@ import pytest
 
 from core.ledger.accounts import Account, AccountType
 from core.ledger.book import Book
+from core.ledger.budgets import view_budget
 from core.ledger.commands import Command, PostTransaction
 from core.ledger.decider import decide
 from core.ledger.entries import RecordEntry
@@ -26,6 +27,7 @@ from core.ledger.plans import (
 )
 from core.ledger.reasons import Rejection, Slug
 from core.ledger.recurrence import Rule
+from core.web.pages_plans import bar_of
 from tests.unit.core.books import opening, pen, tamper
 from tests.unit.core.test_verify import verdict
 
@@ -128,3 +130,14 @@ def test_a_line_of_a_plan_that_its_event_does_not_say_is_found(
     assert verdict(tmp_path).ok
     tamper(tmp_path, statement)
     assert verdict(tmp_path).first_bad_seq == seq
+
+
+@pytest.mark.parametrize(
+    ("meant", "moved", "bar"),
+    [(0, 0, 0), (0, 5, 100), (0, -5, 0), (10, 0, 0), (10, 5, 50), (10, 15, 100), (10, -5, 0)],
+)
+def test_a_bar_is_as_long_as_what_was_spent_and_full_where_nothing_was_meant_and_something_spent(
+    meant: int, moved: int, bar: int
+) -> None:
+    food = Account("food", "Food", AccountType.EXPENSE, "KRW", no_overdraft=False)
+    assert bar_of(view_budget(food, "Food", meant, "2026-01", moved)) == bar
