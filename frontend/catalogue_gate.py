@@ -23,13 +23,13 @@ GATE: Final[dict[str, tuple[str, str]]] = {
     ),
     "wait": ("잠시 기다려 주세요", "Please wait a moment"),
     "wait.line": (
-        "여러 번 틀려서 조금 쉬고 있어요. 몇 초 뒤에 다시 입력해 주세요.",
-        "It was wrong several times. Try again in a few seconds.",
+        "지금은 로그인 시도가 너무 많아요. 몇 초 뒤에 다시 입력해 주세요.",
+        "There were too many tries just now. Try again in a few seconds.",
     ),
     "again": ("비밀번호를 한 번 더 입력해 주세요", "Please type your password again"),
     "again.line": (
-        "되돌릴 수 없는 일을 하기 전에 본인인지 확인해요. 그다음 화면에서 한 번 더 눌러 주세요.",
-        "What you are about to do cannot be taken back. Afterwards, press the button once more.",
+        "되돌릴 수 없거나 남이 보면 안 되는 것이라서 본인인지 확인해요. 그다음 화면에서 한 번 더 눌러 주세요.",
+        "What comes next can't be taken back, or shows what is private. Afterwards, press the button once more.",
     ),
     "again_wrong": ("비밀번호를 한 번 더 입력해 주세요", "Please type your password again"),
     "again_wrong.line": ("비밀번호가 맞지 않아요.", "The password is not right."),
@@ -40,8 +40,8 @@ GATE: Final[dict[str, tuple[str, str]]] = {
     ),
     "short": ("비밀번호 정하기", "Choose a password"),
     "short.line": (
-        "비밀번호가 너무 짧아요. 8자 이상이어야 해요.",
-        "That is too short: 8 characters at least.",
+        "비밀번호는 8자 이상, 1,024바이트 이하여야 해요.",
+        "A password has at least 8 characters and at most 1,024 bytes.",
     ),
     "differ": ("비밀번호 정하기", "Choose a password"),
     "differ.line": ("두 비밀번호가 서로 달라요.", "The two passwords are not the same."),
