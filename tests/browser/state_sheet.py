@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Error, Page, Route, expect
 
 from frontend.crisis_paper import (
     GATE_KINDS,
@@ -33,6 +33,7 @@ MODAL, CORNER, STRIP, BAR = "dialog[open]", ".corner:popover-open", ".strip:popo
 _ETA: Final = {"low_s": 2, "high_s": 4, "samples": 7}
 _LATER: Final = {"v": 1, "type": "hello", "overlay_after_ms": 60_000, "demo": False}
 _KEY: Final = "01JC3Q5Y8F4Z2M7N9P0R1S2T3V"
+_HELD: Final[list[Route]] = []
 Act = Callable[[ScriptedGateway, Page], None]
 
 
@@ -53,8 +54,24 @@ def _typed(act: Act) -> Act:
     return typed
 
 
+def _hold(page: Page, address: str) -> None:
+    """Leave what goes there without an answer until `_let_go`."""
+
+    def keep(route: Route) -> None:
+        _HELD.append(route)
+
+    page.route(address, keep)
+
+
+def _let_go() -> None:
+    """End what was held: a browser that closes over it complains about each one."""
+    while _HELD:
+        with suppress(Error):  # the page itself may have given it up
+            _HELD.pop().abort()
+
+
 def _slow(_gateway: ScriptedGateway, page: Page) -> None:
-    page.route("**/never", lambda _route: None)
+    _hold(page, "**/never")
     page.evaluate("void fetch('/never')")
 
 
@@ -64,7 +81,7 @@ def _cut(gateway: ScriptedGateway, page: Page) -> None:
 
 
 def _silent(gateway: ScriptedGateway, page: Page) -> None:
-    page.route("**/__hc/status.json", lambda _route: None)
+    _hold(page, "**/__hc/status.json")
     gateway.refuses_sockets = True
     gateway.hang_up()
 
@@ -159,8 +176,8 @@ def take_states(
                 act(gateway, page)
                 expect(page.locator(where).first).to_be_visible()
                 taken += _take(page, folder, name, lang)
-                with suppress(Exception):  # what hangs on purpose may not close in order
-                    context.close()
+                _let_go()
+                context.close()
             context = browser.new_context()
             page = context.new_page()
             for name, body in _still(lang):
