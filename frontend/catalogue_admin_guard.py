@@ -58,6 +58,10 @@ GUARD_TEXTS: Final[Mapping[str, Text]] = {
     "part_silent": _text("{n} ms째 신호 없음", "no sign for {n} ms"),
     "part_done": _text("{n}건 마침", "{n} done"),
     "now_history": _text("상태가 바뀐 기록", "Changes of the state"),
+    "now_history_more": _text(
+        "이유는 기록에 남은 말 그대로 보여 드려요. 감시자는 영어로 적어요.",
+        "Reasons stand here as they were recorded.",
+    ),
     "policy_title": _text("정책", "Policy"),
     "policy_lead": _text(
         "감시자가 지금 따르는 규칙이에요. 파일을 고치면 몇 초 안에 적용돼요.",
