@@ -101,6 +101,9 @@ class Desk:
             self._is_ours(exchange)
             self.sign_in.turned_away(exchange, problem)
             return
+        self._let_in(exchange, way)
+
+    def _let_in(self, exchange: Exchange, way: Route) -> None:
         if way in _TO_CORE:
             _read_key(exchange)
             if self._comes_early(exchange):
@@ -140,7 +143,8 @@ class Desk:
 
         def again() -> None:
             if exchange.life is Life.ARRIVED:
-                self.arrived(exchange)
+                # It was let in before, and no longer says what opened the door.
+                self._let_in(exchange, self.moves.way(exchange.head.path))
 
         keyed = exchange.head.key is not None and not exchange.head.safe
         return keyed and exchange.whole and not exchange.streamed and self.promises.reading.delays(again)

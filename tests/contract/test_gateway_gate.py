@@ -301,3 +301,15 @@ def test_no_spelling_of_an_address_leads_around_the_gate(gate: World, target: st
     core = gate.serving(echo)
     assert gate.ask("GET", target).status in {401, 404}
     assert not asked(core)
+
+
+def test_who_changes_something_in_a_gateways_first_moment_is_let_in_once(made: Path) -> None:
+    """It waits until the receipts are read, and no longer says what opened the door: nobody asks for that again."""
+    with world(made, *options(made), "--receipts", str(made / "receipts.db"), paper_after_ms=0) as gate:
+        token = f"Authorization: Bearer {WRITES}"
+        early = [
+            gate.client().ask("POST", "/t", token, f"Idempotency-Key: k{n}", body=b"{}") for n in range(3)
+        ]
+        core = gate.serving(echo)  # they stand before its door when it opens
+        assert [client.read().status for client in early] == [200] * 3
+        assert [one.header("X-Actor") for one in asked(core)] == ["token:script"] * 3
