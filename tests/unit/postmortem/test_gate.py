@@ -44,9 +44,11 @@ def ask(method: str, path: str, **headers: str) -> tuple[int, dict[str, str]]:
         ("POST", LETTER),
         ("POST", "/admin/dlq/bulk"),
         ("POST", "/admin/restart"),
+        ("POST", "/admin/restart\n"),
         ("POST", "/admin/incidents/i/reveal"),
         ("POST", "/admin/incidents/i/remove"),
         ("GET", "/admin/incidents/i/bundle"),
+        ("GET", "/admin/dlq/01J/payload"),
         ("GET", "/admin/incidents/i/export.json"),
     ],
 )
