@@ -17,8 +17,8 @@ WORDS: Final[Mapping[str, tuple[str, str]]] = {
         "The two are not the same; nothing was changed.",
     ),
     "short": (
-        "비밀번호는 8자 이상, 1,024바이트 이하여야 해요. 아무것도 바꾸지 않았어요.",
-        "A password has at least 8 characters and at most 1,024 bytes; nothing was changed.",
+        "비밀번호는 UTF-8 글자로 8자 이상, 1,024바이트 이하여야 해요. 아무것도 바꾸지 않았어요.",
+        "A password has at least 8 characters and at most 1,024 bytes of UTF-8; nothing was changed.",
     ),
     "name_bad": (
         "이름에는 소문자, 숫자, 점, 밑줄, 붙임표만 쓸 수 있어요(32자까지).",

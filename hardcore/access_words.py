@@ -145,7 +145,8 @@ def _people(asked: Asked) -> People:
 def _typed(asked: Asked, *, stdin: bool) -> str:
     """A password from whoever sits there, twice; or from standard input."""
     if stdin or not sys.stdin.isatty():
-        return sys.stdin.readline().rstrip("\r\n")
+        # As a browser sends it, whatever this terminal's own encoding is.
+        return sys.stdin.buffer.readline().decode("utf-8", "surrogateescape").rstrip("\r\n")
     first: str = click.prompt(access_text("type_it", asked.lang), hide_input=True, err=True)
     if click.prompt(access_text("type_again", asked.lang), hide_input=True, err=True) != first:
         asked.fail(access_text("differ", asked.lang))

@@ -31,6 +31,10 @@ class Unreadable(msgspec.Struct, frozen=True):
     why: str
 
 
+#: Why the bytes of a file are none of ours. A letter that is damaged raises what msgspec does not count among its own.
+_DAMAGED: Final = (OSError, msgspec.DecodeError, UnicodeDecodeError, RecursionError)
+
+
 class _Kept(msgspec.Struct, frozen=True):
     boot: str
     sessions: tuple[Session, ...]
@@ -42,7 +46,7 @@ def read_people(state: Path) -> People | Unreadable:
         return msgspec.json.decode(files.read_small(state / PEOPLE), type=People)
     except FileNotFoundError:
         return People()
-    except (OSError, msgspec.DecodeError) as error:
+    except _DAMAGED as error:
         return Unreadable(str(error))
 
 
@@ -78,7 +82,7 @@ def read_doorway(state: Path) -> Doorway:
     """What `up` was told; nothing where it is not known: then only this machine is served."""
     try:
         return msgspec.json.decode(files.read_small(state / DOORWAY), type=Doorway)
-    except (OSError, msgspec.DecodeError):
+    except _DAMAGED:
         return Doorway()
 
 
@@ -91,7 +95,7 @@ def read_sessions(state: Path, boot: str) -> tuple[Session, ...]:
     """Who was signed in when the last gateway ended, in this boot of the machine."""
     try:
         kept = msgspec.json.decode(files.read_small(state / SESSIONS), type=_Kept)
-    except (OSError, msgspec.DecodeError):
+    except _DAMAGED:
         return ()
     return kept.sessions if kept.boot == boot else ()
 

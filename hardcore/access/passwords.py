@@ -5,6 +5,7 @@ thread, and bounds how many do so at once. The numbers stand above the least tha
 passes) and fit a small machine at home.
 """
 
+import unicodedata
 from functools import cache
 from typing import Final
 
@@ -22,21 +23,30 @@ _HASHER: Final = PasswordHasher(time_cost=_PASSES, memory_cost=_MEMORY_KIB, para
 
 def is_usable(password: str) -> bool:
     """Whether it is long enough to be one, and no longer than anybody types."""
-    return len(password) >= CHARACTERS_MIN and len(password.encode("utf-8", "replace")) <= BYTES_MAX
+    try:
+        size = len(_spelled(password).encode())
+    except UnicodeEncodeError:  # bytes that are no text: no browser could send them again
+        return False
+    return len(password) >= CHARACTERS_MIN and size <= BYTES_MAX
 
 
 def kept(password: str) -> str:
     """What it takes to recognise a password."""
-    return _HASHER.hash(password)
+    return _HASHER.hash(_spelled(password))
 
 
 def is_right(password: str, secret: str | None) -> bool:
     """Whether this is the password. Without one to compare with it takes as long: names can't be told by the time."""
     try:
-        _HASHER.verify(secret if secret is not None else _nobodys(), password)
+        _HASHER.verify(secret if secret is not None else _nobodys(), _spelled(password))
     except (VerificationError, InvalidHashError):
         return False
     return secret is not None
+
+
+def _spelled(password: str) -> str:
+    """One spelling for what looks alike: some keyboards send a syllable of Hangul whole, others its letters."""
+    return unicodedata.normalize("NFC", password)
 
 
 @cache

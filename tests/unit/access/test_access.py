@@ -1,13 +1,14 @@
 """Who may come in: sessions that end, guesses that wait, proxies that are believed."""
 
 from pathlib import Path
+from unicodedata import normalize
 
 import pytest
 from click.testing import CliRunner, Result
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardcore.access import files
+from hardcore.access import files, passwords
 from hardcore.access.attempts import ADDRESSES_MAX, Attempts
 from hardcore.access.doorway import Doorway, Names, Proxies
 from hardcore.access.people import OWNER, Invitation, People, Person, Scope, Token, digest_of, is_name
@@ -94,6 +95,13 @@ def test_many_addresses_together_wait_too() -> None:
     waits = [attempts.wait_ns(f"a{n}", 0) for n in range(40)]
     assert waits[:20] == [0] * 20
     assert all(waits[20:])
+
+
+def test_whoever_has_many_addresses_of_ipv6_tries_no_more_often_for_it() -> None:
+    attempts = Attempts(2, 10)
+    assert [attempts.wait_ns(f"2001:db8:0:1::{n}", 0) > 0 for n in range(1, 5)] == [False, False, True, True]
+    assert attempts.wait_ns("2001:db8:0:2::1", 0) == 0, "a neighbour"
+    assert [attempts.wait_ns(one, 0) for one in ("::ffff:192.0.2.1", "192.0.2.1", "192.0.2.1")] == [0, 0, 10]
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 30)), max_size=60))
@@ -187,3 +195,27 @@ def test_the_owners_password_goes_last_while_a_link_would_let_somebody_in(tmp_pa
 @pytest.mark.parametrize("name", ["", "Mina", "a b", "../x", "a" * 33, "-a", "ㅁ", "a\n"])
 def test_a_name_can_stand_in_a_header_and_in_a_log(name: str) -> None:
     assert not is_name(name)
+
+
+@pytest.mark.parametrize(
+    "damaged", [b"", b"{", b'{"people":[{"name":"\xff","secret":"x"}]}', b'{"x":' + b"[" * 20_000]
+)
+def test_a_file_that_is_damaged_is_told_as_such_and_raises_nothing(tmp_path: Path, damaged: bytes) -> None:
+    for name in (files.PEOPLE, files.SESSIONS, files.DOORWAY):
+        (tmp_path / name).write_bytes(damaged)
+    assert isinstance(files.read_people(tmp_path), files.Unreadable)
+    assert files.read_sessions(tmp_path, "boot") == ()
+    assert files.read_doorway(tmp_path) == Doorway()
+
+
+def test_a_password_is_the_same_however_a_keyboard_spells_its_letters() -> None:
+    assert passwords.is_right(normalize("NFD", "가나다라마바사아"), passwords.kept("가나다라마바사아"))
+
+
+def test_what_is_no_text_is_no_password_and_the_reason_is_said(tmp_path: Path) -> None:
+    folders = prepare_data(tmp_path / "house")
+    assert not isinstance(folders, Unusable)
+    words = ["--stdin", "--data", str(folders.data)]
+    found = CliRunner().invoke(passwd, words, input=b"\xff\xfe12345678\n")
+    assert (found.exit_code, "UTF-8" in found.output) == (1, True), found
+    assert files.read_people(folders.state) == People()
