@@ -93,11 +93,14 @@ class Gate:
         came = self.client(head, address)
         at_home = address == AT_HOME
         near = is_near(address) and not head.forwarded
-        if came.refused:
+        # A door that was never opened, or whose file can't be read, leads to nobody beyond this machine.
+        beyond = not is_near(address) and not self.doorway.open
+        if came.refused or (beyond and self.closed):
             return Problem.AROUND_THE_PROXY
         if at_home or not self.closed:
             # A password that was taken away again must not open the door to a whole network.
-            return Entered(head, THE_OWNER) if near or not self.doorway.open else Problem.NO_PASSWORD_SET
+            served = near or not (self.doorway.open or beyond)
+            return Entered(head, THE_OWNER) if served else Problem.NO_PASSWORD_SET
         if way in PUBLIC:
             return Entered(head, THE_OWNER)
         if isinstance(self.people, files.Unreadable):
