@@ -100,7 +100,8 @@ def _opened(ready: Ready, doorway: Doorway, opening: Opening, lang: str) -> Read
     """Leave word for the gateway of how wide the door is, and name it as people will. A guard that runs has heard it."""
     if ready.attached:
         return ready
-    write_doorway(ready.folders.state, doorway)
+    if doorway != read_doorway(ready.folders.state):  # a disk that takes no writes is served as it lies there
+        write_doorway(ready.folders.state, doorway)
     warning = "\n".join(filter(None, (ready.warning, warning_for(doorway, lang))))
     return msgspec.structs.replace(ready, url=shown_url(ready.url, doorway, opening.host), warning=warning)
 

@@ -49,8 +49,8 @@ def test_a_port_that_is_none_is_refused(new_house: MakeHouse, port: str) -> None
     assert "--port" in refusal(new_house().cli("up", "--port", port), 2)
 
 
-def test_only_this_machine_is_served(new_house: MakeHouse) -> None:
-    assert "127.0.0.1" in refusal(new_house().cli("up", "--host", "0.0.0.0"), 2)
+def test_only_this_machine_is_served_until_there_is_a_password(new_house: MakeHouse) -> None:
+    assert "passwd" in refusal(new_house().cli("up", "--host", "0.0.0.0"), 2)
 
 
 @pytest.mark.parametrize(

@@ -153,6 +153,12 @@ def state_of(pid: int) -> str:
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
 
 
+def states_of(pid: int) -> set[str]:
+    """Of every thread: a stop reaches each of them in its own moment."""
+    stats = Path(f"/proc/{pid}/task").glob("*/stat")
+    return {stat.read_text().rpartition(")")[2].split()[0] for stat in stats}
+
+
 def whole(taken: Evidence | EvidenceFailed) -> Evidence:
     assert isinstance(taken, Evidence), taken
     assert bundle.verify_bundle(taken.path) == []
@@ -260,7 +266,7 @@ def test_a_core_that_can_not_print_its_stacks_is_not_killed_by_the_question(benc
 def test_a_frozen_core_is_read_and_leaves_no_signal_pending(bench: Bench) -> None:
     subject = bench.core("sleep")
     os.kill(subject.pid, signal.SIGSTOP)
-    until(lambda: state_of(subject.pid) == "T")
+    until(lambda: states_of(subject.pid) == {"T"})
     taken = whole(bench.live(subject, stacks.find_tools()))
     assert taken.complete
     facts = json.loads((taken.path / "process.json").read_text())

@@ -172,5 +172,7 @@ def test_passwords_and_tokens_are_kept_so_that_nobody_can_read_them(house: House
     assert "mina" in listed
     assert house.cli("passwd", "--remove").code == 1, "a token is left"
     assert house.cli("token", "remove", "script").code == 0
+    assert house.cli("passwd", "--remove").code == 1, "a link is left"
+    assert house.cli("passwd", "mina", "--remove").code == 0
     assert house.cli("passwd", "--remove").code == 0
     assert run_cli("--data", str(house.data), "token", "add", "x", env=house.environment()).code == 1
