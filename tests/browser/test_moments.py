@@ -66,8 +66,11 @@ class Desk:
 
     def __init__(self, page: Page, gateway: ScriptedGateway) -> None:
         self.page, self._gateway = page, gateway
+        page.evaluate("window.patience = AbortSignal.timeout.bind(AbortSignal)")
         page.clock.install(time=0)
         page.clock.pause_at(10_000)
+        # An answer of the gateway travels in the world's time: the patience with it must not run out in the test's.
+        page.evaluate("AbortSignal.timeout = patience")
         page.evaluate(_LISTEN)
         page.fill("[name=memo]", "")  # a draft of the state before may be there
         page.keyboard.type(TYPED)
