@@ -13,6 +13,8 @@ const FILE_BYTES_MAX = 32 << 20;
 
 const upload = document.querySelector("[data-upload]");
 const made = document.querySelector("[data-import]");
+let looks = Promise.resolve();
+let asked = 0; // looks at the file so far
 if (upload) watchUpload(upload);
 if (made) watchImport(made);
 
@@ -117,10 +119,10 @@ function changed(api, field) {
   form.querySelector("[data-new-account]").hidden = form.elements.account.value !== "+";
   if (field.name === "account" && field.value === "+") return form.elements.new_name.focus();
   if ("role" in field.dataset) {
-    return preview(api, form, { mapping: mappingOf(form) });
+    return preview(api, { mapping: mappingOf(form) });
   }
   if (!field.value && field.name === "account") return undefined;
-  return preview(api, form, { [field.name]: field.value });
+  return preview(api, { [field.name]: field.value });
 }
 
 function mappingOf(form) {
@@ -132,12 +134,18 @@ function mappingOf(form) {
   return mapping;
 }
 
-async function preview(api, form, wish) {
+// One after the other: what is chosen while an earlier choice is on its way is looked at next, and drawn with the last.
+function preview(api, wish) {
+  asked += 1;
+  const mine = asked;
   const body = JSON.stringify(wish);
-  const answer = await held(form, say("import_reading"), (options) => send(`${api}/preview`, { body, type: "application/json", ...options }));
-  if (answer === null) return;
-  if (answer.status >= 300) return tell(form, sentenceOf(answer), "wrong");
-  await drawn();
+  looks = looks.then(async () => {
+    const form = document.querySelector("[data-how]");
+    const answer = await sent(form, say("import_reading"), (options) => send(`${api}/preview`, { body, type: "application/json", ...options }));
+    if (answer.status >= 300) tell(form, sentenceOf(answer), "wrong");
+    else if (mine === asked) await drawn();
+  });
+  return looks;
 }
 
 async function makeAccount(api, form) {
@@ -150,7 +158,7 @@ async function makeAccount(api, form) {
   const answer = await held(form, say("sending"), (options) => send("/accounts", { body, type, ...options }));
   if (answer === null) return;
   if (answer.status >= 300) return tell(form, Object.values(answer.body.faults ?? {})[0] ?? sentenceOf(answer), "wrong");
-  await preview(api, form, { account: answer.body.id });
+  await preview(api, { account: answer.body.id });
 }
 
 // What the button says is what is booked: the new rows, with the box ticked those that are there already too.
@@ -209,13 +217,18 @@ function stateOf(page) {
 async function held(form, sentence, sending) {
   if (form.dataset.busy) return null;
   form.dataset.busy = "1";
+  const answer = await sent(form, sentence, sending);
+  delete form.dataset.busy;
+  return answer;
+}
+
+async function sent(form, sentence, sending) {
   tell(form, sentence);
   const key = form.elements._idempotency_key?.value ?? newKey();
   // A file takes its time to be read: what is said of it stays until the server is known to be away.
   const answer = await sending({
     key, onWaiting: () => tell(form, say("waiting")), onLate: () => {}, onPromise: (outcome) => tell(form, sayKept(key, outcome)),
   });
-  delete form.dataset.busy;
   tell(form, "");
   return answer;
 }

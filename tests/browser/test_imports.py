@@ -191,6 +191,32 @@ def test_a_column_is_chosen_by_its_name_however_long_that_is(
     expect(page.locator("#import-facts .counts")).to_contain_text("2 new, to book")
 
 
+def test_what_is_chosen_while_an_earlier_choice_is_looked_at_is_looked_at_too(
+    own_house: House, open_tab: OpenTab, tmp_path: Path
+) -> None:
+    path = tmp_path / "own.csv"
+    path.write_text("Wann;Was;Wieviel\n2026-11-02;Kaffee;-3\n2026-11-03;Lohn;5\n")
+    page = open_tab(own_house, "/import")
+    choose(page, path)
+    previewed(page)
+    page.evaluate(
+        """(account) => {
+          const choose = (id, which) => {
+            const field = document.getElementById(id);
+            field.value = [...field.options].find(which).value;
+            field.dispatchEvent(new Event("change", { bubbles: true }));
+          };
+          choose("how-account", (one) => one.value === account);
+          choose("map-date", (one) => one.textContent.includes("Wann"));
+          choose("map-amount", (one) => one.textContent.includes("Wieviel"));
+        }""",
+        BANK,
+    )
+    expect(page.locator("#import-facts .counts")).to_contain_text("2 new, to book")
+    expect(page.locator("#map-amount option[selected]")).to_contain_text("Wieviel")
+    expect(page.locator("form[data-commit][data-ready]")).to_be_visible()
+
+
 def test_a_file_that_changed_after_it_was_chosen_is_asked_for_again(
     house: House, open_tab: OpenTab, tmp_path: Path
 ) -> None:
