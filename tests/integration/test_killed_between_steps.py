@@ -29,7 +29,7 @@ from tests.waiting import until
 LATEST_S: Final = {"crash": 0.15, "hang": 2.5, "switch": 0.25}
 SEEDS: Final = 1
 #: A step may last for less time than a busy machine leaves its killer waiting: then the fault begins anew.
-ATTEMPTS_MAX: Final = 5
+ATTEMPTS_MAX: Final = 8
 #: So long nobody asks the guard for its status, which would be in the way of who is tested.
 UNASKED_S: Final = 3.0
 #: One for each load: no test takes another's keys, which one that failed has left in the ledger, for its own.
