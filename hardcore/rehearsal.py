@@ -21,6 +21,8 @@ GRACE_S = 5.0
 
 async def hold_lock(executor: Executor, folders: Folders, seconds: int) -> str | None:
     """Have another process hold the ledger's write lock for so long; return why it could not, None once it does."""
+    if folders.store.exists():
+        return "the ledger lies in a database server, and this drill holds the lock of a file"
     argv = [sys.executable, "-I", "-m", "core", "hold-lock", "--data", str(folders.data)]
     try:
         handle = await executor.in_hand(

@@ -32,8 +32,7 @@ from hardcore.opening import Opening, address_of, doorway_for, is_loopback, show
 from hardcore.recovery.policy import Policy, PolicyFault
 
 BACKLOG = 1024
-#: What a data folder says of a ledger that lies in a server: a name that the core knows too (`docs/postgresql.md`).
-STORE_FILE = "store"
+#: What the address of a server begins with (`docs/postgresql.md`).
 STORE_SCHEMES = ("postgresql://", "postgresql+psycopg://")
 #: The first descriptor that a service manager hands over.
 HANDED_FD = 3
@@ -136,7 +135,7 @@ def _keep_store(folders: Folders, store: str, lang: str) -> Refused | None:
         return Refused(operator_text("store_address", lang), 2)
     if held(folders.run / "sentinel.lock"):
         return Refused(operator_text("store_later", lang))
-    files.write_whole(folders.data / STORE_FILE, store.encode() + b"\n")
+    files.write_whole(folders.store, store.encode() + b"\n")
     return None
 
 

@@ -5,21 +5,19 @@ counted where it belongs. Both halves of a reversal are on the same day and add 
 up. What is pending is on no day yet and is no part of these balances.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import msgspec
-from sqlalchemy import Connection, func, select
+from sqlalchemy import Connection, select
 
 from core.journal import schema
 from core.journal.queries import get_account, list_accounts
 from core.journal.shelf import stood_at
+from core.journal.sums import halves, whole
 from core.ledger.accounts import Account
 from core.ledger.moments import timestamp
 from core.ledger.money import format_amount
 from core.ledger.views import AssertionView, Place
-
-_HIGH: Final = 32
-_LOW: Final = 0xFFFF_FFFF
 
 
 def accounts_as_of(connection: Connection, day: str, after: str | None, limit: int) -> list[Account]:
@@ -28,13 +26,8 @@ def accounts_as_of(connection: Connection, day: str, after: str | None, limit: i
     posting = schema.posting.c
     if not accounts:
         return []
-    # In two halves of 32 bits, because a sum in SQL would overflow at 64.
     query = (
-        select(
-            posting.account_id,
-            func.sum(posting.amount.op(">>")(_HIGH)),
-            func.sum(posting.amount.op("&")(_LOW)),
-        )
+        select(posting.account_id, *halves(posting.amount))
         .where(
             posting.standing == 1,
             posting.account_id.between(accounts[0].id, accounts[-1].id),
@@ -42,7 +35,7 @@ def accounts_as_of(connection: Connection, day: str, after: str | None, limit: i
         )
         .group_by(posting.account_id)
     )
-    stood = {row[0]: (row[1] << _HIGH) + row[2] for row in connection.execute(query)}
+    stood = {row.account_id: whole(row) for row in connection.execute(query)}
     return [_as_of(account, stood.get(account.id, 0)) for account in accounts]
 
 

@@ -15,6 +15,7 @@ from sqlalchemy import Connection, func, select
 
 from core.journal import schema
 from core.journal.shelf import account_of, recurring_of
+from core.journal.sums import halves, whole
 from core.ledger.budgets import BudgetLine, view_budget
 from core.ledger.fields import is_date
 from core.ledger.overview import category_name
@@ -26,7 +27,6 @@ from core.ledger.reasons import Rejection
 BOOKINGS_SHOWN: Final = 50
 LOOKED_BACK_DAYS: Final = 400
 _PART: Final = 500
-_HIGH, _LOW = 32, 0xFFFF_FFFF
 
 
 class _Booked(msgspec.Struct, frozen=True):
@@ -54,12 +54,10 @@ def budgets_of(connection: Connection, month: str, first_day: str, last_day: str
     ).all()
     if not meant:
         return ()
-    # In two halves of 32 bits, because a sum in SQL would overflow at 64.
-    halves = func.sum(posting.amount.op(">>")(_HIGH)), func.sum(posting.amount.op("&")(_LOW))
     moved = {
-        row[0]: (row[1] << _HIGH) + row[2]
+        row.account_id: whole(row)
         for row in connection.execute(
-            select(posting.account_id, *halves)
+            select(posting.account_id, *halves(posting.amount))
             .where(
                 posting.standing == 1,
                 posting.account_id.in_(select(said.account_id)),

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import msgspec
 from msgspec import Raw
-from sqlalchemy import Connection, Integer, func, literal, select, text
+from sqlalchemy import Connection, func, select, text
 
 from core.journal import schema
 from core.journal.attestation import Attestation, Balance, balances_of, pending_move
@@ -19,6 +19,7 @@ from core.journal.drawing import booking_of, pending_of
 from core.journal.proof import Tail, Walk
 from core.journal.shelf import VARIABLES_MAX, account_of
 from core.journal.store import is_in_server
+from core.journal.sums import halves, whole
 from core.ledger.accounts import Account, AccountType
 from core.ledger.book import PendingState
 from core.ledger.events import AccountOpened, BalanceAsserted, decode
@@ -237,16 +238,13 @@ def keys_between(connection: Connection, first_seq: int, last_seq: int | None = 
 def moved_between(connection: Connection, first_seq: int, last_seq: int | None = None) -> dict[str, int]:
     """Return what is listed as moved by these events (both ends in the range), by balance, in minor units."""
     posting, held, pending = schema.posting.c, schema.pending_posting.c, schema.pending.c
-    # In two halves of 32 bits, because a sum in SQL would overflow at 64.
-    halves = (
-        func.sum(posting.amount.op(">>")(literal(32, Integer))),
-        func.sum(posting.amount.op("&")(0xFFFF_FFFF)),
+    query = select(posting.account_id, *halves(posting.amount)).where(
+        _is_between(posting.seq, first_seq, last_seq)
     )
-    query = select(posting.account_id, *halves).where(_is_between(posting.seq, first_seq, last_seq))
     # The plus keeps SQLite from walking a whole index because it is in the order of the accounts.
     by = posting.account_id if is_in_server(connection) else text("+account_id")
     rows = connection.execute(query.group_by(by))
-    moved = {name: (int(high) << 32) + int(low) for name, high, low in rows}
+    moved = {row.account_id: whole(row) for row in rows}
     opened = select(held.account_id, held.amount).where(_is_between(held.seq, first_seq, last_seq))
     ended = (
         select(held.account_id, held.amount)

@@ -12,12 +12,13 @@ from collections.abc import Container, Sequence
 from typing import Any, Final
 
 import msgspec
-from sqlalchemy import ColumnElement, Connection, Integer, and_, func, literal, or_, select, tuple_, union_all
+from sqlalchemy import ColumnElement, Connection, and_, func, or_, select, tuple_, union_all
 
 from core.journal import schema
 from core.journal.drawing import booking_of
 from core.journal.planned import budgets_of
 from core.journal.shelf import account_of
+from core.journal.sums import halves, whole
 from core.ledger.accounts import AccountType
 from core.ledger.course import Course, Moved, courses
 from core.ledger.events import Booking, EntryPosted
@@ -35,8 +36,6 @@ from core.ledger.overview import (
 from core.ledger.views import EntryView, Place, view_entry
 
 ACCOUNTS_MAX: Final = 10_000
-_LOW_BITS: Final = 32
-_LOW_MASK: Final = 0xFFFFFFFF
 
 
 class Position(msgspec.Struct, frozen=True):
@@ -118,7 +117,7 @@ def summary_of(connection: Connection, month: str, first_day: str, last_day: str
         .subquery()
     )
     categories = select(schema.account, sums.c.high, sums.c.low).join(sums, sums.c.account_id == account.id)
-    moved = [(account_of(row), _whole(row)) for row in connection.execute(categories)]
+    moved = [(account_of(row), whole(row)) for row in connection.execute(categories)]
     of_money = account.type.in_([kind.value for kind in MONEY_TYPES])
     money = select(schema.account).where(of_money, account.closed == 0).order_by(account.id)
     return summarise(
@@ -143,7 +142,7 @@ def courses_of(connection: Connection, months: Sequence[str]) -> tuple[Course, .
         .group_by(month, account.type, account.currency)
     )
     moved = [
-        Moved(row.month, AccountType(row.type), row.currency, _whole(row)) for row in connection.execute(sums)
+        Moved(row.month, AccountType(row.type), row.currency, whole(row)) for row in connection.execute(sums)
     ]
     return courses(months, _worth(connection), moved)
 
@@ -173,8 +172,8 @@ def _worth(connection: Connection) -> dict[str, int]:
     """Return what is owned now less what is owed, by currency."""
     account = schema.account.c
     of_money = account.type.in_([kind.value for kind in MONEY_TYPES])
-    worth = select(account.currency, *_halves_of(account.posted)).where(of_money).group_by(account.currency)
-    return {row.currency: _whole(row) for row in connection.execute(worth)}
+    worth = select(account.currency, *halves(account.posted)).where(of_money).group_by(account.currency)
+    return {row.currency: whole(row) for row in connection.execute(worth)}
 
 
 def _balances(connection: Connection, rows: Sequence[Any], *, has_gaps: bool) -> list[int]:
@@ -201,21 +200,12 @@ def _between(connection: Connection, after: Any, until: Any | None) -> int:
     query = query.where(_place() > (after.date, after.seq, after.line))
     if until is not None:
         query = query.where(_place() <= (until.date, until.seq, until.line))
-    return _whole(connection.execute(query).one())
+    return whole(connection.execute(query).one())
 
 
 def _place() -> Any:
     posting = schema.posting.c
     return tuple_(posting.date, posting.seq, posting.line)
-
-
-def _whole(row: Any) -> int:
-    return (int(row.high or 0) << _LOW_BITS) + int(row.low or 0)  # a server adds up in decimals
-
-
-def _halves_of(amount: Any) -> tuple[Any, Any]:
-    high, low = amount.op(">>")(literal(_LOW_BITS, Integer)), amount.op("&")(_LOW_MASK)
-    return func.sum(high).label("high"), func.sum(low).label("low")
 
 
 def _within(query: Any, date: Any, wanted: HouseholdFilter) -> Any:
@@ -278,7 +268,7 @@ def _entries_query() -> Any:
 
 _CATEGORY: Final = schema.account.alias("category")
 _STANDS: Final = schema.posting.c.standing == 1
-_HALVES: Final = _halves_of(schema.posting.c.amount)
+_HALVES: Final = halves(schema.posting.c.amount)
 _LINES: Final = (
     select(
         schema.posting.c.seq,

@@ -9,10 +9,11 @@ A book that reads from the store while it is asked was not chosen: deciding woul
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from typing import Any, Final
 
-from sqlalchemy import Connection, Integer, bindparam, func, literal, select
+from sqlalchemy import Connection, bindparam, select
 
 from core.journal import schema
 from core.journal.answers import KeyRow, Order, Work, keys_of
+from core.journal.sums import halves, whole
 from core.ledger.accounts import Account, AccountType
 from core.ledger.book import Book, KnownBooking, KnownEntry, KnownPending, PendingState, ids_for
 from core.ledger.commands import (
@@ -102,7 +103,7 @@ def fetch_book(connection: Connection, orders: Sequence[Order]) -> Book:
 def stood_at(connection: Connection, account_id: str, date: str) -> int:
     """Return what stands on an account for a day and all days before it, in minor units."""
     row = connection.execute(_STOOD, {"account_id": account_id, "date": date}).one()
-    return (int(row.high or 0) << 32) + int(row.low or 0)  # a server adds up in decimals
+    return whole(row)
 
 
 def parked_orders(connection: Connection, orders: Sequence[Order], parked: Container[int]) -> dict[str, int]:
@@ -322,11 +323,7 @@ _RECURRING_AT: Final = (
 _PENDING_AT: Final = select(schema.pending.c.id, schema.pending.c.seq).where(
     schema.pending.c.id.in_(bindparam("names", expanding=True))
 )
-# In two halves of 32 bits, because a sum in SQL would overflow at 64.
-_STOOD: Final = select(
-    func.sum(schema.posting.c.amount.op(">>")(literal(32, Integer))).label("high"),
-    func.sum(schema.posting.c.amount.op("&")(0xFFFF_FFFF)).label("low"),
-).where(
+_STOOD: Final = select(*halves(schema.posting.c.amount)).where(
     schema.posting.c.standing == 1,
     schema.posting.c.account_id == bindparam("account_id"),
     schema.posting.c.date <= bindparam("date"),

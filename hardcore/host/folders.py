@@ -33,6 +33,11 @@ class Folders(msgspec.Struct, frozen=True):
     run: Path
 
     @property
+    def store(self) -> Path:
+        """Where the ledger lies, if that is a database server: an address, its owner's alone. The core knows this name too."""
+        return self.data / "store"
+
+    @property
     def policy(self) -> Path:
         """The policy in force."""
         return self.data / "failover_policy.json"

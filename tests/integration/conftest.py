@@ -7,7 +7,7 @@ from typing import Final
 import pytest
 from psutil import Process
 
-from tests import leftovers, waiting
+from tests import leftovers, stores, waiting
 from tests.integration import houses
 from tests.integration.house import House
 
@@ -22,6 +22,21 @@ MakeHouse = houses.MakeHouse
 
 house = houses.house
 new_house = houses.new_house
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _served() -> Iterator[None]:
+    """The server of all ledgers, where they are not to lie in files."""
+    with stores.served() as folder:
+        if folder is not None:
+            SHARED.add(folder)  # its sessions come and go with the cores
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _in_a_file(request: pytest.FixtureRequest) -> None:
+    if stores.IN_SERVER and request.node.get_closest_marker("in_a_file") is not None:
+        pytest.skip("it is about a ledger in a file")
 
 
 @pytest.fixture(autouse=True)

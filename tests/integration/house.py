@@ -26,6 +26,7 @@ from hardcore.control import client
 from hardcore.host.folders import Folders, locate
 from postmortem import bundle
 from postmortem import cli as incidents_cli
+from tests import stores
 from tests.waiting import until
 
 #: A cold start takes under a second; a machine that does much else at once may take this long.
@@ -155,6 +156,8 @@ class Premises:
         """Start it by a command of the test's own."""
         if self.launcher is not None:
             self.launcher.wait(START_S)  # the one before is gone, or nothing new may be started
+        if "--store" not in argv:
+            stores.prepare(self.data)
         self._ups += 1
         self._runs.add(self.folders.run)
         with self._paper.open("wb") as paper:

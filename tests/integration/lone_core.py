@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests import waiting
+from tests import stores, waiting
 
 ROOT = Path(__file__).parents[2]
 
@@ -113,6 +113,8 @@ def started(
     """
     log = data.parent / f"core-{len(list(data.parent.glob('core-*.log')))}.log"
     named = {"HARDCORE_SOCKET": str(sock)} if sock else {}
+    if "CORE_STORE" not in environ:
+        stores.prepare(data)
 
     with log.open("wb") as out:
         process = subprocess.Popen(

@@ -8,9 +8,10 @@ import pytest
 from core.journal.attestation import EVENTS_BETWEEN
 from core.journal.writer import BATCH_MAX
 from core.ledger.accounts import AccountType
+from tests import stores
 from tests.integration.lone_core import verify
 from tests.integration.wired_core import Guard, guarding
-from tests.unit.core.books import moving, opening, pen, tamper
+from tests.unit.core.books import moving, opening, pen
 
 
 @pytest.fixture
@@ -33,7 +34,9 @@ def test_balances_that_were_moved_are_never_attested_and_nothing_is_booked_after
     write_up_to(guard.data, EVENTS_BETWEEN - 2)
     life = guard.core()
     life.hears("X_VERIFIED")  # so what is told from here on is the writer's word
-    tamper(guard.data, "UPDATE account SET posted = posted + iif(id = 'food', 1000, -1000)")
+    stores.tamper(
+        guard.data, "UPDATE account SET posted = posted + CASE id WHEN 'food' THEN 1000 ELSE -1000 END"
+    )
     assert life.core.move(1, "food", "cash").status == 201
     for _ in range(2):
         refused = life.core.move(1, "food", "cash", Idempotency_Key="due")

@@ -127,7 +127,9 @@ def test_a_drill_is_refused_while_others_are_connected(house: House) -> None:
         assert house.status()["core"]["pid"] == pid
 
 
-def test_what_was_in_flight_at_a_crash_is_looked_up_and_run_again_only_when_a_trial_has_cleared_it(house: House) -> None:
+def test_what_was_in_flight_at_a_crash_is_looked_up_and_run_again_only_when_a_trial_has_cleared_it(
+    house: House,
+) -> None:
     count = len(house.incidents())
     with at_work(house, 6, "frank-crash", patient=False) as clients:
         until(lambda: len(clients.told) > 30, "the load to run")

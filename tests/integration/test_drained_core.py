@@ -3,11 +3,9 @@
 import http.client
 import json
 import signal
-import sqlite3
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +15,7 @@ from websockets.typing import Subprotocol
 
 from core.tenure import STOPPED_NS
 from hardcore.model.recorder import LifeState
+from tests import stores
 from tests.integration.lone_core import Answer, verify
 from tests.integration.test_imports import form, statement
 from tests.integration.wired_core import Guard, Wired, guarding
@@ -64,9 +63,8 @@ def test_a_drained_core_has_answered_everything_and_takes_nothing_new(guard: Gua
     assert served.state() is LifeState.DRAINING
     for answer in (served.core.move(7, "food", "bank"), served.core.ask("GET", "/api/ledger/accounts/bank")):
         assert (answer.status, answer.headers["x-core-draining"]) == (503, "1")
-    with closing(sqlite3.connect(guard.data / "ledger.db", isolation_level=None, timeout=0)) as store:
-        store.execute("BEGIN EXCLUSIVE").close()  # nobody has the store's lock, and nobody will
-        store.execute("ROLLBACK").close()
+    with stores.locked(guard.data, within_s=0):
+        pass  # nobody has the store's lock, and nobody will
     assert served.drain() == {"ok": True, "seq": 3}, "an order that comes twice is done once"
     served.core.process.terminate()
     assert served.core.ends_with() == 0
@@ -153,8 +151,7 @@ def test_a_core_whose_writer_is_stuck_is_not_drained_and_serves_reads_as_before(
 
 
 def test_what_a_drain_has_held_up_goes_on_when_it_is_taken_back(guard: Guard, served: Wired) -> None:
-    with closing(sqlite3.connect(guard.data / "ledger.db", isolation_level=None)) as holder:
-        holder.execute("BEGIN IMMEDIATE")
+    with stores.locked(guard.data) as holder:
         made = import_begun(served, 40)
         with ThreadPoolExecutor(1) as asking:
             booked = asking.submit(served.core.move, 7, "food", "bank", Idempotency_Key="k-1")
@@ -186,18 +183,16 @@ def test_a_core_that_serves_reads_only_is_drained_as_well(guard: Guard, served: 
 
 
 def test_a_core_that_is_told_to_leave_while_it_is_drained_leaves(guard: Guard, served: Wired) -> None:
-    with closing(sqlite3.connect(guard.data / "ledger.db", isolation_level=None)) as holder:
-        holder.execute("BEGIN IMMEDIATE")
-        with ThreadPoolExecutor(2) as asking:
-            booking = asking.submit(_tried, served)
-            until(served.reader.in_flight, "it to wait for the lock")
-            draining = asking.submit(_told, served)
-            until(lambda: served.state() is LifeState.DRAINING, "the drain to begin")
-            served.core.process.terminate()
-            holder.execute("ROLLBACK")
-            assert served.core.ends_with() == 0
-            answered = booking.result()
-            draining.result()
+    with stores.locked(guard.data) as holder, ThreadPoolExecutor(2) as asking:
+        booking = asking.submit(_tried, served)
+        until(served.reader.in_flight, "it to wait for the lock")
+        draining = asking.submit(_told, served)
+        until(lambda: served.state() is LifeState.DRAINING, "the drain to begin")
+        served.core.process.terminate()
+        holder.execute("ROLLBACK")
+        assert served.core.ends_with() == 0
+        answered = booking.result()
+        draining.result()
     after = guard.core()
     booked = after.core.ask("GET", "/api/ledger/commands/k-1").status == 200
     assert booked is (answered is not None and answered.status == 201)

@@ -13,9 +13,9 @@ from typing import Final
 
 import pytest
 
+from tests import stores
 from tests.integration.lone_core import Answer, Core, moving, verify
 from tests.integration.wired_core import Guard, Wired, guarding
-from tests.unit.core.books import tamper
 from tests.waiting import until
 
 STRACE = shutil.which("strace")
@@ -85,6 +85,7 @@ def fails_a_commit(life: Wired, key: str) -> None:
     assert words.code == "COMMIT_FAILED"
 
 
+@pytest.mark.in_a_file  # a server flushes its own disk
 @pytest.mark.parametrize("readers_open", [True, False])
 def test_what_became_of_a_commit_that_raised_is_said_after_the_next_fence_and_stays_so(
     guard: Guard, served: Wired, *, readers_open: bool
@@ -111,6 +112,7 @@ def test_what_became_of_a_commit_that_raised_is_said_after_the_next_fence_and_st
     assert verify(guard.data).returncode == 0
 
 
+@pytest.mark.in_a_file
 def test_a_commit_that_raised_is_not_seen_by_those_who_had_the_store_open(
     guard: Guard, served: Wired
 ) -> None:
@@ -122,6 +124,7 @@ def test_a_commit_that_raised_is_not_seen_by_those_who_had_the_store_open(
     assert outcome(spare.core, "ghost") == "not_done"
 
 
+@pytest.mark.in_a_file
 @pytest.mark.parametrize(("injected", "code"), [(ONE_FLUSH, 74), (EVERY_FLUSH, 73)])
 def test_a_spare_whose_fence_can_not_be_flushed_serves_nobody_and_the_next_one_does(
     guard: Guard, served: Wired, injected: str, code: int
@@ -202,7 +205,7 @@ def test_a_spare_that_meets_a_broken_chain_tells_it_and_is_none(
     if spare is not None:
         spare.core.process.send_signal(signal.SIGSTOP)  # else it may have read the event before it was broken
     assert book(served.core, "after").status == 201
-    tamper(guard.data, "UPDATE event SET body = zeroblob(9) WHERE seq = 4")
+    stores.tamper(guard.data, "UPDATE event SET body = hash WHERE seq = 4")
     if spare is not None:
         spare.core.process.send_signal(signal.SIGCONT)
     met = spare or guard.start(HARDCORE_SPARE="1")

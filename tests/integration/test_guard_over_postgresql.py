@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from hardcore.up import STORE_FILE
-from tests import postgres
+from core.store_file import STORE_FILE
+from tests import postgres, stores
 from tests.integration.clients import assert_exactly_once, at_work
 from tests.integration.conftest import SHARED
 from tests.integration.house import WITH_SPARE, House
@@ -76,3 +76,23 @@ def test_after_all_of_it_the_whole_book_is_proven(house: House) -> None:
     house.running()
     proven = house.cli("--json", "verify")
     assert proven.told["ok"], proven
+
+
+def test_a_stranger_s_lock_in_the_server_ends_no_core_and_is_told_to_who_asks(house: House) -> None:
+    core = house.running()["core"]
+    count = len(house.incidents())
+    with stores.locked(house.data):
+        waited = house.book("behind-a-stranger")
+        assert (waited.status, waited.outcome) == (503, "not_done")
+        assert waited.body["type"] == "/problems/store-busy"
+    again = until(lambda: (told := house.book("behind-a-stranger")).status == 201 and told, "it to be booked")
+    assert again
+    assert house.running()["core"]["pid"] == core["pid"]
+    assert len(house.incidents()) == count
+
+
+def test_what_locks_a_file_is_no_drill_for_a_server(house: House) -> None:
+    house.running()
+    refused = house.cli("drill", "dblock", "--yes")
+    assert refused.code == 1
+    assert "database server" in refused.err

@@ -14,6 +14,7 @@ from websockets.typing import Subprotocol
 from core.build import own_build
 from core.journal.schema import SCHEMA_VERSION
 from hardcore.model.recorder import LifeState
+from tests import stores
 from tests.integration.lone_core import verify
 from tests.integration.test_imports import form, statement
 from tests.integration.wired_core import Guard, Wired, guarding
@@ -91,6 +92,7 @@ def test_a_spare_says_what_it_is_and_serves_nothing_before_it_is_promoted(
     assert served.core.move(7, "food", "cash").status == 201, "the core goes on"
 
 
+@pytest.mark.in_a_file  # its log
 def test_a_waiting_spare_leaves_no_read_open_and_follows_the_head(guard: Guard, served: Wired) -> None:
     spare = guard.spare()
     for n in range(20):
@@ -167,10 +169,7 @@ def test_a_spare_that_misses_a_commit_somebody_saw_does_not_serve(guard: Guard, 
 
 
 def test_a_spare_that_can_not_draw_a_page_leaves_with_its_name(guard: Guard, served: Wired) -> None:
-    with closing(sqlite3.connect(guard.data / "ledger.db", isolation_level=None)) as store:
-        for (name,) in store.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
-            store.execute(f"DROP TRIGGER {name}")
-        store.execute("UPDATE account SET type = 'none of ours' WHERE id = 'cash'")
+    stores.tamper(guard.data, "UPDATE account SET type = 'none of ours' WHERE id = 'cash'")
     spare = guard.start(HARDCORE_SPARE="1")
     assert spare.core.ends_with() == 70
     words = spare.page().last_words
@@ -184,8 +183,7 @@ def test_a_spare_that_can_not_draw_a_page_leaves_with_its_name(guard: Guard, ser
 def test_a_spare_waits_for_a_held_lock_as_long_as_it_was_told(guard: Guard, served: Wired) -> None:
     spare = guard.spare()
     end(served)
-    with closing(sqlite3.connect(guard.data / "ledger.db", isolation_level=None)) as holder:
-        holder.execute("BEGIN IMMEDIATE")
+    with stores.locked(guard.data):
         assert spare.promote(1, busy_ms=50) == {"ok": True}
         assert spare.core.ends_with() == 69
     assert spare.hears("X_FENCE") == {"X_FENCE": "BLOCKED"}

@@ -3,16 +3,15 @@
 import http.client
 import random
 import signal
-import sqlite3
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from core.tenure import STOPPED_NS
+from tests import stores
 from tests.integration.lone_core import Answer, verify
 from tests.integration.wired_core import Guard, Wired, guarding
 from tests.waiting import until
@@ -130,8 +129,7 @@ def test_a_command_that_was_waiting_for_the_store_when_its_core_was_stopped_is_n
     guard: Guard, served: Wired, asking: ThreadPoolExecutor
 ) -> None:
     spare = guard.spare()
-    with closing(sqlite3.connect(guard.data / "ledger.db", isolation_level=None)) as holder:
-        holder.execute("BEGIN IMMEDIATE")
+    with stores.locked(guard.data) as holder:
         asked = asking.submit(booked, served, "k-1")
         until(served.reader.in_flight, "it to wait for the lock")
         stop(served)

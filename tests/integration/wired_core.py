@@ -2,7 +2,6 @@
 
 import json
 import socket
-import sqlite3
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import Any
 
 from hardcore.host.recorder import PageReader, make_page
 from hardcore.model.recorder import LifeState, Page
+from tests import stores
 from tests.integration.lone_core import Core, started
 from tests.waiting import WAIT_S, until
 
@@ -137,9 +137,7 @@ class Guard:
 
     def epoch(self) -> int:
         """The store's own epoch."""
-        with closing(sqlite3.connect(f"file:{self.data / 'ledger.db'}?mode=ro", uri=True)) as store:
-            found: int = store.execute("SELECT epoch FROM meta").fetchone()[0]
-        return found
+        return stores.epoch(self.data)
 
 
 def _ear(path: Path) -> socket.socket:
