@@ -27,7 +27,7 @@ from core.guarded.life import take_instruments
 from core.guarded.recorder import RecorderUnusable
 from core.journal.as_it_stands import open_as_it_stands
 from core.journal.rebuilding import Rebuilding
-from core.journal.store import LEDGER_FILE, Server, StoreError, StoreFault, close_writing, writing
+from core.journal.store import LEDGER_FILE, Server, StoreError, StoreFault, close_writing, has_ledger, writing
 from core.journal.stores.sqlite import has_reset_race
 from core.journal.verify import GivenUp
 from core.journal.verify import verify as verify_book
@@ -114,7 +114,7 @@ def verify(data: Path, *, as_json: bool, quick: bool) -> None:
     if isinstance(settings, list):
         sys.exit(said(departure.config_invalid(" ".join(settings))))
     where = settings.ledger(data)
-    if isinstance(where, Path) and not where.is_file():
+    if not has_ledger(where, settings.fence_busy_ms):
         sys.exit(
             said(departure.config_invalid(f"There is no ledger in {data}: name its folder with --data."))
         )

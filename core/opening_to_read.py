@@ -27,6 +27,7 @@ from core.journal.store import (
     StoreError,
     StoreFault,
     Whereabouts,
+    has_ledger,
     open_reading,
     snapshot,
     store_error,
@@ -70,7 +71,7 @@ def open_to_read(data: Path, environment: GuardedEnvironment, settings: Settings
     if isinstance(guard, DoorClosed):
         return departure.config_invalid(guard.sentence)
     where = settings.ledger(data)
-    if isinstance(where, Path) and not where.is_file():
+    if not has_ledger(where, settings.fence_busy_ms):
         return departure.config_invalid(f"There is no ledger in {data}: name its folder with --data.")
     opened = _open(where, settings, alone=False)
     if isinstance(opened, StoreError) and opened.fault in _WITHOUT_INDEX and _is_whole(where):

@@ -52,6 +52,12 @@ class Postgres:
         self.ask(f"CREATE SCHEMA {name}")
         return f"postgresql://keeper@/postgres?host={self.folder}&options=-csearch_path%3D{name}"
 
+    def database(self) -> str:
+        """The same as a database of its own, for ledgers that are at work at the same time: one belongs to one core."""
+        name = f"ledger_{next(self._numbers)}"
+        self.ask(f"CREATE DATABASE {name}")
+        return f"postgresql://keeper@/{name}?host={self.folder}"
+
     def connect(self) -> "psycopg.Connection[Any]":
         return psycopg.connect(host=str(self.folder), user="keeper", dbname="postgres", autocommit=True)
 

@@ -45,9 +45,9 @@ def served() -> Iterator[Path | None]:
 
 def prepare(data: Path) -> None:
     """Before a ledger begins in this folder: have it lie where these tests want it."""
-    if _server and not (data / STORE_FILE).exists() and not (data / LEDGER_FILE).exists():
+    if _server and not (data.is_file() or (data / STORE_FILE).exists() or (data / LEDGER_FILE).exists()):
         data.mkdir(mode=0o700, parents=True, exist_ok=True)
-        (data / STORE_FILE).write_text(_server[0].place(), encoding="utf-8")
+        (data / STORE_FILE).write_text(_server[0].database(), encoding="utf-8")
 
 
 @contextmanager

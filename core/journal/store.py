@@ -50,6 +50,7 @@ __all__ = [
     "copy_beside_work",
     "copy_whole",
     "end_holders",
+    "has_ledger",
     "is_copy",
     "is_in_server",
     "is_interrupted",
@@ -177,6 +178,20 @@ def end_holders(connection: Connection) -> bool:
 def wait_at_most(connection: Connection, busy_timeout_ms: int) -> None:
     """Have this connection wait so long for somebody else's lock from here on."""
     _room(connection).wait_at_most(connection, busy_timeout_ms)
+
+
+def has_ledger(where: Whereabouts, busy_timeout_ms: int) -> bool:
+    """Whether a ledger was begun there. Of a server that does not say it is taken for granted: whoever reads it hears why."""
+    if not isinstance(where, Server):
+        return where.is_file()
+    readers = open_reading(where, 1, busy_timeout_ms)
+    try:
+        with readers.connect() as connection:
+            return "meta" in tables_of(connection)
+    except DBAPIError:
+        return True
+    finally:
+        readers.dispose()
 
 
 def tables_of(connection: Connection) -> set[str]:

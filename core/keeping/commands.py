@@ -18,7 +18,7 @@ import click
 import msgspec
 
 from core.departure import ExitCode
-from core.journal.store import LEDGER_FILE
+from core.journal.store import LEDGER_FILE, has_ledger
 from core.rulings import RULES, Rulings
 from core.saying import say
 from core.settings import Settings
@@ -49,7 +49,7 @@ def backup(data: Path, folder: Path | None, keep: int, *, politely: bool, as_jso
     if isinstance(settings, list):
         _refuse(" ".join(settings), ExitCode.CONFIG_INVALID, as_json=as_json)
     where = settings.ledger(data)
-    if isinstance(where, Path) and not where.is_file():
+    if not has_ledger(where, settings.fence_busy_ms):
         say(f"There is no ledger in {data}: name its folder with --data.")
         sys.exit(ExitCode.CONFIG_INVALID)
     making = importlib.import_module("core.keeping.making")
@@ -123,7 +123,7 @@ def export_log(data: Path, out: Path, *, as_json: bool) -> None:
     if isinstance(settings, list):
         _refuse(" ".join(settings), ExitCode.CONFIG_INVALID, as_json=as_json)
     where = settings.ledger(data)
-    if isinstance(where, Path) and not where.is_file():
+    if not has_ledger(where, settings.fence_busy_ms):
         _refuse(
             f"There is no ledger in {data}: name its folder with --data.",
             ExitCode.CONFIG_INVALID,

@@ -17,7 +17,6 @@ from core.journal.carrying import copy_now
 from core.journal.room import free_bytes
 from core.journal.store import (
     LEDGER_FILE,
-    Server,
     StoreError,
     StoreFault,
     Whereabouts,
@@ -44,11 +43,6 @@ class TooLarge(msgspec.Struct, frozen=True):
     """The ledger has more bytes than may be copied."""
 
     size_bytes: int
-
-
-def has_ledger(where: Whereabouts) -> bool:
-    """Whether there is a ledger; of one in a server that is seen when it is read."""
-    return isinstance(where, Server) or where.is_file()
 
 
 def copy_into(

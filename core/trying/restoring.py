@@ -21,13 +21,13 @@ from core.departure import Departure, ExitCode
 from core.guarded.quarantine import Quarantine
 from core.guarded.recorder import NoRecorder
 from core.journal.backup import BACKUPS, newest_backup
-from core.journal.store import LEDGER_FILE, StoreError, StoreFault, Whereabouts, open_reading
+from core.journal.store import LEDGER_FILE, StoreError, StoreFault, Whereabouts, has_ledger, open_reading
 from core.journal.verify import SLICE_EVENTS, GivenUp, Verdict, verify
 from core.keeping.shelf import newest
 from core.rulings import RULES, Rulings
 from core.saying import say
 from core.settings import Settings
-from core.trying.copying import Copy, TooLarge, copy_into, has_ledger
+from core.trying.copying import Copy, TooLarge, copy_into
 from core.trying.life import open_copy
 from core.trying.place import clear_up, take_place
 from core.trying.sitting import be_quiet
@@ -99,7 +99,7 @@ def _tell(report: Report, *, as_json: bool) -> None:
 
 def _restored(data: Path, source: Whereabouts, settings: Settings, called: str) -> Verdict | _Failed:
     """Restore one copy into a folder of its own and prove it; nothing is left of it."""
-    if not has_ledger(settings.ledger(data)):
+    if not has_ledger(settings.ledger(data), settings.fence_busy_ms):
         return _Failed(ExitCode.CONFIG_INVALID, f"There is no ledger in {data}: name its folder with --data.")
     try:
         clear_up(data)

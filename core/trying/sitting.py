@@ -27,12 +27,12 @@ from core.guarded.quarantine import VERSION as RULES_VERSION
 from core.guarded.quarantine import read_small
 from core.imports.reading.formats import builtin_formats
 from core.journal import disk
-from core.journal.store import StoreError, StoreFault
+from core.journal.store import StoreError, StoreFault, has_ledger
 from core.loading import NICE
 from core.rulings import RULES
 from core.saying import say
 from core.settings import Settings
-from core.trying.copying import Copy, TooLarge, copy_into, has_ledger
+from core.trying.copying import Copy, TooLarge, copy_into
 from core.trying.court import Court
 from core.trying.docket import DOCKET_BYTES_MAX, Docket, Request, read_docket
 from core.trying.place import Place, clear_up, take_place
@@ -56,7 +56,7 @@ def sit(data: Path, docket_file: Path, settings: Settings) -> int:
     if isinstance(docket, str):
         say(docket)
         return ExitCode.CONFIG_INVALID
-    if not has_ledger(settings.ledger(data)):
+    if not has_ledger(settings.ledger(data), settings.fence_busy_ms):
         say(f"There is no ledger in {data}: name its folder with --data.")
         return ExitCode.CONFIG_INVALID
     try:

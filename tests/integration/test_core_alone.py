@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import socket
-import sqlite3
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +14,7 @@ from typing import Any
 import pytest
 
 from hardcore.host.recorder import PageReader, make_page
-from tests import waiting
+from tests import stores, waiting
 from tests.integration.lone_core import Answer, Core, moving, ready, started, verify
 
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
@@ -393,27 +392,24 @@ def test_a_ledger_that_lost_what_somebody_saw_is_never_served(data: Path, tmp_pa
 def test_a_locked_store_is_waited_for_and_then_named(data: Path, tmp_path: Path) -> None:
     with started(data) as core:
         ready(core)
-    holder = sqlite3.connect(data / "ledger.db", isolation_level=None)
-    holder.execute("BEGIN IMMEDIATE")
     notify = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     notify.bind(str(tmp_path / "notify"))
     notify.settimeout(waiting.WAIT_S)
     where = str(tmp_path / "notify")
-    with started(data, sock=tmp_path / "core.sock", NOTIFY_SOCKET=where, CORE_FENCE_BUSY_MS="50") as core:
+    with (
+        stores.locked(data),
+        started(data, sock=tmp_path / "core.sock", NOTIFY_SOCKET=where, CORE_FENCE_BUSY_MS="50") as core,
+    ):
         assert core.ends_with() == 69
         assert notify.recv(4_096) == b"X_FENCE=BLOCKED"
-    holder.close()
     notify.close()
 
 
 def test_a_store_locked_by_somebody_else_costs_a_503_and_nothing_more(data: Path) -> None:
     with started(data, CORE_WRITE_BUSY_MS="50") as core:
         ready(core).open("a")
-        holder = sqlite3.connect(data / "ledger.db", isolation_level=None)
-        holder.execute("BEGIN IMMEDIATE")
-        busy = core.open("b")
-        holder.execute("ROLLBACK")
-        holder.close()
+        with stores.locked(data):
+            busy = core.open("b")
         assert (busy.status, busy.body["type"], busy.body["outcome"]) == (
             503,
             "/problems/store-busy",
@@ -438,12 +434,6 @@ def test_whoever_asks_for_a_proof_of_a_core_that_leaves_is_told_that_it_leaves(
         ready(core).open("a")
         asking = core.connect()
         asking.connect()
-        holder = sqlite3.connect(data / "ledger.db", isolation_level=None)
-        holder.execute("BEGIN IMMEDIATE")
-        waits = threading.Thread(target=core.open, args=("b",))
-        waits.start()
-        waiting.until(recorder.in_flight, "the core to have taken the command")
-        core.process.terminate()
 
         def ask(path: str) -> tuple[int, str | None, Any]:
             asking.request("GET", path)
@@ -452,14 +442,19 @@ def test_whoever_asks_for_a_proof_of_a_core_that_leaves_is_told_that_it_leaves(
             return response.status, response.headers["X-Core-Draining"], body.get("type")
 
         leaving = (503, "1", "/problems/leaving")
-        waiting.until(lambda: ask("/api/ledger/accounts") == leaving, "the core to leave")
-        assert ask("/api/ledger/verify") == leaving
-        holder.close()
+        with stores.locked(data):
+            waits = threading.Thread(target=core.open, args=("b",))
+            waits.start()
+            waiting.until(recorder.in_flight, "the core to have taken the command")
+            core.process.terminate()
+            waiting.until(lambda: ask("/api/ledger/accounts") == leaving, "the core to leave")
+            assert ask("/api/ledger/verify") == leaving
         waits.join()
         assert core.ends_with() == 0
     recorder.close()
 
 
+@pytest.mark.in_a_file  # which may not grow any more
 def test_a_failed_commit_is_answered_unknown_and_ends_the_core(data: Path) -> None:
     with started(data, file_bytes_max=300_000) as core:
         ready(core).open("a")
@@ -478,10 +473,7 @@ def test_a_falsified_book_is_told_with_its_place(data: Path) -> None:
         ready(core).open("a")
         core.process.terminate()
         assert core.ends_with() == 0
-    tamper = sqlite3.connect(data / "ledger.db", isolation_level=None)
-    tamper.execute("DROP TRIGGER event_is_never_changed")
-    tamper.execute("UPDATE event SET booked_ns = booked_ns + 1")
-    tamper.close()
+    stores.tamper(data, "UPDATE event SET booked_ns = booked_ns + 1")
     told = verify(data)
     assert told.returncode == 65
     assert b"event 1" in told.stderr
