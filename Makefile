@@ -10,7 +10,7 @@ ARGS ?=
 export PORT DATA PYTHON
 
 .DEFAULT_GOAL := help
-.PHONY: help run demo test check lint fast bench campaign peers simulate screenshots lock venv venv-dev
+.PHONY: help run demo test test-postgresql check lint fast bench campaign peers simulate screenshots lock venv venv-dev
 MAKEFLAGS += --no-print-directory
 
 help:
@@ -19,6 +19,7 @@ help:
 	@echo '  make run        start everything; the URL is printed (PORT=3000 DATA=./var)'
 	@echo '  make demo       a sample household, and a page with buttons that break the server (in DATA/demo)'
 	@echo '  make test       all tests, in at most 15 minutes on two cores (ARGS="-k restart" for some)'
+	@echo '  make test-postgresql   the integration tests once more, with every ledger in a PostgreSQL server'
 	@echo '  make check      format, lint, types, import laws, fast tests; under a minute'
 	@echo '  make bench      the numbers, measured on this machine beside their baselines (BENCH=deaths for one part)'
 	@echo '  make peers      put the supervisors that BENCH=peers compares with under ./var/peers'
@@ -44,6 +45,9 @@ demo: venv
 
 test: venv-dev
 	@exec sh scripts/test $(ARGS)
+
+test-postgresql: venv-dev
+	@TEST_STORE=postgresql exec .venv/bin/python -m pytest -q -n 4 --dist loadfile $(or $(ARGS),tests/integration)
 
 check: lint fast
 

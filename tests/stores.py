@@ -17,14 +17,13 @@ import psycopg
 from core.journal.store import LEDGER_FILE
 from core.store_file import STORE_FILE
 from tests import postgres
-from tests.unit.core import books
 
 
 class Session(Protocol):
     """A stranger's session in a ledger."""
 
     def execute(self, statement: str, /) -> Any:
-        """Do it at once; what came of it has `fetchone` and `fetchall`."""
+        """Do it at once; what came of it has `fetchone`, `fetchall` and `rowcount`."""
 
 
 IN_SERVER: Final = os.environ.get("TEST_STORE") == "postgresql"
@@ -76,14 +75,17 @@ def locked(data: Path, within_s: float = 5.0) -> Iterator[Session]:
 
 
 def tamper(data: Path, *statements: str) -> None:
-    """Change the ledger as somebody with a database tool would, past all that refuses it."""
-    if not (data / STORE_FILE).exists():
-        books.tamper(data, *statements)
-        return
+    """Change the ledger as somebody with a database tool would, past all that refuses it. Each of them changes something."""
     with joined(data) as session:
-        session.execute("SET session_replication_role = replica")
+        if (data / STORE_FILE).exists():
+            session.execute("SET session_replication_role = replica")
+        else:
+            for (name,) in session.execute(
+                "SELECT name FROM sqlite_master WHERE type = 'trigger'"
+            ).fetchall():
+                session.execute(f"DROP TRIGGER {name}")
         for statement in statements:
-            session.execute(statement)
+            assert session.execute(statement).rowcount > 0, statement
 
 
 def epoch(data: Path) -> int:

@@ -1,15 +1,14 @@
 """Somebody is told, by the real guard and its real sender, and nothing of the guard waits for it."""
 
 import signal
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from typing import Any
 
 import pytest
 
 from hardcore.host.files import read_json
 from hardcore.host.muting import muted_until_ms
+from tests import stores
 from tests.contract.alert_targets import HANGS, Web, comes, web
 from tests.integration.house import House, bytes_of
 from tests.waiting import until
@@ -45,11 +44,9 @@ def test_a_storm_of_kills_is_one_message_and_one_closing_message(
     quick, slow = targets
     house.open_accounts()
     assert house.book("before").status == 201  # somebody has seen a commit: what is lost can be told
-    with closing(sqlite3.connect(house.data / "ledger.db", isolation_level=None)) as another:
-        another.execute("BEGIN IMMEDIATE")  # so that no core can serve before the page is looked at
+    with stores.locked(house.data):  # so that no core can serve before the page is looked at
         house.hit("core")
         frame = until(lambda: told_frame(house), "a page to say that somebody was told")
-        another.execute("ROLLBACK")
     for _ in range(2):
         house.running()  # although the second channel has not answered, and never will
         core = house.hit("core")

@@ -49,7 +49,14 @@ def drill(house: House, fault: str) -> dict[str, Any] | str:
     return story
 
 
-@pytest.mark.parametrize("fault", [fault for fault in PROMISES if fault not in APART])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        pytest.param(fault, marks=pytest.mark.in_a_file) if fault == "dblock" else fault
+        for fault in PROMISES
+        if fault not in APART
+    ],
+)
 def test_a_fault_is_called_by_its_name_and_answered_as_promised(house: House, fault: str) -> None:
     epoch = house.running()["core"]["epoch"]
     story = drill(house, fault)
@@ -82,6 +89,7 @@ def test_a_slow_transaction_is_named(house: House) -> None:
     assert story["account_ids"] == ["system:drill"] or story["command_ids"], story
 
 
+@pytest.mark.in_a_file
 def test_a_lock_held_by_another_process_is_named_with_its_holder(house: House) -> None:
     story = drill(house, "dblock")
     assert isinstance(story, dict), story

@@ -1,30 +1,18 @@
 """What is on record of an incident that does not end as it should: waiting for a person, or its guard dies too."""
 
-import sqlite3
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from postmortem import bundle, cli
+from tests import stores
 from tests.integration import test_full_disk as full_disk
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import START_S, House
 from tests.waiting import until
 
 HALF, EMPTY = "0199a000-0000-7000-8000-00000000000d", "0199a000-0000-7000-8000-00000000000e"
-
-
-@contextmanager
-def locked(store: Path) -> Iterator[None]:
-    """Hold the store's write lock, as another program would that opened it for writing."""
-    with closing(sqlite3.connect(store, isolation_level=None)) as connection:
-        connection.execute("BEGIN IMMEDIATE")
-        yield
-        connection.execute("ROLLBACK")
 
 
 def story_of(house: House, incident_id: str) -> dict[str, Any]:
@@ -48,7 +36,7 @@ def test_an_incident_that_waits_for_a_person_names_its_requests_and_what_it_wait
 ) -> None:
     house = new_house(actions={"DB_LOCKED": ["SNAPSHOT", "SEND_ALERT", "AWAIT_OPERATOR"]}).up()
     house.open_accounts()
-    with locked(house.data / "ledger.db"), ThreadPoolExecutor(1) as client:
+    with stores.locked(house.data), ThreadPoolExecutor(1) as client:
         house.hit("core")
         held = client.submit(house.book, "held")
         status = house.until(lambda s: s["phase"] == "FATAL", "the guard to stop trying")
@@ -74,7 +62,7 @@ def test_an_incident_whose_guard_died_is_closed_by_the_next_guard(new_house: Mak
     def opened() -> list[bundle.Found]:
         return [one for one in bundle.find_bundles(incidents) if not (one.path / bundle.FACTS).exists()]
 
-    with locked(house.data / "ledger.db"):  # so that it can't end before the guard does
+    with stores.locked(house.data):  # so that it can't end before the guard does
         house.hit("core")
         (first,) = until(lambda: [one for one in opened() if not one.partial], "its evidence", START_S)
         (incidents / f".{HALF}.partial").mkdir()

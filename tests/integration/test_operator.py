@@ -215,6 +215,7 @@ def test_there_is_one_drill_at_a_time(house: House) -> None:
     house.running()
 
 
+@pytest.mark.in_a_file  # whose lock is held
 def test_a_trouble_that_is_still_open_is_made_no_worse_by_a_drill_and_does_not_keep_a_restart_waiting(
     new_house: MakeHouse,
 ) -> None:

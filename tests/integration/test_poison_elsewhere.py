@@ -1,14 +1,13 @@
 """Poison in other places than one request: in many at once, in a row of a file, after its answer, in the log itself."""
 
 import json
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from typing import Any
 
 import pytest
 
 from hardcore import quarantine_file
+from tests import stores
 from tests.integration.house import WITH_SPARE, House
 from tests.integration.poisoning import Load, house_story, letter_of, name_of, rules
 from tests.integration.test_imports import commit, statement, uploaded
@@ -47,8 +46,7 @@ def test_ten_poisons_at_once_cost_one_death_and_refuse_nobody_else(house: House)
     arm(house, "decide", *poisons)
     load = Load(house, "nobody", customers=0)
     try:
-        with closing(sqlite3.connect(house.folders.data / "ledger.db", isolation_level=None)) as holder:
-            holder.execute("BEGIN IMMEDIATE")  # so that the core has all of them when it dies
+        with stores.locked(house.data) as holder:  # so that the core has all of them when it dies
             sent = {key: load.send(key, key) for key in [*poisons[:5], *innocents, *poisons[5:]]}
             until(lambda: house.status()["core"]["in_flight"] == len(sent), "the core to have them all")
             holder.execute("ROLLBACK")

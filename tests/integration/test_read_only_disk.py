@@ -195,6 +195,7 @@ def test_a_commit_that_meets_the_refusal_is_unknown_and_the_next_core_reads(disk
     ends_when_asked(house)
 
 
+@pytest.mark.in_a_file
 @pytest.mark.skipif(STRACE is None, reason="no strace here")
 def test_an_error_that_comes_once_costs_one_death_and_nothing_else(new_house: MakeHouse) -> None:
     house = new_house().up()
@@ -238,6 +239,7 @@ def test_a_log_whose_index_is_gone_can_not_be_read_there_and_the_disk_is_named(t
         assert "read-only (and its log can't be read without a write" in core.said()
 
 
+@pytest.mark.in_a_file
 @pytest.mark.skipif(STRACE is None, reason="no strace here")
 @pytest.mark.parametrize(
     ("failing", "code"), [("fdatasync,fsync:error=EIO", 73), ("fdatasync:error=EIO:when=1", 74)]

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from core.imports.waves import ROWS_MAX
+from tests import stores
 from tests.integration.lone_core import Core, ready, started
 from tests.integration.test_imports import form, statement
 from tests.waiting import WAIT_S, until
@@ -203,6 +204,7 @@ def contents(data: Path) -> dict[str, str]:
     }
 
 
+@pytest.mark.in_a_file  # of which no byte is changed
 def test_a_core_started_to_read_only_serves_what_is_there_and_changes_nothing(
     tmp_path: Path, guard: Notified
 ) -> None:
@@ -270,6 +272,7 @@ def test_of_a_core_that_only_reads_nothing_is_left_but_an_empty_log(tmp_path: Pa
     assert contents(data) == before | {"ledger.db-wal": hashlib.sha256(b"").hexdigest()}
 
 
+@pytest.mark.in_a_file
 def test_a_ledger_that_somebody_is_at_work_on_is_not_read_as_if_nobody_were(tmp_path: Path) -> None:
     data = at_rest(tmp_path)
     with contextlib.closing(sqlite3.connect(data / "ledger.db", isolation_level=None)) as other:
@@ -287,7 +290,7 @@ def test_a_damaged_ledger_is_read_as_far_as_it_can_be_and_told_unsound(
     tmp_path: Path, guard: Notified
 ) -> None:
     data = a_ledger(tmp_path)
-    spoil(data, "UPDATE account SET posted = posted + 1 WHERE id = 'food'")
+    stores.tamper(data, "UPDATE account SET posted = posted + 1 WHERE id = 'food'")
     environ = guard.environ(HARDCORE_SAFE="STORE_CORRUPT")
     with started(data, sock=tmp_path / "sock", **environ) as core:
         ready(core)
@@ -308,19 +311,11 @@ def test_where_not_even_the_head_can_be_read_the_core_leaves_with_the_code_of_a_
         assert "not even its head can be read" in core.said()
 
 
+@pytest.mark.in_a_file
 def test_without_a_ledger_there_is_nothing_to_read(tmp_path: Path) -> None:
     with started(tmp_path / "data", sock=tmp_path / "sock", HARDCORE_SAFE="DISK_FULL") as core:
         assert core.ends_with() == 78
     assert list((tmp_path / "data").iterdir()) == []
-
-
-def spoil(data: Path, statement: str) -> None:
-    """Change the file as somebody with a database tool would; a writer empties the log into it first."""
-    with sqlite3.connect(data / "ledger.db", isolation_level=None) as connection:
-        for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
-            connection.execute(f"DROP TRIGGER {name}")
-        connection.execute(statement)
-    connection.close()
 
 
 # -- a real disk ---------------------------------------------------------------------------------------

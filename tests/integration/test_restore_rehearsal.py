@@ -12,8 +12,12 @@ import pytest
 
 from core.journal.backup import BACKUPS, backup_name
 from core.journal.store import LEDGER_FILE
+from tests import stores
 from tests.integration.lone_core import ROOT, clean_environment, ready, started
 from tests.unit.core.test_entries import old_ledger
+
+
+pytestmark = pytest.mark.in_a_file  # each spoils a copy of its own
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +76,11 @@ def test_a_whole_ledger_and_its_newest_backup_of_an_older_schema_would_open(data
 
 
 def test_a_ledger_that_is_not_whole_is_told_with_what_is_wrong(data: Path) -> None:
-    with sqlite3.connect(data / "ledger.db") as connection:
-        connection.execute("UPDATE account SET posted = posted + 1 WHERE id = 'a'")
-        connection.execute("UPDATE account SET posted = posted - 1 WHERE id = 'b'")
+    stores.tamper(
+        data,
+        "UPDATE account SET posted = posted + 1 WHERE id = 'a'",
+        "UPDATE account SET posted = posted - 1 WHERE id = 'b'",
+    )
     done = rehearse(data, "--json")
     assert done.returncode == 65
     assert told(done)["ok"] is False

@@ -5,6 +5,8 @@ import signal
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.integration.clients import assert_exactly_once, at_work
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import House
@@ -48,6 +50,7 @@ def test_a_moved_data_folder_is_found_whole_where_it_is_now(new_house: MakeHouse
     assert house.booked() == ["before-the-move"]
 
 
+@pytest.mark.in_a_file
 def test_an_older_ledger_put_back_is_written_to_only_when_the_operator_says_so(new_house: MakeHouse) -> None:
     house = new_house().up()
     house.open_accounts()
@@ -89,6 +92,7 @@ def test_a_data_folder_removed_and_begun_anew_at_the_same_path_is_a_new_ledger(n
     assert house.booked() == ["of-the-new-ledger"]
 
 
+@pytest.mark.in_a_file
 def test_a_ledger_that_vanished_from_its_data_folder_is_never_replaced_by_an_empty_one(
     new_house: MakeHouse,
 ) -> None:
@@ -102,6 +106,7 @@ def test_a_ledger_that_vanished_from_its_data_folder_is_never_replaced_by_an_emp
     assert told["waits_for"] == "STORE_CORRUPT"
 
 
+@pytest.mark.in_a_file
 def test_a_whole_data_folder_put_back_from_a_copy_is_written_to_only_when_the_operator_says_so(
     new_house: MakeHouse,
 ) -> None:
@@ -123,6 +128,7 @@ def test_a_whole_data_folder_put_back_from_a_copy_is_written_to_only_when_the_op
     assert house.booked() == ["in-the-copy"]
 
 
+@pytest.mark.in_a_file
 def test_an_older_ledger_that_was_accepted_is_served_by_the_next_guard_too(new_house: MakeHouse) -> None:
     house = new_house().up()
     house.open_accounts()

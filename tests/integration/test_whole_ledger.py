@@ -2,12 +2,11 @@
 
 import json
 import socket
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from tests import stores
 from tests.integration.conftest import MakeHouse
 from tests.integration.house import START_S, House
 from tests.waiting import until
@@ -33,10 +32,7 @@ def _feed(path: Path) -> Iterator[dict[str, Any]]:
 
 def change_an_old_line(house: House) -> None:
     """Change one old booking line as somebody with a database tool would."""
-    with closing(sqlite3.connect(house.folders.data / "ledger.db", isolation_level=None)) as file:
-        for (name,) in file.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'").fetchall():
-            file.execute(f"DROP TRIGGER {name}")
-        file.execute("UPDATE posting SET amount = amount + 1 WHERE seq = 4 AND line = 0")
+    stores.tamper(house.data, "UPDATE posting SET amount = amount + 1 WHERE seq = 4 AND line = 0")
 
 
 def test_a_ledger_that_is_not_whole_is_read_only_and_told_to_everybody(new_house: MakeHouse) -> None:
