@@ -16,7 +16,6 @@ from tests import stores
 from tests.integration.lone_core import ROOT, clean_environment, ready, started
 from tests.unit.core.test_entries import old_ledger
 
-
 pytestmark = pytest.mark.in_a_file  # each spoils a copy of its own
 
 
