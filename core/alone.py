@@ -2,8 +2,9 @@
 
 A pool's thread that never comes back takes one of the pool's places for ever, and is waited for when the process
 leaves. What a component does in a thread may hang for reasons that nobody can end from outside (a disk, a file of a
-stranger), so each piece gets a daemon thread, which costs a tenth of a millisecond. Not chosen: to end such a thread
-by an exception from outside; it would strike in the middle of anything.
+stranger), so each piece has a daemon thread for itself, and one that comes back waits a moment for the next piece: whoever
+starts a thread waits until it runs, which beside a busy writer held up the loop for ten milliseconds. Not chosen: to end
+such a thread by an exception from outside; it would strike in the middle of anything.
 """
 
 import asyncio
@@ -12,17 +13,19 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any, Final, TypeVar
+from queue import Empty, SimpleQueue
+from typing import Any, ClassVar, Final, TypeVar
 
 from core.guarded.components import ComponentBeat
 
 T = TypeVar("T")
 
 _STALL_S: Final = 86_400.0  # longer than anybody's patience with a component
+_IDLE_S: Final = 1.0  # that a thread without work waits for some
 
 
 async def alone(work: Callable[[], T], name: str) -> T:
-    """Do `work` on a new thread and return what it returns; raises what it raises.
+    """Do `work` on a thread that nobody else has and return what it returns; raises what it raises.
 
     Whoever is cancelled meanwhile leaves it behind: it goes on, and what comes of it is lost.
     """
@@ -37,8 +40,44 @@ async def alone(work: Callable[[], T], name: str) -> T:
         else:
             _tell(loop, done, partial(done.set_result, outcome))
 
-    threading.Thread(target=run, name=name, daemon=True).start()
+    _Hand.free(name).take(run)
     return await done
+
+
+class _Hand:
+    """A thread that does one piece of work after another. One that hangs in a piece is never free again."""
+
+    _idle: ClassVar[dict[str, list["_Hand"]]] = {}
+
+    def __init__(self, name: str) -> None:
+        self._free = self._idle.setdefault(name, [])
+        self._given: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        threading.Thread(target=self._run, name=name, daemon=True).start()
+
+    @classmethod
+    def free(cls, name: str) -> "_Hand":
+        """Return one of this name that has no work."""
+        try:
+            return cls._idle[name].pop()
+        except LookupError:
+            return cls(name)
+
+    def take(self, work: Callable[[], None]) -> None:
+        """Do a piece; whoever gives it has it from `free`."""
+        self._given.put(work)
+
+    def _run(self) -> None:
+        while True:
+            try:
+                work = self._given.get(timeout=_IDLE_S)
+            except Empty:
+                # Who takes a hand and who lets it go take it out of the same list: only one of them finds it there.
+                with suppress(ValueError):
+                    self._free.remove(self)
+                    return
+                continue
+            work()
+            self._free.append(self)
 
 
 def _tell(loop: asyncio.AbstractEventLoop, done: "asyncio.Future[T]", say: Callable[[], None]) -> None:

@@ -9,7 +9,6 @@ database is a write, and a process whose loop is over while its writer lives is 
 
 import asyncio
 import functools
-import gc
 import importlib
 import logging
 import os
@@ -26,6 +25,7 @@ from core.audit import audit_behind
 from core.auditor import AUDITOR
 from core.build import own_build
 from core.checkpointing import CHECKPOINT_S, CHECKPOINTER, Checkpointer
+from core.collecting import collect_from_now_on
 from core.departure import Departure, ExitCode
 from core.draining import Drain
 from core.errands import SOURCES
@@ -202,8 +202,7 @@ class Life:
         if isinstance(seen, Departure):
             return self._of_no_use(seen)
         # What was loaded lives as long as the process: no collection need ever look at it.
-        gc.freeze()
-        gc.enable()
+        collect_from_now_on()
         self._beacon.spare(
             self._obedience.build, CONTROL_VERSION, seen.schema_version, migrates=seen.migrates
         )
@@ -401,8 +400,7 @@ class Life:
 
     def _ready(self, book: Book, bound: socket.socket) -> None:
         # What was loaded lives as long as the process: no collection need ever look at it.
-        gc.freeze()
-        gc.enable()
+        collect_from_now_on()
         self._recorder.set_state(LifeState.READY)
         self._recorder.event("READY", f"epoch {book.epoch}")  # a later guard sees whether it has lasted
         if isinstance(book, ReadableBook):

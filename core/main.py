@@ -6,7 +6,6 @@ does the work. What a served core does from its first to its last moment stands 
 
 import asyncio
 import functools
-import gc
 import logging
 import os
 import signal
@@ -21,6 +20,7 @@ import msgspec
 import uvloop
 
 from core import departure
+from core.collecting import collect_from_now_on
 from core.departure import Departure, ExitCode
 from core.guarded.environment import GuardedEnvironment
 from core.guarded.life import take_instruments
@@ -108,8 +108,7 @@ def serve(data: Path, port: int, store: str | None) -> None:
 @click.option("--quick", is_flag=True, help="Prove what came after the newest good checkpoint.")
 def verify(data: Path, *, as_json: bool, quick: bool) -> None:
     """Prove the whole ledger of a data folder, reading only; a core may be at work meanwhile."""
-    gc.freeze()
-    gc.enable()
+    collect_from_now_on()
     settings = Settings.read(os.environ, data)
     if isinstance(settings, list):
         sys.exit(said(departure.config_invalid(" ".join(settings))))

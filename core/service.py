@@ -197,10 +197,9 @@ class Service(Slots):
                 return [refused] * len(orders)
         assert isinstance(self._writer, Writer), "a core without a writer refuses before"
         future = self._writer.submit(Orders(tuple(orders), slot, name=wish.name if wish is not None else ""))
-        for order in orders:
-            if order.key is not None:
-                self._in_line[order.key] = future
-                future.add_done_callback(partial(self._leave_line, order.key))
+        keys = [order.key for order in orders if order.key is not None]
+        self._in_line.update(dict.fromkeys(keys, future))
+        future.add_done_callback(partial(self._leave_line, keys))
         answer = await asyncio.shield(future)
         if not isinstance(answer, Each):
             return [answer] * len(orders)
@@ -244,13 +243,14 @@ class Service(Slots):
         if order.key is None:
             return await future
         self._in_line[order.key] = future
-        future.add_done_callback(partial(self._leave_line, order.key))
+        future.add_done_callback(partial(self._leave_line, (order.key,)))
         # Who leaves does not take his command out of the line: it stands in the list until it is answered.
         return await asyncio.shield(future)
 
-    def _leave_line(self, key: str, future: "asyncio.Future[Answer]") -> None:
-        if self._in_line.get(key) is future:
-            del self._in_line[key]
+    def _leave_line(self, keys: Sequence[str], future: "asyncio.Future[Answer]") -> None:
+        for key in keys:
+            if self._in_line.get(key) is future:
+                del self._in_line[key]
 
     async def _recall(self, safe: str, key: str | None, fingerprint: bytes, slot: int) -> Answer:
         """Return what was done before under this key, or that nothing is done now."""

@@ -9,6 +9,7 @@ import asyncio
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
@@ -21,6 +22,7 @@ from core.limits import limit_ms
 from core.rulings import Rulings
 from core.settings import Settings
 
+IDS_AHEAD: Final = 256  # whose randomness is asked for at once
 UNANSWERED: Final = 500  # noted of work that ended without an answer
 
 
@@ -53,6 +55,7 @@ class Slots:
         self._draining = False
         self._laid_down = False
         self._in_flight = 0
+        self._ahead: deque[bytes] = deque()
         self._all_answered = asyncio.Event()
         self._all_answered.set()
         self.leaving = threading.Event()
@@ -73,8 +76,17 @@ class Slots:
         return self._laid_down
 
     def new_id(self) -> str:
-        """Return a new UUIDv7."""
-        return uuid7(time.time_ns() // 1_000_000, os.urandom(ENTROPY_BYTES))
+        """Return a new UUIDv7. Any thread."""
+        return uuid7(time.time_ns() // 1_000_000, self._entropy())
+
+    def _entropy(self) -> bytes:
+        # Asked for ahead: who asks the system lets go of the interpreter, and has to wait for it behind a busy writer.
+        try:
+            return self._ahead.pop()
+        except IndexError:
+            raw = os.urandom(ENTROPY_BYTES * IDS_AHEAD)
+            self._ahead.extend(raw[at : at + ENTROPY_BYTES] for at in range(0, len(raw), ENTROPY_BYTES))
+            return os.urandom(ENTROPY_BYTES)
 
     def begin(
         self,

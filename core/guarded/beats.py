@@ -90,7 +90,7 @@ def note_collections(recorder: FlightRecorder) -> Callable[[], None]:
     """Say in the recorder while a collection above the youngest generation runs; return how to stop it."""
 
     def note(phase: str, info: dict[str, int]) -> None:
-        # The youngest generation is collected hundreds of times a second and is over in microseconds.
+        # The youngest generation is collected again and again and is over in a moment.
         if info["generation"]:
             recorder.gc(phase == "start")
 

@@ -1,15 +1,23 @@
 """Laying down: the rows of a batch, table by table, in the order in which one needs the other.
 
 Statements are made once, and each is carried out once for all rows of its kind. Nothing is decided here and nothing is
-read: what is to be written stands in the batch, and the transaction is the journal's.
+read: what is to be written stands in the batch, and the transaction is the journal's. Each statement is put into the
+store's words once (by SQLAlchemy, as ever) and the rows are handed over as the driver takes them: to look at every value of
+every row on its way there cost a fifth of a batch, and no value needs it.
 """
 
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import Any, Final
+from weakref import WeakKeyDictionary
 
-from sqlalchemy import Connection, bindparam, insert, update
+import msgspec
+from sqlalchemy import Connection, Insert, Update, bindparam, insert, literal_column, update
+from sqlalchemy.engine import Dialect
+from sqlalchemy.sql.compiler import SQLCompiler
 
 from core.journal import schema
-from core.journal.batch import Batch
+from core.journal.batch import Batch, Row
 from core.ledger.accounts import Account
 from core.ledger.book import KnownEntry
 from core.ledger.fields import folded
@@ -41,7 +49,37 @@ def lay_down(connection: Connection, batch: Batch) -> None:
         (_RECURRINGS, batch.recurrings),
     ):
         if rows:
-            connection.execute(statement, rows)
+            worded = _worded(connection.dialect, statement, rows[0])
+            said = rows if worded.pick is None else list(map(worded.pick, rows))
+            connection.exec_driver_sql(worded.text, said).close()
+
+
+class _Worded(msgspec.Struct, frozen=True):
+    """A statement in a store's words. `pick` takes the values out of a row in their order; None: they go by name."""
+
+    text: str
+    pick: Callable[[Row], tuple[Any, ...]] | None
+
+
+def _worded(dialect: Dialect, statement: Insert | Update, row: Row) -> _Worded:
+    """Return a statement in the words of this store. All rows that it is ever given name the same columns."""
+    kept = _WORDED.setdefault(dialect, {})
+    if statement not in kept:
+        made = statement.compile(dialect=dialect, column_keys=list(row), for_executemany=True)
+        assert isinstance(made, SQLCompiler)
+        assert made.params.keys() <= row.keys(), "what a statement says stands in the row or in its words"
+        kept[statement] = _Worded(made.string, _picking(made.positiontup))
+    return kept[statement]
+
+
+def _picking(names: Sequence[str] | None) -> Callable[[Row], tuple[Any, ...]] | None:
+    match names:
+        case None:
+            return None
+        case [name]:
+            return lambda row: (row[name],)
+        case _:
+            return itemgetter(*names)
 
 
 def _account_row(account: Account) -> dict[str, Any]:
@@ -90,6 +128,9 @@ def _change_row(account: Account) -> dict[str, Any]:
     }
 
 
+#: By the store's dialect, which lives as long as its engine does.
+_WORDED: Final[WeakKeyDictionary[Dialect, dict[Insert | Update, _Worded]]] = WeakKeyDictionary()
+
 _EVENTS: Final = insert(schema.event)
 _KEYS: Final = insert(schema.idempotency)
 _BOOKINGS: Final = insert(schema.booking)
@@ -98,7 +139,9 @@ _OPEN: Final = insert(schema.account)
 _NAME: Final = insert(schema.account_name)
 _REVERSALS: Final = insert(schema.reversal)
 _FALL: Final = (
-    update(schema.posting).where(schema.posting.c.seq == bindparam("reversed_seq")).values(standing=0)
+    update(schema.posting)
+    .where(schema.posting.c.seq == bindparam("reversed_seq"))
+    .values(standing=literal_column("0"))
 )
 _ENTER: Final = insert(schema.entry)
 _ALTER: Final = (

@@ -10,6 +10,7 @@ A counter was not chosen: it would depend on which category came first.
 import re
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
+from functools import lru_cache
 from hashlib import sha256
 from typing import Final
 
@@ -22,6 +23,9 @@ from core.ledger.plans import KnownRecurring
 
 UNCATEGORISED_NAME: Final = "미분류 · Uncategorised"
 
+NAMES_KNOWN_MAX: Final = (
+    512  # of accounts whose ids are remembered: a file of a bank says the same few again and again
+)
 _SLUG_CHARACTERS_MAX: Final = 40
 _NOT_IN_A_SLUG: Final = re.compile(r"[^a-z0-9]+")
 _NOT_IN_A_CODE: Final = re.compile(r"[^a-z0-9_-]")
@@ -114,6 +118,7 @@ class Book(msgspec.Struct):
         return sorted(fitting, key=lambda account: (account.closed, types.index(account.type), account.id))
 
 
+@lru_cache(maxsize=NAMES_KNOWN_MAX)
 def ids_for(name: str | None, kind: AccountType, currency: str) -> tuple[str, ...]:
     """Return the ids that an account made on first use may get, the best first.
 

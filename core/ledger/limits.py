@@ -34,11 +34,12 @@ def beyond(
     after = {line.account: accounts[line.account] for line in lines if line.account in accounts}
     for event in events:
         after |= evolve(after, event)
-    for slug, reason, broken in (
-        (Slug.BALANCE_OUT_OF_RANGE, Reason.OUT_OF_RANGE, {a.id for a in after.values() if not _fits(a)}),
-        (Slug.OVERDRAFT, Reason.OVERDRAFT, {a.id for a in after.values() if _forbidden(a)}),
+    for slug, reason, is_broken in (
+        (Slug.BALANCE_OUT_OF_RANGE, Reason.OUT_OF_RANGE, _does_not_fit),
+        (Slug.OVERDRAFT, Reason.OVERDRAFT, _is_forbidden),
     ):
-        at_fault = [n for n, posting in enumerate(lines) if posting.account in broken]
+        broken = {account.id for account in after.values() if is_broken(account)}
+        at_fault = [n for n, posting in enumerate(lines) if posting.account in broken] if broken else []
         if at_fault:
             account = after[lines[at_fault[0]].account]
             balance = format_amount(account.available, account.currency)
@@ -63,18 +64,14 @@ def nothing_in_particular(_: int) -> str:
     return ""
 
 
-def _fits(account: Account) -> bool:
-    sums = (
-        account.posted,
-        account.pending_debit,
-        account.pending_credit,
-        account.posted + account.pending_debit,
-        account.posted - account.pending_credit,
+def _does_not_fit(account: Account) -> bool:
+    posted, debit, credit = account.posted, account.pending_debit, account.pending_credit
+    return not (
+        fits(posted) and fits(debit) and fits(credit) and fits(posted + debit) and fits(posted - credit)
     )
-    return all(map(fits, sums))
 
 
-def _forbidden(account: Account) -> bool:
+def _is_forbidden(account: Account) -> bool:
     return account.no_overdraft and is_overdrawn(account.type, account.available)
 
 

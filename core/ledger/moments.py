@@ -6,9 +6,11 @@ moment at which a pending transaction runs out is part of the book and must not 
 
 import datetime as dt
 import re
+from functools import lru_cache
 from typing import Final
 
 SECOND_NS: Final = 1_000_000_000
+SECONDS_KNOWN_MAX: Final = 64  # that are remembered as they are spelled
 _EPOCH: Final = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 _SPELLED: Final = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2})\.(\d{9})Z", re.ASCII)
 
@@ -16,8 +18,13 @@ _SPELLED: Final = re.compile(r"(\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2})\.(\d{9})Z",
 def timestamp(wall_ns: int) -> str:
     """Return wall time in nanoseconds since 1970 as RFC 3339 in UTC, to the nanosecond."""
     seconds, rest_ns = divmod(wall_ns, SECOND_NS)
-    day = dt.datetime.fromtimestamp(seconds, dt.UTC)
-    return f"{day:%Y-%m-%dT%H:%M:%S}.{rest_ns:09d}Z"
+    return f"{_second(seconds)}.{rest_ns:09d}Z"
+
+
+@lru_cache(maxsize=SECONDS_KNOWN_MAX)
+def _second(seconds: int) -> str:
+    """Return a second: thousands of events fall into one, and each is told more than once."""
+    return f"{dt.datetime.fromtimestamp(seconds, dt.UTC):%Y-%m-%dT%H:%M:%S}"
 
 
 def moment_ns(text: str) -> int | None:

@@ -9,7 +9,6 @@ watch. Not chosen: `multiprocessing`, whose fork server would be a process that 
 
 import ctypes
 import faulthandler
-import gc
 import json
 import os
 import resource
@@ -22,6 +21,7 @@ from typing import Any, Final, NoReturn
 
 import msgspec
 
+from core.collecting import collect_from_now_on
 from core.departure import ExitCode
 from core.guarded.last_words import story
 
@@ -96,8 +96,7 @@ def _be(
         _say_nothing()
         _keep_within(bounds)
         # What was loaded lives as long as the process, as in any core.
-        gc.freeze()
-        gc.enable()
+        collect_from_now_on()
         _keep_stacks(stacks)
         live(words)
     # Any mistake of ours: the way back would lead into the parent's work.

@@ -66,10 +66,10 @@ async def read_body(request: Request, bytes_max: int) -> bytes:
 def decode_body(body: bytes, shape: type[B]) -> B:
     """Return the body as a value of this shape, or end the request with what is wrong with it."""
     try:
-        body.decode()
+        text = body.decode()
         value = msgspec.json.decode(body, type=shape)
         # The typed decoder lets the last of two equal names win: an amount said twice would be booked as either.
-        json.loads(body, object_pairs_hook=_refuse_twins)
+        _TWINS.decode(text)
         return value
     except UnicodeDecodeError as error:
         raise _malformed(error.start) from None
@@ -83,10 +83,14 @@ def decode_body(body: bytes, shape: type[B]) -> B:
 
 
 def _refuse_twins(pairs: list[tuple[str, object]]) -> None:
+    if len(dict(pairs)) == len(pairs):
+        return
     names = [name for name, _value in pairs]
-    for name in names:
-        if names.count(name) > 1:
-            raise ProblemError(Problem("invalid-body", (Fault(f"/{name}", Reason.NAMED_TWICE),)))
+    twin = next(name for name in names if names.count(name) > 1)
+    raise ProblemError(Problem("invalid-body", (Fault(f"/{twin}", Reason.NAMED_TWICE),)))
+
+
+_TWINS: Final = json.JSONDecoder(object_pairs_hook=_refuse_twins)
 
 
 def idempotency_key(request: Request) -> str | None:
