@@ -80,7 +80,7 @@ def away(text: str) -> Departure:
     sentence = (
         f"The ledger's database can't be reached ({text}): see that its server runs and lets this user in."
     )
-    return Departure(ExitCode.DB_LOCKED, sentence)
+    return Departure(ExitCode.DB_LOCKED, sentence, finer="STORE_AWAY")
 
 
 def unfit(text: str) -> Departure:

@@ -223,6 +223,7 @@ SENTENCES: tuple[tuple[str, str], ...] = (
     ("exit status: nobody could read it", "종료 상태: 읽을 수 없음"),
     ("printed by the dying process: {place}", "종료되며 남긴 위치: {place}"),
     ("last words: {words}", "마지막 말: {words}"),
+    ("starts that met it: {count}", "그렇게 끝난 시작: {count}번"),
     ("the guard had sent no SIGKILL", "감시자는 강제 종료 신호를 보내지 않음"),
     ("the guard had ordered the drill {drill}", "감시자가 시작한 연습: {drill}"),
     ("reason given: {reason}", "적힌 이유: {reason}"),

@@ -1,4 +1,4 @@
-"""What reports say of a gateway or a guard that was lost, Korean and English: findings of `catalogue_reports`, as data."""
+"""What reports say of a gateway or a guard that was lost, Korean and English: findings of `catalogue_findings`, as data."""
 
 from collections.abc import Mapping
 

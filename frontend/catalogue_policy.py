@@ -148,6 +148,11 @@ EXPLAINED: Final[Mapping[str, tuple[str, str]]] = {
         "A core that meets the lock at its start is started again, at pauses of up to {backoff_max_ms} ms "
         "(backoff_max_ms), for as long as the lock lasts.",
     ),
+    "waits-for-server": _text(
+        "데이터베이스 서버가 돌아올 때까지 길어도 {backoff_max_ms} ms마다 핵심 서버를 다시 켜 봐요 (backoff_max_ms).",
+        "A core is started again, at pauses of up to {backoff_max_ms} ms (backoff_max_ms), until the database's server "
+        "is back.",
+    ),
     "reads-meanwhile": _text(
         "그동안은 읽기만 받고, 잠금이 풀리면 저절로 다시 써요.",
         "Reads are served meanwhile; it writes again by itself once the lock is free.",
@@ -258,6 +263,7 @@ DIAGNOSES: Final[Mapping[str, tuple[str, str]]] = {
     "TRANSACTION_TIMEOUT": _text("요청 하나가 제시간에 끝나지 않음", "one command is over its time"),
     "NO_PROGRESS": _text("아무 요청도 끝나지 않음", "it finishes nothing any more"),
     "DB_LOCKED": _text("다른 프로그램이 장부를 잠금", "another program holds the ledger"),
+    "STORE_AWAY": _text("데이터베이스에 연결할 수 없음", "the database can't be reached"),
     "DISK_FULL": _text("디스크가 가득 참", "the disk is full"),
     "DISK_READ_ONLY": _text("디스크에 쓸 수 없음", "the disk can't be written to"),
     "DISK_STALLED": _text("디스크가 대답하지 않음", "the disk does not answer"),

@@ -49,6 +49,7 @@ class Said(StrEnum):
     GOES_ON = "goes-on"
     LEFT_ALONE = "left-alone"
     WAITS_FOR_LOCK = "waits-for-lock"
+    WAITS_FOR_SERVER = "waits-for-server"
     READS_MEANWHILE = "reads-meanwhile"
     ENDED_AND_STARTED = "ended-and-started"
     STARTED_AGAIN = "started-again"
@@ -193,10 +194,11 @@ def _deeds(policy: Policy, diagnosis: Diagnosis) -> list[Line]:
         lines += _of_a_part(policy, diagnosis)
     elif diagnosis in LIVING and policy.words(diagnosis) != {Word.NONE}:
         lines.append(Line(Said.LEFT_ALONE if plan.left_alone(policy, diagnosis) else Said.GOES_ON))
-    elif policy.words(diagnosis) != {Word.NONE}:
+    elif policy.words(diagnosis) != {Word.NONE} and not plan.passes(policy, diagnosis):
         lines.append(Line(Said.WAITS))
     if plan.passes(policy, diagnosis):
-        lines.append(_line(policy, Said.WAITS_FOR_LOCK, "backoff_max_ms"))
+        away = diagnosis is Diagnosis.STORE_AWAY
+        lines.append(_line(policy, Said.WAITS_FOR_SERVER if away else Said.WAITS_FOR_LOCK, "backoff_max_ms"))
         if plan.may_read(policy, diagnosis, tried=False):
             lines.append(Line(Said.READS_MEANWHILE))
     return lines or [Line(Said.NOTHING)]

@@ -81,8 +81,11 @@ def may_read(policy: Policy, reason: Diagnosis | None, *, tried: bool) -> bool:
 def passes(policy: Policy, reason: Diagnosis | None) -> bool:
     """Return whether `reason` keeps a core from beginning only for a while, so that it is tried again and again.
 
-    A lock that another program holds ends with that program; no number of starts says that it never will.
+    A lock that another program holds ends with that program, and a database server comes back; no number of starts says
+    that it never will.
     """
+    if reason is Diagnosis.STORE_AWAY:
+        return True
     return reason is Diagnosis.DB_LOCKED and not policy.asks(reason, Word.AWAIT_OPERATOR)
 
 

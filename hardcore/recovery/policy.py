@@ -63,6 +63,7 @@ DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
     Diagnosis.TRANSACTION_TIMEOUT: _RESTART,
     Diagnosis.NO_PROGRESS: _RESTART,
     Diagnosis.DB_LOCKED: frozenset({Word.SEND_ALERT, Word.SNAPSHOT, Word.DEGRADE}),
+    Diagnosis.STORE_AWAY: frozenset({Word.SEND_ALERT, Word.SNAPSHOT}),
     Diagnosis.DISK_FULL: _READ,
     Diagnosis.DISK_READ_ONLY: _READ,
     Diagnosis.DISK_STALLED: _READ,
@@ -85,7 +86,6 @@ DEFAULT_ACTIONS: Mapping[Diagnosis, frozenset[Word]] = {
 
 #: A store that may be damaged is never put back to work by a policy.
 NEVER_REBOOT = frozenset({Diagnosis.STORE_CORRUPT})
-
 
 #: Diagnoses of a core whose loop stands still or answers nobody: it can obey no order.
 HUNG = frozenset(
@@ -122,6 +122,7 @@ _GONE = frozenset(
         Diagnosis.CRASH_LOOP,
         Diagnosis.CONFIG_INVALID,
         Diagnosis.SENTINEL_LOST,
+        Diagnosis.STORE_AWAY,
     }
 )
 #: Forecasts: nothing has happened yet.
@@ -132,7 +133,7 @@ _BESIDE = frozenset({Diagnosis.GATEWAY_LOST, Diagnosis.SPARE_LOST})
 #: Only shown, whatever they are given.
 _ONLY_SHOWN = frozenset({Diagnosis.STARVED, Diagnosis.SLEPT})
 #: What is done on them is no policy's: a person asked for it, or what was found has to be ended.
-_DECIDED = frozenset({Diagnosis.OPERATOR, Diagnosis.SENTINEL_LOST})
+_DECIDED = frozenset({Diagnosis.OPERATOR, Diagnosis.SENTINEL_LOST, Diagnosis.STORE_AWAY})
 #: Words that can't be done on some diagnoses, and why.
 _UNDOABLE: tuple[tuple[frozenset[Word], frozenset[Diagnosis], str], ...] = (
     (

@@ -34,7 +34,7 @@ LOOK_AGAIN_NS = NS_PER_S
 #: Reasons that end when somebody makes room.
 DISK = frozenset({Diagnosis.DISK_FULL, Diagnosis.DISK_READ_ONLY, Diagnosis.DISK_STALLED})
 #: Reasons that end without a word to the guard: it finds out by itself.
-PASSING = DISK | {Diagnosis.DB_LOCKED}
+PASSING = DISK | {Diagnosis.DB_LOCKED, Diagnosis.STORE_AWAY}
 #: What a person's own wish is called.
 BY_OPERATOR = Diagnosis.OPERATOR
 #: Reasons that say nothing of when they are over: a try is dear, and is made seldom.

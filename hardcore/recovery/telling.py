@@ -97,8 +97,8 @@ def open_death(c: Course, now_ns: int, *, planned: bool) -> None:
         c.cause = StartCause.PLANNED
         return
     again = c.phase in BOOTING and c.trying is death.diagnosis
-    locked_out = c.phase in BOOTING and death.diagnosis is Diagnosis.DB_LOCKED
-    if locked_out and c.holder is not None:
+    locked_out = c.phase in BOOTING and death.diagnosis in {Diagnosis.DB_LOCKED, Diagnosis.STORE_AWAY}
+    if death.diagnosis is Diagnosis.DB_LOCKED and locked_out and c.holder is not None:
         story.add_evidence((c.holder,))
     c.worth_a_look = not again
     if drill is None and not again:

@@ -57,7 +57,7 @@ _CODES = {
 _ERROR = re.compile(r"(\w+)(?:: .*)? \(([^()]+, line \d+)\)")
 
 #: Codes that stand for several diagnoses: the first of the last words says which.
-_FINER = {73: frozenset({Diagnosis.DISK_READ_ONLY})}
+_FINER = {69: frozenset({Diagnosis.STORE_AWAY}), 73: frozenset({Diagnosis.DISK_READ_ONLY})}
 
 
 class Death(msgspec.Struct, frozen=True):

@@ -16,7 +16,7 @@ from postmortem.incident import Command, unique
 #: Findings that say that no command is to blame.
 _NOBODY = frozenset(
     {
-        "killed", "frozen", "locked_out", "locked_out_by", "disk_full", "disk_read_only", "disk_stalled",
+        "killed", "frozen", "locked_out", "locked_out_by", "store_away", "disk_full", "disk_read_only", "disk_stalled",
         "operator", "operator_reason", "config_invalid", "startup_failed", "starved", "slept",
         "exited_65", "exited_69", "exited_73", "exited_75", "exited_78",
     }

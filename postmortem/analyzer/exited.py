@@ -16,13 +16,19 @@ MEANINGS = {
 }
 
 
+#: Words that are finer than their code: a rule of their own tells it.
+_TOLD_BY_OTHERS = frozenset({"STORE_AWAY", "DISK_READ_ONLY"})
+
+
 def examine(case: Case) -> list[Finding]:
     """Name the exit code, what it means, and the last words."""
     code = case.incident.exit.code
     if code is None or case.incident.planned or case.incident.diagnosis == "OPERATOR":
         return []
-    evidence = [f"exit status: code {code}" + (f" ({MEANINGS[code]})" if code in MEANINGS else "")]
     words = case.incident.last_words
+    if words is not None and words.code in _TOLD_BY_OTHERS:
+        return []
+    evidence = [f"exit status: code {code}" + (f" ({MEANINGS[code]})" if code in MEANINGS else "")]
     if words is not None:
         evidence.append(f"last words: {words.code} {words.text}".rstrip())
     rule = f"exited_{code}" if code in MEANINGS else "exited"

@@ -35,6 +35,7 @@ from postmortem.analyzer import (
     sentinel_lost,
     startup,
     starved,
+    store_away,
     uncaught,
 )
 from postmortem.analyzer.case import Case, Confidence, Finding, Rule
@@ -61,6 +62,7 @@ RULES: tuple[Rule, ...] = (
     deadlock.examine,
     over_time.examine,
     locked_out.examine,
+    store_away.examine,
     disk.examine,
     no_progress.examine,
     component.examine,

@@ -16,6 +16,7 @@ from typing import Any
 import msgspec
 
 from frontend import catalogue_evidence, catalogue_reports
+from frontend.catalogue_findings import FINDINGS
 
 MASK = "<masked>"
 DEPTH_MAX = 24
@@ -193,7 +194,7 @@ def _shapeless(text: str) -> bool:
 def _vocabulary() -> frozenset[str]:
     """Return the words that our own English sentences are made of, and the names of witnesses, stages and causes."""
     sentences = [english for english, _ in catalogue_evidence.SENTENCES]
-    sentences += [text["en"] for text in catalogue_reports.FINDINGS.values()]
+    sentences += [text["en"] for text in FINDINGS.values()]
     sentences += [text["en"] for text in catalogue_evidence.STAGES.values()]
     names = [*catalogue_evidence.WITNESSES, *catalogue_evidence.STAGES, *catalogue_evidence.KINDS]
     names += [*catalogue_reports.CAUSES, *catalogue_reports.STEPS, *catalogue_evidence.ORDEALS, MASK, *_WAITS]

@@ -11,6 +11,7 @@ import msgspec
 
 from frontend import catalogue_prevention as prevention
 from frontend import catalogue_reports as texts
+from frontend.catalogue_findings import FINDINGS
 from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Finding, Thread, Waiting
 from postmortem.analyzer.crashed import printed_threads
@@ -327,7 +328,7 @@ def finding_line(finding: Finding, language: str) -> str:
     values = dict(finding.values)
     if "kind" in values:
         values["kind"] = command_word(values["kind"], language)
-    return texts.FINDINGS[finding.rule][language].format_map(values)
+    return FINDINGS[finding.rule][language].format_map(values)
 
 
 def refusal(kind: str, language: str, **values: object) -> str:

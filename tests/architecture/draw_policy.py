@@ -65,6 +65,8 @@ free; any other reason waits for `hardcore resume`. DEGRADE keeps the core, show
 lasts as long as its cause. A living core is ended only on a diagnosis whose list says REBOOT_PROCESS; one that hangs
 and is given none of REBOOT_PROCESS and DEGRADE is left as it is, and the state is MANUAL_INTERVENTION.
 
+A core that is to begin and can't reach its database's server (STORE_AWAY) is tried again for as long as that lasts, at the same
+pauses and outside the budget, whatever its list says beside SEND_ALERT and SNAPSHOT: without it there is nothing to read.
 A core that meets another program's lock at its start (DB_LOCKED) is started again for as long as the lock lasts, at
 pauses of up to `backoff_max_ms` and outside the budget, unless its list says AWAIT_OPERATOR; with DEGRADE or
 SAFE_MODE_ENTER reads are served meanwhile.

@@ -1,5 +1,6 @@
 """What the guard promises holds over a PostgreSQL server too: struck under load, one after the other, in one household."""
 
+import json
 from collections.abc import Iterator
 
 import pytest
@@ -17,19 +18,24 @@ FAULTS = ("crash", "freeze", "block", "deadlock", "segv")
 
 
 @pytest.fixture(scope="module")
-def shared_house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+def server() -> Iterator[postgres.Postgres]:
+    with postgres.served() as made:
+        SHARED.add(made.folder)  # its sessions come and go with the cores
+        yield made
+
+
+@pytest.fixture(scope="module")
+def shared_house(tmp_path_factory: pytest.TempPathFactory, server: postgres.Postgres) -> Iterator[House]:
     """A household whose ledger lies in a server, with a spare."""
-    with postgres.served() as server:
-        SHARED.add(server.folder)  # its sessions come and go with the cores
-        made = House(tmp_path_factory.mktemp("server") / "data", POLICY)
-        made.data.mkdir(mode=0o700)
-        (made.data / STORE_FILE).write_text(server.place(), encoding="utf-8")
-        try:
-            made.up()
-            made.open_accounts()
-            yield made
-        finally:
-            made.end()
+    made = House(tmp_path_factory.mktemp("server") / "data", POLICY)
+    made.data.mkdir(mode=0o700)
+    (made.data / STORE_FILE).write_text(server.place(), encoding="utf-8")
+    try:
+        made.up()
+        made.open_accounts()
+        yield made
+    finally:
+        made.end()
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -89,6 +95,36 @@ def test_a_stranger_s_lock_in_the_server_ends_no_core_and_is_told_to_who_asks(ho
     assert again
     assert house.running()["core"]["pid"] == core["pid"]
     assert len(house.incidents()) == count
+
+
+def test_a_server_that_goes_away_for_a_while_ends_no_core(house: House, server: postgres.Postgres) -> None:
+    core = house.running()["core"]
+    with server.away():
+        refused = house.book("nobody-there")
+        assert (refused.status, refused.outcome) == (503, "not_done")
+    until(lambda: house.book("nobody-there").status == 201, "it to be booked")
+    assert house.running()["core"]["pid"] == core["pid"]
+
+
+def test_a_death_while_the_server_is_away_is_told_as_that_and_over_when_it_is_back(
+    house: House, server: postgres.Postgres
+) -> None:
+    house.running()
+    assert house.book("before-it-went").status == 201
+    count = len(house.incidents())
+    with server.away():
+        house.hit("core")
+        status = house.until(lambda s: "can't be reached" in s["start_fault"], "a start that finds no server")
+        assert (status["safe"], status["waits_for"]) == (None, None), "nothing to read, and nobody is needed"
+    assert house.book("after-it-came").status == 201
+    story = house.closed(count + 1)
+    assert story["outcome"] == "recovered"
+    facts = json.loads((house.folders.incidents / story["id"] / "incident.json").read_text())
+    assert {death["diagnosis"] for death in facts["deaths"][1:]} == {"STORE_AWAY"}
+    told = house.cli("incidents", "show", story["id"])
+    assert "could not be reached" in told.out
+    assert "another program" not in told.out.lower()
+    assert house.booked().count("before-it-went") == 1
 
 
 def test_what_locks_a_file_is_no_drill_for_a_server(house: House) -> None:

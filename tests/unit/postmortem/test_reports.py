@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from frontend import catalogue_reports as texts
+from frontend.catalogue_findings import FINDINGS
 from postmortem import incident
 from postmortem.analyzer.case import Case
 from postmortem.reports import as_terminal
@@ -203,7 +204,7 @@ def test_every_cause_in_korean_can_stand_alone_and_lead_on() -> None:
 
 
 def test_no_text_lacks_a_language() -> None:
-    tables = (texts.CAUSES, texts.GRADES, texts.OUTCOMES, texts.OUTCOME_WORDS, texts.STEPS, texts.FINDINGS)
+    tables = (texts.CAUSES, texts.GRADES, texts.OUTCOMES, texts.OUTCOME_WORDS, texts.STEPS, FINDINGS)
     for table in (
         *tables,
         texts.WAITS,

@@ -3,6 +3,7 @@ from typing import Any
 import pytest
 
 from frontend import catalogue_reports as texts
+from frontend.catalogue_findings import FINDINGS
 from postmortem import incident
 from postmortem.analyzer import registry
 from postmortem.analyzer.case import Case, Confidence, Finding, read_threads
@@ -189,7 +190,7 @@ def test_every_finding_has_a_sentence_in_each_language() -> None:
     ]
     seen = {finding.rule: finding for one in cases for finding in registry.examine(one)}
     seen |= {finding.rule: finding for finding in test_rules_of_causes.cut_short()}
-    assert set(seen) == set(texts.FINDINGS), "a rule without a sentence, or a sentence without a rule"
+    assert set(seen) == set(FINDINGS), "a rule without a sentence, or a sentence without a rule"
     for finding in seen.values():
         for language in texts.LANGUAGES:
             assert "{" not in finding_line(finding, language)

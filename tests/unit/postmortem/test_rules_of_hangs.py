@@ -39,7 +39,11 @@ OVER = {
 
 
 def case(diagnosis: str, threads: list[dict[str, Any]] | None = None, **other: Any) -> Case:
-    facts = {name: other.pop(name) for name in ("evidence", "waits_for", "blamed", "grade") if name in other}
+    facts = {
+        name: other.pop(name)
+        for name in ("evidence", "waits_for", "blamed", "grade", "deaths")
+        if name in other
+    }
     told = story.facts(diagnosis=diagnosis, core=RUNNING, **facts)
     process = other.pop("process", {"pid": 7})
     recorder = other.pop("recorder", {})
@@ -125,6 +129,12 @@ def test_a_lock_whose_holder_nobody_saw_names_nobody() -> None:
     assert (finding.confidence, finding.evidence) == (Confidence.LIKELY, ("a stranger has held it",))
 
 
+def test_a_database_that_was_away_is_told_whatever_began_the_outage_and_blames_nobody() -> None:
+    deaths = [{"diagnosis": "STORE_AWAY"}, {"diagnosis": "STORE_AWAY"}]
+    finding = found(case("KILLED_FROM_OUTSIDE", deaths=deaths))["store_away"]
+    assert (finding.confidence, finding.evidence[-1]) == (Confidence.CERTAIN, "starts that met it: 2")
+
+
 @pytest.mark.parametrize("diagnosis", ["DISK_FULL", "DISK_READ_ONLY", "DISK_STALLED"])
 def test_the_disk_is_as_sure_as_the_guard_was_and_blames_nobody(diagnosis: str) -> None:
     evidence = [{"kind": "disk", "text": "0 MiB are free (ENOSPC)"}]
@@ -172,6 +182,7 @@ def every_rule() -> list[Case]:
         case("TRANSACTION_TIMEOUT", recorder={"taken_at_ns": 20 * NS, "in_flight": [OVER]}),
         case("DB_LOCKED"),
         case("DB_LOCKED", locks=holders),
+        case("STORE_AWAY"),
         case("OUT_OF_MEMORY", memory=grown),
         case("OUT_OF_MEMORY", process={"last_sample": {"rss_bytes": 512 << 20}}),
         *(case(one) for one in ("DISK_FULL", "DISK_READ_ONLY", "DISK_STALLED")),

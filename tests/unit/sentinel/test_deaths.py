@@ -61,6 +61,11 @@ def test_a_disk_that_may_not_be_written_is_told_from_one_that_is_full() -> None:
     assert _named(Exit(code=74), words="DISK_READ_ONLY")[0] is Diagnosis.COMMIT_FAILED, "no other code's word"
 
 
+def test_a_database_that_is_away_is_told_from_a_lock_that_somebody_holds() -> None:
+    assert _named(Exit(code=69), words="STORE_AWAY") == (Diagnosis.STORE_AWAY, Grade.CERTAIN)
+    assert _named(Exit(code=78), words="STORE_AWAY")[0] is Diagnosis.CONFIG_INVALID, "no other code's word"
+
+
 @pytest.mark.parametrize(
     ("fault", "diagnosis"),
     [
