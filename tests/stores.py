@@ -26,27 +26,31 @@ class Session(Protocol):
         """Do it at once; what came of it has `fetchone`, `fetchall` and `rowcount`."""
 
 
-IN_SERVER: Final = os.environ.get("TEST_STORE") == "postgresql"
+WANTED: Final = os.environ.get("TEST_STORE") == "postgresql"
 _server: list[postgres.Postgres] = []
 
 
+def in_server() -> bool:
+    """Whether the ledgers of this moment's tests lie in a server."""
+    return bool(_server)
+
+
 @contextmanager
-def served() -> Iterator[Path | None]:
-    """Have a server for as long as the tests run, if they want one; the folder that its processes name."""
-    if not IN_SERVER:
-        yield None
-        return
+def served() -> Iterator[Path]:
+    """Have every ledger that is begun meanwhile lie in a server; the folder that its processes name."""
     with postgres.served() as server:
         _server.append(server)
-        yield server.folder
-        _server.clear()
+        try:
+            yield server.folder
+        finally:
+            _server.remove(server)
 
 
 def prepare(data: Path) -> None:
     """Before a ledger begins in this folder: have it lie where these tests want it."""
     if _server and not (data.is_file() or (data / STORE_FILE).exists() or (data / LEDGER_FILE).exists()):
         data.mkdir(mode=0o700, parents=True, exist_ok=True)
-        (data / STORE_FILE).write_text(_server[0].database(), encoding="utf-8")
+        (data / STORE_FILE).write_text(_server[-1].database(), encoding="utf-8")
 
 
 @contextmanager

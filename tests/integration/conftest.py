@@ -27,15 +27,25 @@ new_house = houses.new_house
 @pytest.fixture(scope="session", autouse=True)
 def _served() -> Iterator[None]:
     """The server of all ledgers, where they are not to lie in files."""
+    if not stores.WANTED:
+        yield
+        return
     with stores.served() as folder:
-        if folder is not None:
-            SHARED.add(folder)  # its sessions come and go with the cores
+        SHARED.add(folder)  # its sessions come and go with the cores
+        yield
+
+
+@pytest.fixture(scope="module")
+def over_a_server() -> Iterator[None]:
+    """The same for one module."""
+    with stores.served() as folder:
+        SHARED.add(folder)
         yield
 
 
 @pytest.fixture(autouse=True)
 def _in_a_file(request: pytest.FixtureRequest) -> None:
-    if stores.IN_SERVER and request.node.get_closest_marker("in_a_file") is not None:
+    if stores.in_server() and request.node.get_closest_marker("in_a_file") is not None:
         pytest.skip("it is about a ledger in a file")
 
 

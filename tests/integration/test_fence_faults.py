@@ -19,7 +19,7 @@ from tests.integration.wired_core import Guard, Wired, guarding
 from tests.waiting import until
 
 STRACE = shutil.which("strace")
-pytestmark = pytest.mark.skipif(STRACE is None, reason="no strace here")
+pytestmark = [pytest.mark.skipif(STRACE is None, reason="no strace here")]
 
 ONE_FLUSH: Final = "fdatasync:error=EIO:when=1"
 EVERY_FLUSH: Final = "fsync,fdatasync:error=EIO"

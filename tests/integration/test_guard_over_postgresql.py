@@ -102,6 +102,7 @@ def test_a_server_that_goes_away_for_a_while_ends_no_core(house: House, server: 
     with server.away():
         refused = house.book("nobody-there")
         assert (refused.status, refused.outcome) == (503, "not_done")
+        assert house.ask("GET", "/api/ledger/accounts").status == 503
     until(lambda: house.book("nobody-there").status == 201, "it to be booked")
     assert house.running()["core"]["pid"] == core["pid"]
 
