@@ -6,19 +6,21 @@ import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from core.tenure import STOPPED_NS
 from tests import stores
-from tests.integration.lone_core import Answer, verify
+from tests.integration.lone_core import Answer, moving, verify
 from tests.integration.wired_core import Guard, Wired, guarding
 from tests.waiting import until
 
 FENCED = 75
 SEEDS = range(2)
 CLIENTS = 4
+LOT = 600
 
 
 @pytest.fixture
@@ -140,6 +142,25 @@ def test_a_command_that_was_waiting_for_the_store_when_its_core_was_stopped_is_n
     assert served.core.ends_with() == FENCED
     assert asked.result() is None
     assert spare.core.ask("GET", "/api/ledger/commands/k-1").status == 404
+
+
+@pytest.mark.parametrize("atomic", [True, False])
+def test_a_batch_whose_core_is_killed_after_its_commit_is_booked_once_whoever_asks_again(
+    guard: Guard, served: Wired, asking: ThreadPoolExecutor, *, atomic: bool
+) -> None:
+    batch = {"atomic": atomic, "transactions": [moving(1, "food", "bank")] * LOT}
+    path, key = "/api/ledger/transactions/batch", {"Idempotency_Key": "lot"}
+    before = served.witness()
+    asked = asking.submit(partial(tried, served, "POST", path, batch, **key))
+    until(lambda: served.witness() != before, "a commit to be seen")
+    served.core.process.kill()
+    first = asked.result()
+    successor = guard.core().core
+    again = successor.ask("POST", path, batch, **key)
+    assert again.status == (201 if atomic else 200)
+    assert first is None or again.body == first.body
+    assert successor.ask("POST", path, batch, **key).body == again.body
+    assert successor.ask("GET", "/api/ledger/accounts/food").body["balances"]["posted"] == str(LOT)
 
 
 def test_a_core_that_was_stopped_for_a_while_and_is_still_the_core_serves_on(
