@@ -64,14 +64,10 @@ def test_a_year_is_in_the_ledger_once_and_a_core_that_is_broken_again_and_again_
     for _ in range(6):  # more than the five that a guard puts up with otherwise
         break_core(demo_house)
     end(demo_house)
-
-
-def test_a_policy_of_ones_own_stays(demo_house: House) -> None:
-    demo_house.folders.policy.parent.mkdir(parents=True)
     own = demo_house.settle_policy(max_restart_count=7).read_text("utf-8")
     demo_house.folders.policy.write_text(own, "utf-8")
     assert "its limit of restarts" not in begin(demo_house, "en")
-    assert demo_house.folders.policy.read_text("utf-8") == own
+    assert demo_house.folders.policy.read_text("utf-8") == own, "a policy of one's own stays"
     end(demo_house)
 
 

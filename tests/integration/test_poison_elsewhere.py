@@ -8,7 +8,7 @@ import pytest
 
 from hardcore import quarantine_file
 from tests import stores
-from tests.integration.house import WITH_SPARE, House
+from tests.integration.house import WITH_SPARE, House, transaction
 from tests.integration.poisoning import Load, house_story, letter_of, name_of, rules
 from tests.integration.test_imports import commit, statement, uploaded
 from tests.waiting import until
@@ -99,6 +99,30 @@ def test_a_poison_that_works_after_its_answer_convicts_nobody_and_loses_nothing(
     assert house.book("delayed").status == 201, "it is answered as it was, and not run again"
     assert len([r for r in rules(house) if r["type"] == "letter"]) == ruled
     house.folders.armed.unlink(missing_ok=True)
+
+
+def test_an_errand_of_the_scheduler_that_kills_is_set_aside_and_the_others_are_done(house: House) -> None:
+    house.running()
+    before = len(house.incidents())
+    held = [
+        house.ask(
+            "POST", "/api/ledger/transactions", {**transaction(name), "state": "pending", "timeout_s": 1}
+        )
+        for name in ("kills", "harmless")
+    ]
+    poison, other = (f"/api/ledger/transactions/{one.body['id']}" for one in held)
+    house.cli("down")
+    key = f"pending-expiry:{held[0].body['id']}"
+    quarantine_file.arm(house.folders, name_of(key), "decide")
+    house.up_unproven()
+    letter = letter_of(house, key)
+    until(lambda: house.ask("GET", other).body.get("state") == "expired", "the other one to be freed", ENDS_S)
+    house.running()
+    assert house.ask("GET", poison).body["state"] == "pending"
+    assert house.book("after-the-errand").status == 201
+    fresh = house.incidents()[: len(house.incidents()) - before]
+    assert sum(len(house_story(house, item["id"])["deaths"]) for item in fresh) <= 2
+    assert letter[:12] in house.cli("dlq", "list").out
 
 
 def test_an_event_that_kills_whoever_rebuilds_from_it_is_parked_after_two_starts_at_most(
