@@ -69,6 +69,7 @@ class Trigger(Enum):
     FOUND = auto()  # the ledger has it
     ABSENT = auto()  # the ledger does not have it, and never will
     SUSPECTED = auto()  # the same, and it may be what the core died of
+    LET_GO = auto()  # the same, but no core was ever given it, and what it was asked about for counts no more
     NOT_YET = auto()  # the core that had it does not know of it: it may still be running it
     CLEARED = auto()  # its trial: it does no harm
     CONVICTED = auto()  # its trial: it did it again
@@ -196,6 +197,7 @@ TABLE: dict[tuple[Life, Trigger], tuple[Life, Deed]] = {
             Trigger.FOUND: (Life.ANSWERED, Deed.SAY_STORED),
             Trigger.ABSENT: (Life.ANSWERED, Deed.SAY_ABSENT),
             Trigger.SUSPECTED: (Life.ON_TRIAL, Deed.TRY),
+            Trigger.LET_GO: (Life.HELD, Deed.FREE),
             Trigger.BARRED: (Life.ANSWERED, Deed.SAY_SET_ASIDE),
             Trigger.NOT_YET: (Life.LOST, Deed.ASK_LATER),
             Trigger.GARBLED: (Life.ANSWERED, Deed.SAY_UNKNOWN),

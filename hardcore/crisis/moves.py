@@ -201,7 +201,10 @@ class Moves:
         """What becomes of a request that the ledger does not have, and never will by itself."""
         if self.dock.accuses(exchange):
             return Trigger.SUSPECTED
-        return Trigger.BARRED if self.barrier.bars(exchange) else Trigger.ABSENT
+        if self.barrier.bars(exchange):
+            return Trigger.BARRED
+        # A rule may have gone while its request was looked up: whoever took it away wants that it runs.
+        return Trigger.ABSENT if exchange.sends or exchange.spent else Trigger.LET_GO
 
     def _ruled_anew(self) -> None:
         """Other rules are in force: whoever waits may be named by one."""
@@ -251,9 +254,8 @@ class Moves:
                 self._store(exchange)
             case Deed.TRY:
                 self.dock.enter(exchange)
-                limit_ms = hold_limit_ms(
-                    self._limits, navigation=False
-                )  # a form's page stands until it is answered
+                # Of a form too: its page stands until it is answered.
+                limit_ms = hold_limit_ms(self._limits, navigation=False)
                 if exchange.life is Life.ON_TRIAL:
                     self._limit_from(exchange, exchange.lost_ns or exchange.waiting_ns, limit_ms)
             case Deed.FREE:

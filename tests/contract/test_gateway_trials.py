@@ -6,10 +6,11 @@ import socket
 import struct
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Event
 
 import pytest
 
-from tests.contract.gateway_world import World, key_hash, silent
+from tests.contract.gateway_world import Call, World, key_hash, silent
 from tests.contract.receipts_world import (
     FORM,
     LOOK_UP,
@@ -34,7 +35,7 @@ from tests.contract.trials_world import (
     trying,
     verdict,
 )
-from tests.waiting import until
+from tests.waiting import WAIT_S, until
 
 
 @pytest.fixture
@@ -286,3 +287,25 @@ def test_what_was_set_aside_and_let_go_is_seen_to_be_done(tmp_path: Path) -> Non
         until(lambda: w.ask("POST", PATH, KEY + "a", body=BODY).status == 201, "the rule to go")
         becomes(w, "a", "already_done")
         assert ledger.booked == ["a"]
+
+
+def test_a_request_whose_rule_goes_while_it_is_looked_up_runs(w: World) -> None:
+    named = [a_letter(name=key_hash(key)) for key in ("a", "b")]
+    rules(w, 1, told=False, rules=named)
+    asked, may_answer, ledger = Event(), Event(), Ledger()
+
+    def slow(call: Call) -> None:
+        if call.request.target == f"{LOOK_UP}a":
+            asked.set()
+            assert may_answer.wait(WAIT_S)
+        ledger(call)
+
+    core = w.serving(slow)
+    assert w.ask("POST", PATH, KEY + "b", body=BODY).status == 422
+    client = w.client().ask("POST", PATH, KEY + "a", body=BODY)
+    assert asked.wait(WAIT_S)
+    rules(w, 2)
+    until(lambda: w.ask("POST", PATH, KEY + "b", body=BODY).status == 201, "the rule to go")
+    may_answer.set()
+    assert client.read().status == 201
+    assert sent(core, "a") == [PATH]

@@ -66,8 +66,13 @@ def test_not_done_is_said_only_of_what_no_core_has_run_or_a_later_one_has_looked
 
 
 def test_a_lost_request_never_becomes_one_that_no_core_has_seen() -> None:
-    after_loss = {TABLE[life, trigger][0] for life in (Life.LOST, Life.ASKED) for trigger in Trigger}
-    assert after_loss.isdisjoint({Life.ARRIVED, Life.HELD})
+    unseen = {Life.ARRIVED, Life.HELD}
+    ways = {
+        (life, trigger)
+        for life, trigger in itertools.product((Life.LOST, Life.ASKED), Trigger)
+        if TABLE[life, trigger][0] in unseen
+    }
+    assert ways == {(Life.ASKED, Trigger.LET_GO)}, "but one that was only asked about"
 
 
 def test_only_a_suspect_that_a_later_core_does_not_have_goes_on_trial() -> None:
