@@ -19,6 +19,7 @@ import msgspec
 
 from core.departure import ExitCode
 from core.journal.store import LEDGER_FILE, has_ledger
+from core.mortality import die_with
 from core.rulings import RULES, Rulings
 from core.saying import say
 from core.settings import Settings
@@ -38,9 +39,14 @@ _DOING: Final = {
 @click.option("--to", "folder", type=click.Path(path_type=Path), help="Folder of the backups; DATA/backups.")
 @click.option("--keep", type=click.IntRange(1, 10_000), default=14, show_default=True)
 @click.option("--politely", is_flag=True, help="Give way to everybody else on this machine.")
+@click.option("--parent", type=click.IntRange(1), hidden=True, help="End with this process, which began it.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def backup(data: Path, folder: Path | None, keep: int, *, politely: bool, as_json: bool) -> None:
+def backup(
+    data: Path, folder: Path | None, keep: int, *, politely: bool, parent: int | None, as_json: bool
+) -> None:
     """Make a proven copy of the ledger, while it is at work or at rest, and remove the oldest beyond --keep."""
+    if parent is not None and not die_with(parent):
+        sys.exit(ExitCode.ASKED)
     if politely:
         with suppress(OSError):
             os.nice(POLITE)

@@ -3,7 +3,7 @@
 Whether one is due is told by the folder alone: what lies there proven, and when it was made. So two cores after one another
 make one backup a day and not two, and a day on which everything was off has its backup after the next start. The process is
 the one that a person starts by `hardcore backup`; it is polite (the lowest priority), knows nothing of a guard, and is ended
-with the core that began it. A copy that fails is tried again after an hour and said in the log; that there is none is also
+with the core that began it, however that ends. A copy that fails is tried again after an hour and said in the log; that there is none is also
 what `hardcore status` and `doctor` say, because who counts on a backup has to hear it from somebody else than the one who
 makes it.
 """
@@ -73,6 +73,8 @@ class DailyBackup:
             "core",
             "backup",
             "--politely",
+            "--parent",
+            str(os.getpid()),
             "--data",
             str(self._data),
             "--keep",

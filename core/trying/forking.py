@@ -7,7 +7,6 @@ that what it starts is ended with it; the kernel ends it when its parent is gone
 watch. Not chosen: `multiprocessing`, whose fork server would be a process that nobody watches.
 """
 
-import ctypes
 import faulthandler
 import json
 import os
@@ -24,10 +23,9 @@ import msgspec
 from core.collecting import collect_from_now_on
 from core.departure import ExitCode
 from core.guarded.last_words import story
+from core.mortality import die_with
 
-_PR_SET_PDEATHSIG: Final = 1
 _ASKING_TO_END: Final = frozenset({signal.SIGTERM, signal.SIGINT, signal.SIGHUP})
-_LIBC: Final = ctypes.CDLL(None)
 _PAGE_BYTES: Final = os.sysconf("SC_PAGE_SIZE")
 #: Of address space above its bound of memory: threads reserve far more than they use.
 _RESERVED_BYTES: Final = 2 << 30
@@ -87,9 +85,8 @@ def _be(
     """Become a process of one's own; whatever happens, the parent's code is never gone on with."""
     try:
         os.setsid()
-        _LIBC.prctl(_PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGKILL))
-        if os.getppid() != parent:
-            os._exit(ExitCode.ASKED)  # it was gone before the kernel knew what to do then
+        if not die_with(parent):
+            os._exit(ExitCode.ASKED)
         for number in _ASKING_TO_END:
             signal.signal(number, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _ASKING_TO_END)

@@ -6,7 +6,6 @@ when the machine's memory ends. Limits set by the parent between fork and exec w
 there in a process with threads can hang it.
 """
 
-import ctypes
 import os
 import resource
 import signal
@@ -22,8 +21,8 @@ from core.imports.reading.limits import ReadingLimits
 from core.imports.reading.own_formats import known_formats
 from core.imports.reading.request import Answer, Request
 from core.imports.reading.table import Unreadable, Why
+from core.mortality import die_with
 
-_PR_SET_PDEATHSIG: Final = 1
 _OPEN_FILES_MAX: Final = 64
 _NICE: Final = 10
 _OOM_SCORE: Final = "900"
@@ -37,17 +36,11 @@ _NO_ROOM: Final = (MemoryError, ImportError)
 def main() -> None:
     """Read what standard input asks for."""
     request = msgspec.json.decode(sys.stdin.buffer.read(), type=Request)
-    _tie_to_parent(request.parent)
+    if not die_with(request.parent):
+        sys.exit(1)
     _limit(request.limits)
     sys.stdout.buffer.write(msgspec.json.encode(_answer(request)) + b"\n")
     sys.stdout.flush()
-
-
-def _tie_to_parent(parent: int) -> None:
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    # It may have died before the kernel was asked; nobody would wait for the answer then.
-    if os.getppid() != parent:
-        sys.exit(1)
 
 
 def _limit(limits: ReadingLimits) -> None:
