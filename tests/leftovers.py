@@ -20,9 +20,10 @@ def children() -> set[psutil.Process]:
     found: set[psutil.Process] = set()
     asked = [os.getpid()]
     while asked:
-        for task in Path(f"/proc/{asked.pop()}/task").glob("*/children"):
-            with suppress(*_GONE):
-                asked += [int(pid) for pid in task.read_text().split()]
+        with suppress(*_GONE):
+            for task in Path(f"/proc/{asked.pop()}/task").glob("*/children"):
+                with suppress(*_GONE):
+                    asked += [int(pid) for pid in task.read_text().split()]
         for pid in asked:
             with suppress(*_GONE):
                 found.add(psutil.Process(pid))

@@ -127,6 +127,7 @@ class Premises:
     _pidfds: list[int] = field(default_factory=list)
     _ups: int = 0
     _runs: set[Path] = field(default_factory=set)
+    _read: tuple[Any, list[dict[str, Any]]] = (None, [])
 
     @property
     def folders(self) -> Folders:
@@ -197,8 +198,14 @@ class Premises:
             assert not run.exists(), f"{run} is left"
 
     def incidents(self) -> list[dict[str, Any]]:
-        """The incidents so far, newest first, as `hardcore incidents --json` lists them."""
-        return incidents_cli.list_incidents(self.folders.incidents)
+        """The incidents so far, newest first, as `hardcore incidents --json` lists them.
+
+        Read anew only when a file of theirs has changed: a test that waits asks a hundred times a second.
+        """
+        marks = _marks(self.folders.incidents)
+        if marks != self._read[0]:
+            self._read = marks, incidents_cli.list_incidents(self.folders.incidents)
+        return self._read[1]
 
     def processes(self) -> dict[int, str]:
         """Every living process that names this house's folders: pid to command line."""
@@ -382,6 +389,17 @@ class House(Doors):
         assert story is not None, "as above"
         assert len(self.incidents()) == count, self.incidents()
         return story
+
+
+def _marks(incidents: Path) -> set[tuple[str, int, int, int]]:
+    """What tells that a file below this folder is another one, or has changed."""
+    marks = set()
+    for folder, _, names in os.walk(incidents):
+        for name in names:
+            with contextlib.suppress(FileNotFoundError):
+                seen = os.stat(f"{folder}/{name}")  # noqa: PTH116  # a path for each would cost more than the look
+                marks.add((f"{folder}/{name}", seen.st_ino, seen.st_size, seen.st_mtime_ns))
+    return marks
 
 
 def bytes_of(path: Path) -> bytes:
