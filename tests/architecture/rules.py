@@ -78,7 +78,7 @@ _CALLED_BY_A_LIBRARY: Final = re.compile(
 
 def sizes_of_functions(source: Source) -> dict[str, int]:
     """Lines of each function that is longer than it should be, by `path::name`."""
-    lengths = {f"{source.path}::{name}": _lines_of(node) for name, node in source.functions()}
+    lengths = {f"{source.path}::{name}": _lines_of(node) for name, node in source.functions}
     return {name: lines for name, lines in lengths.items() if lines > FUNCTION_LINES_MAX}
 
 
@@ -94,7 +94,7 @@ def sizes_of_classes(source: Source) -> dict[str, int]:
     """
     counts = {
         f"{source.path}::{node.name}": sum(_is_public_method(child) for child in node.body)
-        for node in ast.walk(source.tree)
+        for node in source.nodes
         if isinstance(node, ast.ClassDef)
     }
     return {name: count for name, count in counts.items() if count > PUBLIC_METHODS_MAX}
@@ -110,7 +110,7 @@ def late_imports_without_reason(source: Source) -> list[str]:
     """Imports inside functions beside which no comment says why."""
     return [
         f"{source.path}:{node.lineno}: an import inside {name} without a reason beside it"
-        for name, function in source.functions()
+        for name, function in source.functions
         for node in _unexplained_imports(source, function)
     ]
 
@@ -119,7 +119,7 @@ def blind_excepts_without_reason(source: Source) -> list[str]:
     """Handlers that catch everything, not to tidy up and raise it on, beside which no comment says why."""
     return [
         f"{source.path}:{node.lineno}: catches everything without a reason beside it"
-        for node in ast.walk(source.tree)
+        for node in source.nodes
         if isinstance(node, ast.ExceptHandler) and _is_blind(node) and not _raises_on(node)
         if not source.has_reason_at(node.lineno) and node.lineno + 1 not in source.reasons
     ]
@@ -136,7 +136,7 @@ def missing_head(source: Source) -> list[str]:
 def sleeps_in_tests(source: Source) -> list[str]:
     """Waiting by the clock instead of for a condition."""
     found = [node.lineno for name, node in source.calls() if name == "time.sleep"]
-    for node in ast.walk(source.tree):
+    for node in source.nodes:
         if isinstance(node, ast.ImportFrom) and node.module == "time":
             found += [node.lineno for alias in node.names if alias.name == "sleep"]
     return [f"{source.path}:{line}: sleeps; wait for a condition with a deadline" for line in found]
@@ -153,7 +153,7 @@ def impurities(source: Source) -> list[str]:
 
 def thawed_words(source: Source) -> list[str]:
     """Structs and dataclasses of the shared words that could be changed after they were said."""
-    classes = [node for node in ast.walk(source.tree) if isinstance(node, ast.ClassDef)]
+    classes = [node for node in source.nodes if isinstance(node, ast.ClassDef)]
     dataclasses = [
         f"{source.path}:{node.lineno}: {node.name} is not a frozen dataclass with slots"
         for node in classes
@@ -173,7 +173,7 @@ def needless_dataclasses(source: Source) -> list[str]:
     """Dataclasses whose fields a struct could say, which is made fifty times faster."""
     return [
         f"{source.path}:{node.lineno}: {node.name} is a dataclass where a struct would do"
-        for node in ast.walk(source.tree)
+        for node in source.nodes
         if isinstance(node, ast.ClassDef)
         and any(map(_is_dataclass, node.decorator_list))
         and not any(isinstance(line, ast.AnnAssign) and _says_more(line.value) for line in node.body)
@@ -213,7 +213,7 @@ def foreign_imports(source: Source) -> set[str]:
 def imports_beyond_the_standard_library(source: Source) -> list[str]:
     """Imports of ours or of others, in a room that may have neither."""
     named = {dotted_name.split(".")[0] for dotted_name in _imported(source)} - set(sys.stdlib_module_names)
-    relative = any(isinstance(node, ast.ImportFrom) and node.level for node in ast.walk(source.tree))
+    relative = any(isinstance(node, ast.ImportFrom) and node.level for node in source.nodes)
     return [f"{source.path}: imports {name}" for name in sorted(named | ({"."} if relative else set()))]
 
 
@@ -225,7 +225,7 @@ def declared_dependencies() -> set[str]:
 
 
 def _imported(source: Source) -> Iterator[str]:
-    for node in ast.walk(source.tree):
+    for node in source.nodes:
         match node:
             case ast.Import(names=names):
                 yield from (alias.name for alias in names)
@@ -237,7 +237,7 @@ def _imported(source: Source) -> Iterator[str]:
 
 def _mentions_of_the_ledger(source: Source) -> Iterator[tuple[int, bool]]:
     """Lines that mention the ledger's file, and whether they do so by the constant of its room."""
-    for node in ast.walk(source.tree):
+    for node in source.nodes:
         match node:
             case ast.Constant(value=str(text)) if text.strip("/") == LEDGER_FILE:
                 yield node.lineno, False

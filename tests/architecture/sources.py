@@ -10,7 +10,7 @@ import re
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Final
 
@@ -22,7 +22,7 @@ REASON_CHARS_MIN: Final = 8
 type_of_function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Source:
     """One file: its path from the top of the checkout, its tree and the reasons given in it, by line."""
 
@@ -36,13 +36,19 @@ class Source:
         """Whether the file holds nothing at all, as a package's `__init__.py` may."""
         return not self.tree.body
 
-    def functions(self) -> Iterator[tuple[str, type_of_function]]:
+    @cached_property
+    def nodes(self) -> tuple[ast.AST, ...]:
+        """Every node of the tree; walked once, however many rules look at it."""
+        return tuple(ast.walk(self.tree))
+
+    @cached_property
+    def functions(self) -> tuple[tuple[str, type_of_function], ...]:
         """Every function with its qualified name, the ones inside classes and functions too."""
-        yield from _functions(self.tree, "")
+        return tuple(_functions(self.tree, ""))
 
     def calls(self) -> Iterator[tuple[str, ast.Call]]:
         """Every call with the dotted name of what is called, as far as it is written there."""
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if isinstance(node, ast.Call):
                 yield dotted(node.func), node
 
