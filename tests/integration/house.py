@@ -387,7 +387,8 @@ class House(Doors):
         except AssertionError as error:
             raise AssertionError(f"{error}; there are {self.incidents()}") from error
         assert story is not None, "as above"
-        assert len(self.incidents()) == count, self.incidents()
+        listed = [(one["diagnosis"], one["opened_at"], one["summary"]) for one in self.incidents()]
+        assert len(listed) == count, listed
         return story
 
 

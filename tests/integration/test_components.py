@@ -38,10 +38,14 @@ def stalls(life: Wired, name: str) -> None:
     """Have a component stand still: it has work, and does not beat."""
     assert life.order(verb="drill", fault="stall", component=name) == {"ok": True}
     until(lambda: works(life, name), f"{name} to have work")
-    before = next(one.beat_ns for one in life.page().components if one.name == name)
-    for _ in range(3):
-        assert life.core.ask("GET", "/api/ledger/accounts").status == 200
-    assert next(one.beat_ns for one in life.page().components if one.name == name) == before
+
+    def stands() -> bool:
+        before = next(one.beat_ns for one in life.page().components if one.name == name)
+        for _ in range(3):
+            assert life.core.ask("GET", "/api/ledger/accounts").status == 200
+        return next(one.beat_ns for one in life.page().components if one.name == name) == before
+
+    until(stands, f"{name} to stand still: its work is told a moment before its last beat")
 
 
 def begins_anew(life: Wired, name: str) -> None:
