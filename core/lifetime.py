@@ -230,6 +230,8 @@ class Life:
         self._obedience.drain_with(drain)
         server = LedgerServer(make_app(service, desk, self._spare.app if self._spare is not None else None))
         await server.start(bound)
+        if self._environment.control is not None:
+            self._rulings.word.expect(self._settings.guards_word_ms)
         self._ready(book, bound)
         self._obedience.parts.add(AUDITOR, service.auditor)
         self._obedience.parts.add(EXPORTER, service.exporter)

@@ -104,6 +104,7 @@ class Obedience:
     async def read_rules(self) -> RulesRead | str:
         """Read the rules anew, and what is armed; return what is in force, or why those before them stay so."""
         fault = await asyncio.to_thread(self._rulings.read)
+        self._rulings.word.heard()
         if fault is not None:
             logger.warning("The rules before stay in force. %s", fault.why)
             return fault.why

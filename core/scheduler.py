@@ -27,7 +27,7 @@ from core.journal.answers import Answer, Done, KeyTaken, Refused, SetAside, stat
 from core.journal.store import beside, snapshot
 from core.ledger.commands import Command, accounts_of, transaction_of
 from core.ledger.reasons import Slug
-from core.rulings import Rulings
+from core.rulings import WORD_EVERY_S, Rulings
 from core.service import Service
 from core.settings import Settings
 from core.slots import Draining, NoSlot, holding_slot
@@ -121,6 +121,8 @@ class Scheduler:
         task.add_done_callback(self._work.discard)
 
     async def _rounds(self, shift: int) -> None:
+        while shift == self._shift and not self._rulings.word.is_said:  # noqa: ASYNC110  # time ends it as well
+            await asyncio.sleep(WORD_EVERY_S)
         while shift == self._shift:
             more = False
             try:

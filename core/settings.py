@@ -93,6 +93,12 @@ class Settings:
         "rest before a core that serves reads only tries to write again, where no guard tells it to",
     )
     safe_retry_after_s: int = _setting(30, 1, 3_600, "what Retry-After says while only reads are served")
+    guards_word_ms: int = _setting(
+        2_000,
+        0,
+        60_000,
+        "how long imports and the scheduler wait for the guard to say whom it suspects of the death before",
+    )
     schedule_every_ms: int = _setting(
         30_000,
         10,

@@ -359,6 +359,7 @@ class Executor:
         )
         for line in self.serving:
             self._publish(line)
+        self.begin(self.court.rules.tell_released(self._folders.core_control(life.nonce)))
         at_ns = clock.now_ns()
         told = {"released_at": clock.wall(at_ns), "incident_released": order.incident}
         self.begin(self.in_hand(functools.partial(self.mark, "released", **told)))

@@ -136,12 +136,21 @@ class RuleBook:
 
     async def tell_cores(self) -> bool:
         """Have every core that lives read the rules anew, and the gateway after them; return whether a core has."""
-        order = {"verb": "quarantine", "generation": self._generation}
+        order = self._order()
         told = await asyncio.gather(*(core_control.give(path, order, TOLD_S) for path in self._doors.cores()))
         for refused in filter(None, told):
             self._hands.note("quarantine", untold=refused)
         self._doors.publish(self.line())
         return not all(told)
+
+    async def tell_released(self, core: Path) -> None:
+        """Have the core that is released read the rules: all who are suspect are named there, and its own work may begin."""
+        refused = await core_control.give(core, self._order(), TOLD_S)
+        if refused:
+            self._hands.note("quarantine", untold=refused)
+
+    def _order(self) -> dict[str, object]:
+        return {"verb": "quarantine", "generation": self._generation}
 
     def line(self) -> dict[str, object]:
         """Return the line that has a gateway read the rules anew."""

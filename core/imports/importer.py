@@ -35,6 +35,7 @@ from core.journal.answers import CREATED, Answer
 from core.ledger.commands import accounts_of
 from core.ledger.entries import RecordEntry
 from core.ledger.reasons import Rejection
+from core.rulings import WORD_EVERY_S
 from core.service import Service
 from core.slots import Draining, NoSlot, holding_slot
 
@@ -131,7 +132,9 @@ class Importer:
         return shift == self._shift
 
     async def _run(self, shift: int) -> None:
-        # Whoever knew of a death may have said whom he suspects after this core has opened its book.
+        # Whoever knew of a death may say whom he suspects after this core has opened its book.
+        while not self._suspected.is_named and not self._is_over(shift):  # noqa: ASYNC110  # time ends it as well
+            await asyncio.sleep(WORD_EVERY_S)
         self._component.works(True)
         await self._apart(self._suspected.look_again)
         if shift == self._shift:

@@ -56,6 +56,11 @@ class Suspected:
             return Waiting.SOURCE_STOPPED
         return Waiting.TRIAL if name in rules.suspects else None
 
+    @property
+    def is_named(self) -> bool:
+        """Whether all suspects are known, as far as anybody will say them."""
+        return self._rulings.word.is_said
+
     def look_again(self) -> None:
         """Read the rules anew: they may have changed between the opening of the book and now. Blocks."""
         fault = self._rulings.quarantine.read()

@@ -119,8 +119,10 @@ def test_a_planned_switch_loses_nothing_and_the_old_core_leaves_when_told(
     assert verify(guard.data).returncode == 0
 
 
-def test_a_running_import_goes_on_at_its_next_row_in_the_promoted_core(guard: Guard, served: Wired) -> None:
-    spare = guard.spare()
+def test_a_running_import_goes_on_at_its_next_row_in_the_promoted_core_once_the_suspects_are_named(
+    guard: Guard, served: Wired
+) -> None:
+    spare = guard.spare(CORE_GUARDS_WORD_MS="60000")
     made = import_begun(served)
     until(lambda: progress(served, made)["done"] > 0, "the first rows to be booked")
     drained = served.drain()
@@ -128,6 +130,11 @@ def test_a_running_import_goes_on_at_its_next_row_in_the_promoted_core(guard: Gu
     assert 3 < drained["seq"] < 3 + ROWS, "in the middle of the file"
     spare.promote(1)
     spare.hears("READY")
+    until(lambda: progress(spare, made)["done"] > 0, "the import to be taken up")
+    waiting = progress(spare, made)["done"]
+    assert spare.core.move(7, "food", "bank").status == 201, "who asks is served"
+    assert progress(spare, made)["done"] == waiting < ROWS
+    assert spare.order(verb="quarantine")["ok"] is True
     until(lambda: progress(spare, made)["state"] == "done", "the import to be done")
     told = progress(spare, made)
     assert told["rows"]["new"] == told["done"] == ROWS

@@ -132,6 +132,7 @@ class Guard:
         """Start a core and wait until it serves."""
         made = self.start(**environ)
         made.hears("READY")
+        made.order(verb="quarantine")  # as a guard does when it lets people in: nobody is suspect
         return made
 
     def spare(self, **environ: str) -> Wired:
