@@ -101,7 +101,7 @@ def _gather_one(step: Step, work: Gathering, until_ns: int) -> None:
                 subject, haul, work.rollup, min(until_ns, step.patience_ns(time.monotonic_ns()))
             )
         case Piece.STACKS:
-            stacks.collect_stacks(haul, work.debugger or "it was not begun", until_ns)
+            stacks.collect_stacks(haul, subject.pid, work.tools, work.debugger, until_ns)
         case Piece.LAST_TRACEBACK:
             printed.keep_last(subject, haul)
         case _:

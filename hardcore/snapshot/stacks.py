@@ -9,6 +9,7 @@ decided in `masking`, before anything else sees them.
 import json
 import os
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from shutil import which
@@ -44,10 +45,7 @@ def sample(pid: int, tools: Tools, until_ns: int) -> tuple[tuple[ThreadStack, ..
     Returns them as values and as the JSON of the evidence, masked both; or one sentence on why there are none.
     Blocks: for a thread of the caller's.
     """
-    child = begin(pid, tools)
-    if isinstance(child, str):
-        return child
-    told = read(child, until_ns)
+    told = _told(pid, tools, begin(pid, tools), until_ns)
     return told if isinstance(told, str) else (as_stacks(told), as_bytes(told))
 
 
@@ -71,9 +69,22 @@ def read(child: children.Child, until_ns: int) -> list[dict[str, Any]] | str:
         return _OTHER_FORM
 
 
-def collect_stacks(haul: Haul, child: children.Child | str, until_ns: int) -> None:
-    """Keep a look that was begun as `stacks.json`, and as `stacks.txt` made from it."""
+def _told(pid: int, tools: Tools, child: children.Child | str, until_ns: int) -> list[dict[str, Any]] | str:
+    """Return what a look that was begun has seen, or the one after it: a process that runs changes its frames under the
+    reader's eyes, and what failed for that succeeds a moment later.
+    """
     told = child if isinstance(child, str) else read(child, until_ns)
+    if isinstance(told, str) and tools.py_spy is not None and time.monotonic_ns() < until_ns:
+        again = begin(pid, tools)
+        told = again if isinstance(again, str) else read(again, until_ns)
+    return told
+
+
+def collect_stacks(
+    haul: Haul, pid: int, tools: Tools, child: children.Child | str | None, until_ns: int
+) -> None:
+    """Keep a look that was begun as `stacks.json`, and as `stacks.txt` made from it."""
+    told = "it was not begun" if child is None else _told(pid, tools, child, until_ns)
     if isinstance(told, str):
         haul.missing["stacks.json"] = told
         return

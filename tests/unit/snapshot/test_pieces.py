@@ -13,7 +13,7 @@ import pytest
 
 from hardcore.model.recorder import Census, TypeCount
 from hardcore.snapshot import aside, children, memory, printed, stacks, tasks
-from hardcore.snapshot.subject import Haul
+from hardcore.snapshot.subject import Haul, Tools
 
 S = 1_000_000_000
 
@@ -142,13 +142,34 @@ def test_what_a_core_calls_its_threads_and_files_moves_no_terminal_and_names_no_
     child = children.start(["printf", "%s", json.dumps([thread])])
     assert not isinstance(child, str), child
     haul = Haul()
-    stacks.collect_stacks(haul, child, time.monotonic_ns() + 30 * S)
+    stacks.collect_stacks(haul, os.getpid(), Tools(None, None), child, time.monotonic_ns() + 30 * S)
     assert haul.missing == {}
     for data in haul.files.values():
         assert b"\x1b" not in data
         assert b"\\u001b" not in data
         assert b"minji" not in data
     assert "(core/x.py:3)" in haul.files["stacks.txt"].decode()
+
+
+@pytest.mark.parametrize(
+    ("fails", "told"), [(1, []), (2, "py-spy: ended with 1: Failed to get stack traces")]
+)
+def test_a_look_that_fails_under_a_running_process_is_tried_once_more(
+    tmp_path: Path, fails: int, told: list[object] | str
+) -> None:
+    looks = tmp_path / "looks"
+    reader = tmp_path / "py-spy"
+    reader.write_text(
+        f"#!/bin/sh\necho >>{looks}\n[ $(wc -l <{looks}) -gt {fails} ] && echo [] && exit\n"
+        "echo Failed to get stack traces >&2\nexit 1\n"
+    )
+    reader.chmod(0o755)
+    haul, tools = Haul(), Tools(reader, None)
+    stacks.collect_stacks(
+        haul, os.getpid(), tools, stacks.begin(os.getpid(), tools), time.monotonic_ns() + 30 * S
+    )
+    found = haul.missing.get("stacks.json") or json.loads(haul.files["stacks.json"])
+    assert (found, looks.read_text()) == (told, "\n" * 2)
 
 
 @pytest.mark.parametrize(
