@@ -80,6 +80,7 @@ def test_an_incident_whose_guard_died_is_closed_by_the_next_guard(new_house: Mak
         assert set(story["bundle"]["faults"]) <= {
             "its evidence was never finished",
             "'observations.jsonl' is not in its manifest",  # the guard died between the two
+            "'opening.json' is not in its manifest",  # as above
         }
     assert story_of(house, first.id)["core"]["pid"] is not None
     assert text_of(house, HALF, "log.txt") == "the last line\n"
